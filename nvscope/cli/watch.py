@@ -120,14 +120,22 @@ def watch(
     by_clock = captures is not paths or STDIN in paths if screen else not as_json
     how = Watching(ring * _MEBIBYTE, {} if no_names else None, clock=_clock(utc) if by_clock else None)
     if screen:
+        from nvscope.record.attachments import attachments_of
+        from nvscope.record.circumstances import circumstances_of
         from nvscope.record.file_series import FileRule
         from nvscope.record.recorder import Beside, Recorder
+        from nvscope.record.topics import ListTopics
         from nvscope.tui.run import run_screen
         from nvscope.view.escape import visible
         from nvscope.view.lines.plant.source_blocks import recorded_in_words
 
         recorder = Recorder(
-            Beside(lambda: () if isinstance(captures, Sequence) else captures.channels),
+            Beside(
+                lambda: () if isinstance(captures, Sequence) else captures.channels,
+                attachments_of(plant.inputs, plant.path),
+                lambda: circumstances_of(() if isinstance(captures, Sequence) else captures.infos, live.bpf),
+                None if inquiry.layouts is None else ListTopics(inquiry.layouts),
+            ),
             FileRule(rule.get("duration"), rule.get("packets"), rule.get("filesize"), rule.get("files")),
         )
         if captures is not paths or STDIN in paths:

@@ -76,7 +76,8 @@ class McapReader(WindowReader):
             if place.kind == Op.ATTACHMENT:
                 found[place.begin] = b""
         if isinstance(self.content.window(), MappedWindow | WholeWindow):
-            for place in summary_of(view.data, view.end) if view.origin == 0 else ():
+            kinds = (Op.CHANNEL, Op.ATTACHMENT_INDEX)
+            for place in summary_of(view.data, view.end, kinds) if view.origin == 0 else ():
                 self._take_from_summary(view, place, found)
         return self._attachments(view, sorted(found))
 

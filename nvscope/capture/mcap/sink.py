@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
@@ -51,7 +52,7 @@ class McapSink(FileSink):
         self._topic_chunk = Chunk()
         self._circumstances: Circumstances | None = None
         self._kept = KeptRoom(path) if self._output.is_regular else None
-        self._writer = McapWriter(self._output)
+        self._writer = McapWriter(self._output, os.path.dirname(os.path.abspath(path)) if self._kept else None)
         self._tell_of_itself(Circumstances())
         schema = self._writer.schema(SCHEMA_NAME, "jsonschema", schema_text("packets").encode())
         self._channel = self._writer.channel(TOPIC, ENCODING, schema)

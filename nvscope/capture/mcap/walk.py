@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import NamedTuple
 
 from dissectors.batch import U8
 from nvscope.capture.mcap.records import HEAD_BYTES, MAGIC, Op
 
 _HEAD = struct.Struct("<BQ")
+_GROUP = struct.Struct("<BQQ")
 _FOOTER_BYTES = HEAD_BYTES + 20
 
 
@@ -37,11 +38,23 @@ def places(data: U8, at: int, end: int) -> Iterator[Place]:
         at = place.end
 
 
-def summary_of(data: U8, end: int) -> Iterator[Place]:
-    """Yield the records of the summary of a file that lies in a buffer as a whole; none where it has no end."""
+def summary_of(data: U8, end: int, kinds: Collection[Op]) -> Iterator[Place]:
+    """Yield the records of some kinds in the summary of a file that lies in a buffer as a whole.
+
+    There are none where the file has no end. Where the summary tells where its groups are, others are passed over: the
+    indexes of the chunks of weeks take longer to walk than all else.
+    """
     footer = place_at(data, end - len(MAGIC) - _FOOTER_BYTES, end) if end >= 2 * len(MAGIC) + _FOOTER_BYTES else None
     if footer is None or footer.kind != Op.FOOTER or data[end - len(MAGIC) : end].tobytes() != MAGIC:
         return
-    (begin,) = struct.unpack_from("<Q", data.data, footer.content)
-    if len(MAGIC) <= begin <= footer.begin:
-        yield from places(data, begin, footer.begin)
+    begin, offsets = struct.unpack_from("<QQ", data.data, footer.content)
+    if not len(MAGIC) <= begin <= footer.begin:
+        return
+    groups = [(begin, footer.begin)]
+    if begin <= offsets < footer.begin:
+        told = [one for one in places(data, offsets, footer.begin) if one.kind == Op.SUMMARY_OFFSET]
+        known = [_GROUP.unpack_from(data.data, one.content) for one in told if one.end - one.content >= _GROUP.size]
+        groups = [(at, at + size) for kind, at, size in known if kind in kinds]
+    for at, until in groups:
+        if begin <= at <= until <= footer.begin:
+            yield from (place for place in places(data, at, until) if place.kind in kinds)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import struct
+import tempfile
 import zlib
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from typing import Protocol
 
 import numpy as np
@@ -15,9 +17,7 @@ from nvscope.capture.mcap.records import MAGIC, AttachedFile, Channel, ChunkHead
 from nvscope.version import __version__
 
 _NO_TIME = (1 << 64) - 1
-_CHUNK_COLUMNS = 7
-_CHUNK_BYTES = 9 + 8 * 6 + 4 + 4 + len(ZSTD) + 16
-"""The index of a chunk in the summary, without the places of its message indexes."""
+_MOST_INDEX_BYTES, _PIECE_BYTES = 4 << 20, 1 << 20
 _SPARE_BYTES = 4096
 
 
@@ -71,10 +71,10 @@ class McapWriter:
     """An MCAP file, from its begin to its end.
 
     What is written goes to ``output`` at once, a chunk as a whole. Raises what that raises; then the file ends with the
-    record before.
+    record before. What is known of many chunks is kept in a ``folder`` until the end.
     """
 
-    def __init__(self, output: Output) -> None:
+    def __init__(self, output: Output, folder: str | None = None) -> None:
         self._output = output
         self._position = 0
         self._crc = 0
@@ -82,10 +82,9 @@ class McapWriter:
         self._channels: list[Channel] = []
         self._counts: dict[int, int] = {}
         self._first_ns, self._last_ns = _NO_TIME, 0
-        # Of each chunk: times, place, length, size of its indexes, sizes. A file of weeks has a million of them.
-        self._chunks = array("Q")
-        self._index_places = array("Q")  # channel and place, of all indexes
-        self._index_counts = array("H")  # how many of these are a chunk's
+        # What the summary says of chunks: a file of weeks has a million of them.
+        self._index = tempfile.SpooledTemporaryFile(_MOST_INDEX_BYTES, dir=folder)  # noqa: SIM115
+        self._index_bytes = self._chunks = 0
         self._attachments: list[tuple[int, int, AttachedFile]] = []
         self._metadata: list[tuple[int, int, str]] = []
         self._written(MAGIC + record(Op.HEADER, text("") + text(f"nvscope {__version__}")))
@@ -97,7 +96,7 @@ class McapWriter:
         fixed += sum(len(one.record()) + 10 for one in self._channels)
         fixed += sum(80 + len(one.name) + len(one.media_type) for _, _, one in self._attachments)
         fixed += sum(32 + len(name) for _, _, name in self._metadata) + 32 * len(self._schemas)
-        return fixed + _CHUNK_BYTES * len(self._index_counts) + 10 * len(self._index_places) // 2 + _SPARE_BYTES
+        return fixed + self._index_bytes + _SPARE_BYTES
 
     def schema(self, name: str, encoding: str, data: bytes) -> int:
         """Add a schema, and return its number."""
@@ -142,46 +141,58 @@ class McapWriter:
         whole = head.record(packed)
         indexes = chunk.indexes()
         begin = self._written(whole + b"".join(index for _, index in indexes))
-        place, index_bytes = begin + len(whole), 0
+        place, index_bytes, places = begin + len(whole), 0, b""
         for channel, index in indexes:
-            self._index_places.extend((channel, place + index_bytes))
+            places += struct.pack("<HQ", channel, place + index_bytes)
             index_bytes += len(index)
-        self._index_counts.append(len(indexes))
-        self._chunks.extend(
-            (chunk.first_ns, chunk.last_ns, begin, len(whole), index_bytes, len(packed), len(records))
-        )  # fmt: skip
+        told = struct.pack("<QQQQI", head.first_ns, head.last_ns, begin, len(whole), len(places)) + places
+        told += struct.pack("<Q", index_bytes) + text(ZSTD) + struct.pack("<QQ", len(packed), len(records))
+        self._keep(record(Op.CHUNK_INDEX, told))
         for channel, count in chunk.counts.items():
             self._counts[channel] = self._counts.get(channel, 0) + count
         self._first_ns, self._last_ns = min(self._first_ns, chunk.first_ns), max(self._last_ns, chunk.last_ns)
 
+    def _keep(self, index: bytes) -> None:
+        """Keep what the summary says of a chunk; a chunk of which it says nothing is there nevertheless."""
+        try:
+            self._index.write(index)
+        except OSError:
+            with suppress(OSError):
+                self._index.seek(self._index_bytes)
+                self._index.truncate()
+            raise
+        self._index_bytes += len(index)
+        self._chunks += 1
+
     def finish(self) -> None:
         """Write the end of the file: what is in it, and where."""
-        data_end = record(Op.DATA_END, struct.pack("<I", self._crc))
-        begin = self._position + len(data_end)
-        summary, offsets = bytearray(), bytearray()
+        self._written(record(Op.DATA_END, struct.pack("<I", self._crc)))
+        begin, self._crc = self._position, 0
+        offsets = b""
         for kind, group in self._summary():
-            if group:
-                offsets += record(Op.SUMMARY_OFFSET, struct.pack("<BQQ", kind, begin + len(summary), len(group)))
-                summary += group
-        places = struct.pack("<QQ", begin, begin + len(summary))
-        summary += offsets
-        crc = zlib.crc32(summary + struct.pack("<BQ", Op.FOOTER, 20) + places)
-        self._written(data_end + summary + record(Op.FOOTER, places + struct.pack("<I", crc)) + MAGIC)
+            at = self._position
+            for piece in group:
+                self._written(piece)
+            if self._position > at:
+                offsets += record(Op.SUMMARY_OFFSET, struct.pack("<BQQ", kind, at, self._position - at))
+        places = struct.pack("<QQ", begin, self._position)
+        self._written(offsets)
+        crc = zlib.crc32(struct.pack("<BQ", Op.FOOTER, 20) + places, self._crc)
+        self._written(record(Op.FOOTER, places + struct.pack("<I", crc)) + MAGIC)
+        self._index.close()
 
-    def _summary(self) -> Sequence[tuple[Op, bytes]]:
+    def _summary(self) -> Sequence[tuple[Op, Iterable[bytes]]]:
+        metadata = (
+            record(Op.METADATA_INDEX, struct.pack("<QQ", begin, size) + text(name))
+            for begin, size, name in self._metadata
+        )
         return (
-            (Op.SCHEMA, b"".join(one.record() for one in self._schemas)),
-            (Op.CHANNEL, b"".join(one.record() for one in self._channels)),
-            (Op.STATISTICS, self._statistics()),
+            (Op.SCHEMA, (one.record() for one in self._schemas)),
+            (Op.CHANNEL, (one.record() for one in self._channels)),
+            (Op.STATISTICS, [self._statistics()]),
             (Op.CHUNK_INDEX, self._chunk_indexes()),
-            (Op.ATTACHMENT_INDEX, b"".join(_attachment_index(*one) for one in self._attachments)),
-            (
-                Op.METADATA_INDEX,
-                b"".join(
-                    record(Op.METADATA_INDEX, struct.pack("<QQ", begin, size) + text(name))
-                    for begin, size, name in self._metadata
-                ),
-            ),
+            (Op.ATTACHMENT_INDEX, (_attachment_index(*one) for one in self._attachments)),
+            (Op.METADATA_INDEX, metadata),
         )
 
     def _statistics(self) -> bytes:
@@ -189,22 +200,14 @@ class McapWriter:
         first_ns = self._first_ns if self._counts else 0
         told = struct.pack(
             "<QHIIIIQQI", sum(self._counts.values()), len(self._schemas), len(self._channels), len(self._attachments),
-            len(self._metadata), len(self._index_counts), first_ns, self._last_ns, len(counts),
+            len(self._metadata), self._chunks, first_ns, self._last_ns, len(counts),
         )  # fmt: skip
         return record(Op.STATISTICS, told + counts)
 
-    def _chunk_indexes(self) -> bytes:
-        compression, found, place = text(ZSTD), bytearray(), 0
-        for number, count in enumerate(self._index_counts):
-            row = self._chunks[number * _CHUNK_COLUMNS : (number + 1) * _CHUNK_COLUMNS]
-            first_ns, last_ns, begin, length, index_bytes, packed, unpacked = row
-            places = self._index_places[place : place + 2 * count]
-            place += 2 * count
-            offsets = b"".join(struct.pack("<HQ", *places[at : at + 2]) for at in range(0, 2 * count, 2))
-            content = struct.pack("<QQQQI", first_ns, last_ns, begin, length, len(offsets)) + offsets
-            content += struct.pack("<Q", index_bytes) + compression + struct.pack("<QQ", packed, unpacked)
-            found += record(Op.CHUNK_INDEX, content)
-        return bytes(found)
+    def _chunk_indexes(self) -> Iterator[bytes]:
+        self._index.seek(0)
+        while piece := self._index.read(_PIECE_BYTES):
+            yield piece
 
     def _written(self, data: bytes) -> int:
         """Write, and return where that begins in the file."""
