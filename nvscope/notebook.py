@@ -21,6 +21,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from nvscope.analysis.attached_project import with_attached
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.capture.content import STDIN
 from nvscope.capture.open import open_source
@@ -78,14 +79,7 @@ def open_captures(
     paths = _paths("captures", captures)
     files = None if definitions is None else _paths("definitions", definitions)
     found = find_project(Path.cwd()) if project is True else Path(project) if project else None
-    plant = read_project(found, files)
-    if not plant.files:
-        # A recording can bring its own.
-        from nvscope.analysis.attached_project import attached_project  # noqa: PLC0415
-        from nvscope.capture.attaching import that_may_attach  # noqa: PLC0415
-
-        plant = attached_project(that_may_attach(paths), found).project or plant
-    inquiry = Inquiry(paths, plant)
+    inquiry = Inquiry(paths, with_attached(read_project(found, files), paths).project)
     if not paths:
         raise UsageError("no capture file is given", next_step="name one, or a directory of them")
     # A pipe can be opened only once: it has to wait until something is asked.

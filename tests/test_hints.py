@@ -132,7 +132,8 @@ def completed(command: str) -> list[str]:
     needed = {
         "report": ["a.pcap"], "packets": ["a.pcap"], "vars": ["a.pcap", "axis.gvl", "axis_types.st"],
         "export": ["a.pcap", "axis.gvl", "axis_types.st", "-w", "out.csv"], "gvl layout": ["axis.gvl", "axis_types.st"],
-        "gvl diff": ["axis.gvl", "counters.gvl"],
+        "gvl diff": ["axis.gvl", "counters.gvl"], "convert": ["a.pcap", "-w", "out.mcap"],
+        "replay": ["a.pcap", "--to", "udp://127.0.0.1", "--rate", "1000"],
     }  # fmt: skip
     return words + ([] if given else needed.get(verb, []))
 

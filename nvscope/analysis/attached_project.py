@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
+from nvscope.capture.attaching import that_may_attach
 from nvscope.capture.open import open_source
 from nvscope.definition.project import Project
 from nvscope.definition.project_file import read_attached_project
@@ -13,21 +13,21 @@ from nvscope.errors import UnreadableInput
 
 
 class AttachedProject(NamedTuple):
-    """The project of the first recording that brings definitions, None where none does, and who brings ``others``."""
+    """A project with the definitions of the first recording that brings some, and which recordings bring ``others``."""
 
-    project: Project | None
+    project: Project
     others: list[str]
 
 
-def attached_project(recordings: Sequence[str], project: Path | None = None) -> AttachedProject:
-    """Return what recordings bring with them; a ``project`` file on disk takes the place of theirs.
+def with_attached(project: Project, captures: Sequence[str]) -> AttachedProject:
+    """Return a project, or, where it has no definitions, with those that a recording among some captures brings.
 
     Several that bring the same files are one series. A recording that cannot be read brings nothing; reading its
     packets says what is wrong. Raises ConfigurationError as ``nvscope.definition.project_file.read_project``.
     """
     first: tuple[str, Mapping[str, bytes]] | None = None
     others = []
-    for path in recordings:
+    for path in () if project.files else that_may_attach(captures):
         try:
             files = {one.name: one.read() for one in open_source([path]).attachments}
         except UnreadableInput:
@@ -39,6 +39,6 @@ def attached_project(recordings: Sequence[str], project: Path | None = None) -> 
         elif files != first[1]:
             others.append(path)
     if first is None:
-        return AttachedProject(None, [])
-    found = read_attached_project(*first, project)
-    return AttachedProject(found if found.files or found.path is None else None, others)
+        return AttachedProject(project, [])
+    found = read_attached_project(*first, project.path)
+    return AttachedProject(found if found.files or project.path is None else project, others)

@@ -195,14 +195,9 @@ class Inquiry:
         return self.latest_ns(self.asked.told_from_end)
 
     def run(
-        self,
-        source: Source,
-        observers: Sequence[Observer],
-        chosen: DisplayFilter | None = None,
-        *,
-        watch: Watch | None = None,
-        all_frames: bool = False,
-    ) -> Iterator[Told]:
+        self, source: Source, observers: Sequence[Observer], chosen: DisplayFilter | None = None, *,
+        watch: Watch | None = None, all_frames: bool = False,
+    ) -> Iterator[Told]:  # fmt: skip
         """Tell a source to observers, as ``nvscope.engine.run`` does; ``watch`` takes the place of the inquiry's."""
         with (watch or self.watch)(source) as progress:
             for told in run(source, self.reading(chosen, all_frames=all_frames), observers):

@@ -64,25 +64,25 @@ def project_of(path: str | None, gvl: Sequence[str] | None, captures: Sequence[s
         raise UsageError(what, next_step="name the file, or leave --project out: then the next nvscope.toml is taken")
     found = _next_project() if path is None else Path(path)
     if found is None and not gvl:
-        return _project_of_recordings(captures, None) or Project()
+        return _with_attached(Project(), captures)
     from nvscope.definition.project_file import read_project
 
     refuse_streams_onto([*([found] if found else []), *(gvl or ())])
     project = read_project(found, gvl or None)
     refuse_streams_onto(project.inputs)
-    return project if project.files else _project_of_recordings(captures, found) or project
+    return _with_attached(project, captures)
 
 
-def _project_of_recordings(captures: Sequence[str], project: Path | None) -> Project | None:
-    """Return the project with what the recordings among some captures bring; None where they bring no definition."""
+def _with_attached(project: Project, captures: Sequence[str]) -> Project:
+    """Return a project with the definitions of a recording, where it has none, and say which are left out."""
     from nvscope.capture.attaching import that_may_attach
 
-    if not (recordings := that_may_attach(captures)):
-        return None
-    from nvscope.analysis.attached_project import attached_project
+    if project.files or not that_may_attach(captures):
+        return project
+    from nvscope.analysis.attached_project import with_attached
     from nvscope.view.escape import visible
 
-    found = attached_project(recordings, project)
+    found = with_attached(project, captures)
     for path in found.others:
         echo(f"nvscope: {visible(path)} brings other definitions, which are left out.", err=True)
     return found.project
