@@ -116,12 +116,8 @@ def offline(folder: Path, kind: str, telegrams: int, runs: int, seed: int) -> No
     print(
         f"\n{kind}: {truth['telegrams']:,} telegrams, {truth['streams']} streams, {file.stat().st_size / 1e6:,.0f} MB"
     )
-    print(
-        f"  written by nvscope, whole process   {spread(writes)} s, {frames / statistics.median(writes):,.0f} a second"
-    )
-    print(
-        f"  written by the library, that alone  {spread(library)} s, {frames / statistics.median(library):,.0f} a second"
-    )
+    for name, times in (("written by nvscope, whole process", writes), ("written by the library, that alone", library)):
+        print(f"  {name:34}  {spread(times)} s, {frames / statistics.median(times):,.0f} a second")
     print(f"  report of it                        {spread(reads)} s, {spread(ratios)} of the pcap's")
     sizes = {"mcap": recording, "pcapng.zst": packed, "library": folder / "library.mcap"}
     print(
