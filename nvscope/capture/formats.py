@@ -39,7 +39,7 @@ class CaptureFormat:
     ``reader`` (``module:class``, made of Content and ReadingSizes) is a ``nvscope.capture.reader.Reader``. ``sink``
     (made of a path and names of channels, or None) is a ``nvscope.capture.source.Sink``, '' where nothing writes the
     format. It can hold link types side by side (``mixes_links``), names of channels, attachments, drops, directions of
-    packets, or CAN frames only.
+    packets, comments to packets, or CAN frames only.
     """
 
     name: str
@@ -54,6 +54,7 @@ class CaptureFormat:
     holds_attachments: bool = False
     holds_drops: bool = False
     holds_directions: bool = False
+    holds_comments: bool = False
 
     def reader_class(self) -> Any:
         """Return the class of its readers; what it is made of, this table does not need to know."""
@@ -120,6 +121,7 @@ FORMATS = (
         names_channels=True,
         holds_drops=True,
         holds_directions=True,
+        holds_comments=True,
     ),
     CaptureFormat(
         name="mcap",
@@ -132,6 +134,7 @@ FORMATS = (
         holds_attachments=True,
         holds_drops=True,
         holds_directions=True,
+        holds_comments=True,
     ),
     CaptureFormat(
         name="candump",

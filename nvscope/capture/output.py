@@ -120,6 +120,9 @@ class FileSink:
         """How large the file is by now."""
         return self._output.bytes
 
+    def comment(self, number: int, text: str) -> None:
+        """Put no comment anywhere: the format has no place for it."""
+
     def describe(self, circumstances: Circumstances) -> None:
         """Tell nothing of it: the format has no place for that."""
 

@@ -187,6 +187,10 @@ class Sink(Protocol):
         """Write packets, in their order; they may be gathered until ``flush`` or ``close``."""
         ...
 
+    def comment(self, number: int, text: str) -> None:
+        """Put a comment to the packet of a number in the file, from 1, before it is written; where the format can."""
+        ...
+
     def describe(self, circumstances: Circumstances) -> None:
         """Tell under which circumstances it is written, as far as the format can; the last ones hold."""
         ...

@@ -11,6 +11,7 @@ from nvscope.errors import NvscopeError, UsageError
 if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.capture.source import Attachment, Source
+    from nvscope.record.frame_file import Comment
     from nvscope.view.display_filter import DisplayFilter
 
 
@@ -42,13 +43,20 @@ def write_frames(
     # What is asked of frames is asked of those, too, in which no protocol is found.
     all_frames |= chosen is not None and (chosen.of_any_frame or bool(chosen.of_others))
     topics = ListTopics(inquiry.layouts) if inquiry.layouts is not None and target.holds_attachments else None
+    # Numbers of frames are those of one file, of which nothing is left out.
+    has_comments = target.holds_comments and len(source.infos) == 1 and inquiry.asked is None
+
+    def comments() -> Sequence[Comment]:
+        return source.infos[0].comments if has_comments else ()
+
+    remarks = remarks_on(inquiry) if chosen is not None and target.holds_comments else []
     try:
         unfinished = files.reserve(path).unfinished
         try:
             with open_sink(unfinished, ChannelNames(lambda: source.channels)) as sink:
                 for attachment in kept:
                     sink.attach(attachment)
-                written = FrameFile(sink, topics)
+                written = FrameFile(sink, topics, comments, remarks)
                 for _ in inquiry.run(source, [written], chosen, all_frames=all_frames):
                     pass
                 sink.describe(circumstances_of(source.infos))
@@ -61,13 +69,26 @@ def write_frames(
         files.discard()
         raise
     lost = not_held(
-        target, source.infos, source.channels, [one.name for one in attachments], has_directions=written.has_directions
-    )
+        target, source.infos, source.channels, [one.name for one in attachments],
+        has_directions=written.has_directions, has_comments=has_comments,
+    )  # fmt: skip
     if lost:
-        echo(f"nvscope: a {target.name} file cannot hold {visible('; '.join(lost))}.", err=True)
+        echo(f"nvscope: {visible(path)}: {target.name} has no place for {visible('; '.join(lost))}.", err=True)
     if not quiet:
         of = f" of {units.count(written.frames)}" if chosen is not None else ""
         echo(f"nvscope: {units.count(written.written)}{of} frames in {visible(path)}.", err=True)
+
+
+def remarks_on(inquiry: Inquiry) -> list[Comment]:
+    """Return the findings of captures as comments to the frames that show them; none where they are read once."""
+    from nvscope.capture.content import STDIN
+
+    if not inquiry.paths or STDIN in inquiry.paths:
+        return []
+    found = inquiry.analyze(causes=False)
+    return [
+        (frame, f"{one.code} {one.kind.name}: {one.message}") for one in found.findings for frame in one.frames
+    ]  # fmt: skip
 
 
 def no_file_named(example: str) -> UsageError:

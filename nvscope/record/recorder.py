@@ -243,4 +243,6 @@ def _new_file(path: str, beside: Beside, *, replaces: bool = False) -> Sink:
 
 
 def _sentence(error: BaseException) -> str:
+    if isinstance(error, UsageError) and error.next_step:
+        return f"{error.what}; {error.next_step}"
     return error.what if isinstance(error, NvscopeError) else getattr(error, "strerror", None) or str(error)

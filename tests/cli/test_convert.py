@@ -88,10 +88,11 @@ def test_a_span_of_time_is_written(tmp_path: Path) -> None:
 
 
 def test_what_a_format_cannot_hold_is_told(tmp_path: Path) -> None:
-    assert "cannot hold comments (3)" in converted(CAPTURES / "interfaces.pcapng", tmp_path / "x.mcap")
+    assert "mcap has no place for comments (2)" in converted(CAPTURES / "interfaces.pcapng", tmp_path / "x.mcap")
+    assert "; comments (1)" in converted(tmp_path / "x.mcap", tmp_path / "x.pcap", "-Y", "eth")
     converted(PRESS, tmp_path / "y.mcap", "--gvl", str(CAPTURES / "can" / "press.gvl"))
     told = converted(tmp_path / "y.mcap", tmp_path / "y.pcap")
-    assert "a pcap file cannot hold the names of the interfaces (" in told
+    assert "pcap has no place for the names of the interfaces (" in told
     assert "attachments (press.gvl)" in told
 
 
@@ -177,3 +178,34 @@ def test_a_mistake_in_a_definition_that_is_not_attached_is_told(tmp_path: Path) 
     told = converted(PEERS / "peers.pcap", tmp_path / "x.mcap", "--gvl", str(tmp_path))
     assert "b.gvl, line 3" in told
     assert [one.name for one in open_source([str(tmp_path / "x.mcap")]).attachments] == ["a.gvl"]
+
+
+def comments_of(path: Path) -> list[tuple[int | None, str]]:
+    source = open_source([str(path)])
+    for _ in source:
+        pass
+    return list(source.infos[0].comments)
+
+
+def test_comments_go_with_their_frames(tmp_path: Path) -> None:
+    remark = "first telegram after the restart of the press"
+    source = CAPTURES / "interfaces.pcapng"
+    own = [entry for entry in comments_of(source) if entry[0] is not None]
+    assert own == [(2, remark)]
+    for origin, target in pairwise([source, tmp_path / "a.mcap", tmp_path / "b.pcapng", tmp_path / "c.mcap"]):
+        converted(origin, target)
+        assert comments_of(target) == own
+        assert frames_of(target) == frames_of(source)
+
+
+def test_chosen_frames_that_show_a_finding_say_so(tmp_path: Path) -> None:
+    told = converted(PLANT, tmp_path / "x.pcapng", "-Y", "nv.index == 7")
+    assert told.startswith("nvscope: 702 of")
+    found = json.loads(run_text("report", "--json", PLANT).stdout)["findings"]
+    gap = next(one for one in found if one["code"] == "NV201")
+    said = [number for number, text in comments_of(tmp_path / "x.pcapng") if text.startswith("NV201")]
+    chosen, whole = frames_of(tmp_path / "x.pcapng"), frames_of(PLANT)
+    assert [chosen[(number or 0) - 1] for number in said] == [whole[frame - 1] for frame in gap["frames"]]
+    converted(tmp_path / "x.pcapng", tmp_path / "y.mcap")
+    converted(tmp_path / "y.mcap", tmp_path / "z.pcapng")
+    assert (tmp_path / "z.pcapng").read_bytes() == (tmp_path / "x.pcapng").read_bytes()

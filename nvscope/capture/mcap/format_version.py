@@ -9,3 +9,6 @@ RECORDING = "nvscope"
 
 INTERFACES = "nvscope.interfaces"
 """Metadata: the names of the interfaces of packets by number; where there are several, the last one holds."""
+
+COMMENTS = "nvscope.comments"
+"""Metadata: comments by the number of their packet in the file, from 1, in front of it; further ones as ``7.1``."""

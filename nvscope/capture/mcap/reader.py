@@ -11,7 +11,7 @@ from dissectors.batch import PAD_BYTES, PacketBatch
 from nvscope.capture.byte_window import MappedWindow, View, WholeWindow
 from nvscope.capture.content import Content
 from nvscope.capture.mcap.ahead import Ahead
-from nvscope.capture.mcap.format_version import FORMAT_VERSION, INTERFACES, RECORDING
+from nvscope.capture.mcap.format_version import COMMENTS, FORMAT_VERSION, INTERFACES, RECORDING
 from nvscope.capture.mcap.packets import ENCODING, LONGEST_NS
 from nvscope.capture.mcap.records import MAGIC, AttachedFile, Channel, ChunkHead, Damaged, Metadata, Op
 from nvscope.capture.mcap.unpacking import Packed, Unpacker, packets_of_message
@@ -24,6 +24,7 @@ MOST_BYTES = 256 << 20
 """A chunk, an attachment or a message with more than that, unpacked, is not read."""
 
 _MOST_KEPT_BYTES = 64 << 20
+_MOST_COMMENTS = 10_000
 _PACKET_BYTES, _MOST_WAITING_BYTES = 256, 32 << 20
 _AHEAD_BYTES = 2 << 20
 _CHUNK_HEAD_BYTES = 256  # with the name of its compression
@@ -169,6 +170,9 @@ class McapReader(WindowReader):
             if metadata.name == INTERFACES:
                 yield from self._unpack()
                 _take_names(self.channels, metadata)
+            elif metadata.name == COMMENTS:
+                room = max(_MOST_COMMENTS - len(self.progress.comments), 0)
+                self.progress.comments += _comments_in(metadata)[:room]
             elif metadata.name == RECORDING and (drops := metadata.values.get("drops", "")).isdecimal():
                 self.progress.drops = int(drops[:18])
         else:
@@ -270,3 +274,13 @@ def _take_names(channels: list[str], metadata: Metadata) -> None:
     numbered = {int(number): name for number, name in metadata.values.items() if number.isdecimal() and len(number) < 6}
     count = min(max(numbered, default=-1) + 1, 1 << 16)
     channels[:] = [numbered.get(number, "") for number in range(count)]
+
+
+def _comments_in(metadata: Metadata) -> list[tuple[int | None, str]]:
+    """Return comments with the numbers of their packets, in the order of these."""
+    found = []
+    for key, text in metadata.values.items():
+        number, _, further = key.partition(".")
+        if all(part.isdecimal() and len(part) < 19 for part in (number, further or "0")):
+            found.append((int(number), int(further or 0), text))
+    return [(number, text) for number, _, text in sorted(found)]

@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Sequence
+from itertools import count
 from typing import Protocol, runtime_checkable
 
 from dissectors.batch import I64, PacketBatch
-from nvscope.capture.mcap.format_version import FORMAT_VERSION, INTERFACES, RECORDING
+from nvscope.capture.mcap.format_version import COMMENTS, FORMAT_VERSION, INTERFACES, RECORDING
 from nvscope.capture.mcap.kept_room import KeptRoom
 from nvscope.capture.mcap.packets import ENCODING, MOST_BYTES, MOST_ROWS, SCHEMA_NAME, TOPIC, cut, message
 from nvscope.capture.mcap.records import AttachedFile
@@ -48,6 +49,7 @@ class McapSink(FileSink):
         self._named = 0
         self._rows = 0
         self._chunk = Chunk()
+        self._comments: dict[str, str] = {}
         self._topics: dict[str, int] = {}
         self._topic_chunk = Chunk()
         self._circumstances: Circumstances | None = None
@@ -69,6 +71,11 @@ class McapSink(FileSink):
             self._rows += len(part)
             if self._rows >= MOST_ROWS or self._chunk.bytes >= MOST_BYTES:
                 self._end_chunk()
+
+    def comment(self, number: int, text: str) -> None:
+        """Put a comment to the packet of a number, in front of it; further ones are ``NUMBER.1``, ``NUMBER.2`` …"""
+        keys = (str(number) if not further else f"{number}.{further}" for further in count())
+        self._comments[next(key for key in keys if key not in self._comments)] = text
 
     def attach(self, attachment: Attachment) -> None:
         """Put a file beside the packets."""
@@ -120,6 +127,9 @@ class McapSink(FileSink):
         topic_chunk = self._topic_chunk
         # What cannot be written is gone.
         self._chunk, self._rows, self._topic_chunk = Chunk(), 0, Chunk()
+        if self._comments:
+            comments, self._comments = self._comments, {}
+            self._writer.tell(COMMENTS, comments)
         self._writer.write(chunk)
         self.packets += rows
         self._writer.write(topic_chunk)

@@ -13,6 +13,7 @@ from nvscope.capture.pcapng.blocks import (
     BYTE_ORDER_MAGIC,
     ENHANCED_PACKET,
     INTERFACE,
+    OPTION_COMMENT,
     OPTION_END,
     OPTION_INTERFACE_DROPS,
     OPTION_INTERFACE_NAME,
@@ -28,6 +29,8 @@ from nvscope.capture.spans import BATCH_BYTES, copy_spans, put_blocks, stretches
 
 # The flags of a packet, and the end of its options.
 _FLAGS_BYTES = 12
+_OPTION_END_BYTES = 4
+_MOST_COMMENT_BYTES = 60_000  # an option tells its length in two bytes
 
 
 class PcapngSink(FileSink):
@@ -45,6 +48,7 @@ class PcapngSink(FileSink):
         self.drops = 0
         self._last_ns = 0
         self._numbers: dict[int, int] = {}
+        self._comments: dict[int, bytes] = {}
         self._output.write(struct.pack("=IIIHHqI", SECTION, 28, BYTE_ORDER_MAGIC, 1, 0, -1, 28))
 
     def write(self, batch: PacketBatch) -> None:
@@ -63,6 +67,12 @@ class PcapngSink(FileSink):
             self._output.write(self._blocks(part := batch[rows], interface[rows]))
             self.packets += len(part)
         self._last_ns = max(int(batch.ts_ns[-1]), 0)
+
+    def comment(self, number: int, text: str) -> None:
+        """Put a comment to the packet of a number; several become several."""
+        told = text.encode("utf-8", "replace")[:_MOST_COMMENT_BYTES]
+        option = struct.pack("=HH", OPTION_COMMENT, len(told)) + told + bytes(-len(told) % 4)
+        self._comments[number] = self._comments.get(number, b"") + option
 
     def describe(self, circumstances: Circumstances) -> None:
         self.drops = circumstances.drops or 0
@@ -92,6 +102,10 @@ class PcapngSink(FileSink):
         told = np.flatnonzero(batch.directions) if batch.direction is not None else np.empty(0, np.int64)
         sizes = (captured + 3 & ~3) + PACKET_OVERHEAD
         sizes[told] += _FLAGS_BYTES
+        comments = self._comments_of(len(batch))
+        directed = set(told.tolist()) if comments else set()
+        for row, texts in comments.items():
+            sizes[row] += len(texts) + (0 if row in directed else _OPTION_END_BYTES)
         ends = np.cumsum(sizes)
         begins = ends - sizes
         units = np.maximum(batch.ts_ns, 0)
@@ -111,5 +125,16 @@ class PcapngSink(FileSink):
             options[:] = np.frombuffer(struct.pack("=HHIHH", OPTION_PACKET_FLAGS, 4, 0, OPTION_END, 0), np.uint32)
             options[:, 1] = batch.directions[told]
             put_blocks(blocks, ends[told] - 4 - _FLAGS_BYTES, options)
+        for row, texts in comments.items():
+            behind = int(ends[row]) - 4 - (_FLAGS_BYTES if row in directed else _OPTION_END_BYTES)
+            blocks[behind - len(texts) : behind] = np.frombuffer(texts, np.uint8)
         copy_spans(blocks, begins + 28, batch.data, batch.offset, captured)
         return blocks
+
+    def _comments_of(self, count: int) -> dict[int, bytes]:
+        """Return the options with the comments to the next packets, by row."""
+        if not self._comments:
+            return {}
+        first = self.packets + 1
+        numbers = [number for number in self._comments if number < first + count]
+        return {number - first: self._comments.pop(number) for number in numbers}
