@@ -93,7 +93,8 @@ class Circumstances:
     """Under which circumstances packets are recorded: what a recording tells of itself beside them.
 
     ``drops`` and ``clock_steps`` are those so far, None where nobody knows. ``capture_filter`` is what was asked for,
-    "" where nothing was.
+    "" where nothing was. Of the recording of an event, ``event`` is what happened at ``event_ns``, and ``trigger`` is
+    what was waited for.
     """
 
     host: str = ""
@@ -101,6 +102,9 @@ class Circumstances:
     capture_filter: str = ""
     drops: int | None = None
     clock_steps: int = 0
+    event_ns: int | None = None
+    event: str = ""
+    trigger: str = ""
 
 
 def any_live(infos: Iterable[SourceInfo]) -> bool:

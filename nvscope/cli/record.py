@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from nvscope.cli.counts import at_least_one
 from nvscope.cli.definitions import GvlOption, ProjectOption, project_of, tell_of_flaws
 from nvscope.cli.limits import file_limits
 from nvscope.cli.live import LiveOptions, LiveRun, captured, with_live_options
@@ -28,7 +29,8 @@ from nvscope.errors import ExitCode, UsageError
 if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.capture.source import Source
-    from nvscope.record.recorder import Recorder, Recording
+    from nvscope.record.flight_recorder import FlightRule, Flights
+    from nvscope.record.recorder import Beside, Recorder, Recording
 
 _TO_DISK_NS = 5_000_000_000
 _RING_BYTES = 1 << 20  # of the last frames, which nobody looks at
@@ -77,6 +79,32 @@ def record(
             "that other tools show. nvscope makes them of the packets.",
         ),
     ] = False,
+    trigger: Annotated[
+        str | None,
+        typer.Option(
+            "--trigger",
+            metavar="EXPR",
+            help="Write a file for each event: where EXPR becomes true, of telegrams ('var.fTemp > 80'), or of causes "
+            "and findings ('cause.kind == \"second-sender\"'). -w names a directory, or how names begin and end.",
+            show_default=False,
+        ),
+    ] = None,
+    pre: Annotated[
+        str, typer.Option("--pre", metavar="DURATION", help="With --trigger, so long before the event.")
+    ] = "10s",
+    post: Annotated[str, typer.Option("--post", metavar="DURATION", help="With --trigger, so long behind it.")] = "5s",
+    max_rate: Annotated[
+        int, typer.Option("--max-rate", metavar="N", parser=at_least_one, help="At most so many events a minute.")
+    ] = 6,
+    min_free: Annotated[
+        float, typer.Option("--min-free", metavar="GB", min=0, help="With --trigger, so much of the disk stays free.")
+    ] = 1.0,
+    ring: Annotated[
+        int,
+        typer.Option(
+            "--ring", metavar="MIB", parser=at_least_one, help="With --trigger, memory for what was before events."
+        ),
+    ] = 256,
     gvl: GvlOption = None,
     project: ProjectOption = None,
     decode: DecodeOption = None,
@@ -104,6 +132,7 @@ def record(
     from nvscope.record.attachments import attachments_of
     from nvscope.record.circumstances import circumstances_of
     from nvscope.record.file_series import FileRule
+    from nvscope.record.flight_recorder import FlightRule
     from nvscope.record.recorder import Beside, Recorder
     from nvscope.whole_files import exists_already, identity_of, is_input
 
@@ -113,13 +142,27 @@ def record(
     inputs = {identity_of(path) for path in (*paths, *plant.inputs)}
     if (identity := identity_of(write)) is not None and identity in inputs:
         raise is_input(write)
-    if not force and not rule and os.path.lexists(write):
+    if trigger is not None and rule:
+        raise UsageError("-b and --trigger exclude each other", next_step="leave one of them out")
+    if not force and not rule and trigger is None and os.path.lexists(write):
         raise exists_already(write)
     topics = None
     if inquiry.layouts is not None and not packets_only:
         from nvscope.record.topics import ListTopics
 
         topics = ListTopics(inquiry.layouts)
+    if trigger is not None:
+        rule_of_events = FlightRule(
+            duration_ns("--pre", pre), duration_ns("--post", post), max_rate, int(min_free * 1_000_000_000)
+        )
+        beside = Beside(
+            lambda: source.channels,
+            [*attachments_of(plant.inputs, plant.path), *(source.attachments if plant.recording else ())],
+            lambda: circumstances_of(source.infos, live.bpf),
+            topics,
+        )
+        _wait_for_events(inquiry, source, trigger, write, rule_of_events, beside, ring, quiet=quiet)
+        return
     recorder = Recorder(
         Beside(
             lambda: source.channels,
@@ -171,6 +214,67 @@ def _noted(inquiry: Inquiry, source: Source, recorder: Recorder, *, quiet: bool)
         state = recorder.stop()
     assert state is not None
     return state
+
+
+def _wait_for_events(
+    inquiry: Inquiry, source: Source, expression: str, path: str, rule: FlightRule, beside: Beside, ring_mib: int, *,
+    quiet: bool,
+) -> None:  # fmt: skip
+    """Write a file for each event until the source ends, and say which."""
+    from nvscope.analysis.watching import Watching
+    from nvscope.cli.scenes import scenes
+    from nvscope.record.edges import Edges
+    from nvscope.record.events import EventsOfScenes, is_of_scenes
+    from nvscope.record.flight_recorder import FlightRecorder
+    from nvscope.view.display_filter import DisplayFilter
+
+    chosen = DisplayFilter(expression, inquiry.fields)
+    of_scenes = is_of_scenes(chosen)
+    flight = FlightRecorder(
+        path, rule, lambda: beside, inquiry.reading(), None if of_scenes else Edges(chosen),
+        ring_bytes=ring_mib << 20, trigger=expression,
+    )  # fmt: skip
+    try:
+        if of_scenes:
+            events = EventsOfScenes(expression)
+            for scene in scenes(inquiry, Watching(_RING_BYTES, others=[flight]), source, quiet=quiet):
+                for since_ns, what, told in events.new(scene):
+                    flight.happened(since_ns, what, told)
+                if flight.done.failure:
+                    break
+        else:
+            with LiveRun(source, quiet=quiet) as progress:
+                for _ in inquiry.run(source, [flight]):
+                    progress()
+                    if flight.done.failure:
+                        source.stop()
+    finally:
+        done = flight.stop()
+    _tell_of_events(done, rule, quiet=quiet)
+    if code := max(tell_of_losses(source.infos), ExitCode.CAPTURE if done.failure else ExitCode.GOOD):
+        raise typer.Exit(code)
+
+
+def _tell_of_events(done: Flights, rule: FlightRule, *, quiet: bool) -> None:
+    from nvscope.units import count_of, data_size
+    from nvscope.view.escape import visible
+
+    def tell(text: str) -> None:
+        echo(f"nvscope: {text}", err=True)
+
+    if not quiet:
+        tell(f"{count_of(done.events, 'event')} in {count_of(len(done.files), 'file')}.")
+        for path in done.files:
+            tell(visible(path))
+    if done.too_many:
+        tell(f"{count_of(done.too_many, 'event')} beyond {rule.per_minute} a minute (--max-rate): in no file.")
+    if done.no_room:
+        free = data_size(rule.free_bytes)
+        tell(f"{count_of(done.no_room, 'event')} with less than {free} of free disk (--min-free): in no file.")
+    if done.shortened:
+        tell(f"{count_of(done.shortened, 'file')} begin later than --pre says: --ring takes more memory.")
+    if done.failure:
+        tell(f"ended: {visible(done.failure)}.")
 
 
 def _goes_on(recorder: Recorder) -> bool:

@@ -121,7 +121,7 @@ class Recorder:
                 self._flush()
                 self._note()
             except (NvscopeError, OSError) as error:
-                self._end(_sentence(error))
+                self._end(sentence(error))
 
     @property
     def has_topics(self) -> bool:
@@ -139,7 +139,7 @@ class Recorder:
             try:
                 self._sink.messages(topics, texts, numbers, np.full(len(entries), at_ns))
             except (NvscopeError, OSError) as error:
-                self._end(_sentence(error))
+                self._end(sentence(error))
 
     def _write(self, told: Told) -> None:
         """Write packets, to as many files as the rule asks for."""
@@ -178,7 +178,7 @@ class Recorder:
     def _begin_file(self) -> str:
         """Begin the next file, and return what it is called."""
         path = self._series.next_path()
-        self._sink = _new_file(path, self._beside, replaces=self._replaces)
+        self._sink = new_file(path, self._beside, replaces=self._replaces)
         self._series.is_there(path)
         return path
 
@@ -199,7 +199,7 @@ class Recorder:
         Where it cannot be written to its end, it is removed.
         """
         frames = 0
-        sink = _new_file(path, Beside(lambda: channels))
+        sink = new_file(path, Beside(lambda: channels))
         try:
             with sink:
                 for batch in batches:
@@ -217,12 +217,13 @@ class Recorder:
         try:
             self._close(self._sink)
         except (NvscopeError, OSError) as error:
-            failure = failure or _sentence(error)
+            failure = failure or sentence(error)
         self._note(is_on=False, failure=failure)
         self._sink = None
 
 
-def _new_file(path: str, beside: Beside, *, replaces: bool = False) -> Sink:
+def new_file(path: str, beside: Beside, *, replaces: bool = False) -> Sink:
+    """Return a file with all that is beside packets; UsageError where it exists, CaptureError where it cannot be."""
     if os.path.lexists(path) and not replaces:
         raise UsageError("exists, and is left as it is", where=path, next_step="name another file")
     try:
@@ -242,7 +243,8 @@ def _new_file(path: str, beside: Beside, *, replaces: bool = False) -> Sink:
     return sink
 
 
-def _sentence(error: BaseException) -> str:
+def sentence(error: BaseException) -> str:
+    """Return what went wrong, without where."""
     if isinstance(error, UsageError) and error.next_step:
         return f"{error.what}; {error.next_step}"
     return error.what if isinstance(error, NvscopeError) else getattr(error, "strerror", None) or str(error)

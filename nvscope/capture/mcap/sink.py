@@ -156,6 +156,9 @@ class McapSink(FileSink):
             "capture_filter": circumstances.capture_filter,
             "drops": "" if circumstances.drops is None else str(circumstances.drops),
             "clock_steps": str(circumstances.clock_steps),
+            "event_ns": "" if circumstances.event_ns is None else str(circumstances.event_ns),
+            "event": circumstances.event,
+            "trigger": circumstances.trigger,
         }
         self._writer.tell(RECORDING, {key: value for key, value in told.items() if value})
 

@@ -1,0 +1,75 @@
+"""Events that show when a plant is judged: causes and findings of which an expression becomes true."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterator
+
+from nvscope.analysis.watching import Scene
+from nvscope.errors import UsageError
+from nvscope.list_key import ListKey
+from nvscope.record.flight_recorder import slug_of
+from nvscope.view.display_filter import DisplayFilter
+from nvscope.view.fields.shown_fields import CAUSE, FINDING
+
+Event = tuple[int, str, str]
+"""When it began, what it is for the name of a file, and what is told of it."""
+
+
+def is_of_scenes(chosen: DisplayFilter) -> bool:
+    """Tell whether an expression asks for causes and findings, and not for what telegrams say.
+
+    UsageError where it asks for both, or for what is known at the end of a capture only.
+    """
+    if not chosen.judged:
+        return False
+    others = [name for name in chosen.judged if not name.startswith((CAUSE, FINDING))]
+    if others:
+        raise UsageError(
+            f"{', '.join(others)}: figures of a whole capture, which nothing becomes at a frame",
+            next_step="wait for the finding that tells it, such as --trigger 'finding.code == \"NV201\"' for losses",
+        )
+    if not chosen.of_any_frame:
+        raise UsageError(
+            "causes and findings are told of a plant, the rest of single telegrams: a trigger waits for one of both",
+            next_step="leave one of them out",
+        )
+    return True
+
+
+class EventsOfScenes:
+    """Tells from scene to scene which causes and findings are new of those that an expression chooses."""
+
+    def __init__(self, expression: str) -> None:
+        self._expression = expression
+        self._known: set[Hashable] = set()
+
+    def new(self, scene: Scene) -> Iterator[Event]:
+        """Yield what an expression is true of that it was not true of before."""
+        happened, at_ns = scene.snapshot.happened, scene.at_ns
+        if happened is None or at_ns is None:
+            return
+        chosen = scene.filter(self._expression)
+        findings, causes = chosen.shown()
+        if chosen.causes:
+            for number in sorted(causes):
+                cause = happened.causes[number]
+                identity = cause.kind.name, cause.nodes or cause.lists or cause.channel, cause.since_ns
+                if self._is_new(identity):
+                    since_ns = at_ns if cause.since_ns is None else cause.since_ns
+                    yield since_ns, slug_of(cause.kind.name, [_identifier(key) for key in cause.lists]), cause.title
+            return
+        for number in sorted(findings):
+            finding = scene.snapshot.findings[number]
+            place = finding.code, finding.list_number, finding.node, finding.subindex, finding.key, finding.channel
+            if self._is_new(place):
+                since_ns = at_ns if finding.first_ns is None else finding.first_ns
+                yield since_ns, f"{finding.code}-{finding.kind.name}", finding.message
+
+    def _is_new(self, identity: Hashable) -> bool:
+        known = identity in self._known
+        self._known.add(identity)
+        return not known
+
+
+def _identifier(key: ListKey) -> int:
+    return key.identifier
