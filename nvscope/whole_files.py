@@ -121,6 +121,16 @@ def is_input(where: str) -> UsageError:
     return UsageError(what, where=where, next_step="name another file; inputs are never written")
 
 
+def would_be_lost(path: str) -> bool:
+    """Return whether something has a name that would be lost if a file were written there: no stdout, and no pipe."""
+    if is_stdout(path):
+        return False
+    try:
+        return not stat.S_ISFIFO(os.stat(path).st_mode)
+    except (OSError, ValueError):
+        return os.path.lexists(path)
+
+
 def exists_already(where: str) -> UsageError:
     """Return that what has the name of an output is to be kept."""
     return UsageError("exists already", where=where, next_step="--force replaces it; or name another file")

@@ -6,6 +6,7 @@ derive from it. Readers and sinks are named, not imported: the program starts wi
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from nvscope.errors import UnreadableInput
+from nvscope.whole_files import is_stdout
 
 if TYPE_CHECKING:
     from nvscope.capture.source import Sink
@@ -229,8 +231,13 @@ def is_enough(head: bytes) -> bool:
 
 
 def written_as(path: str) -> CaptureFormat | None:
-    """Return the format that a file of this name is written in, None where no sink writes one."""
+    """Return the format that a file of this name is written in, None where no sink writes one.
+
+    Of stdout, ``-.mcap`` says it, and ``-`` alone is pcapng, as of tshark.
+    """
     suffix = Path(path).suffix.lower()
+    if is_stdout(path):
+        suffix = os.path.splitext(f"x{path.removeprefix('-')}")[1].lower() or ".pcapng"
     return next((known for known in FORMATS if known.sink and suffix in known.suffixes), None)
 
 

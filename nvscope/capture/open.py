@@ -10,10 +10,12 @@ from types import MappingProxyType
 from nvscope.capture.capture_file import CaptureFile
 from nvscope.capture.content import STDIN
 from nvscope.capture.formats import READABLE, NoCapture, suffixes_that, written_as
+from nvscope.capture.output import STDOUT
 from nvscope.capture.reader import ReadingSizes
 from nvscope.capture.source import FileSource, Sink
 from nvscope.capture.timeline import Timeline
 from nvscope.errors import UnreadableInput, UsageError
+from nvscope.whole_files import is_stdout
 
 
 def open_source(
@@ -80,4 +82,4 @@ def open_sink(path: str, channels: Sequence[str] | None = None) -> Sink:
             where=path,
             next_step=f"name the file {network}, or, for CAN, {logs}",
         )
-    return known.open_sink(path, channels)
+    return known.open_sink(STDOUT if is_stdout(path) else path, channels)

@@ -32,7 +32,7 @@ def write_frames(
     from nvscope.record.frame_file import FrameFile, not_held
     from nvscope.record.topics import ListTopics
     from nvscope.view.escape import visible
-    from nvscope.whole_files import WholeFiles
+    from nvscope.whole_files import WholeFiles, is_stdout
 
     files = WholeFiles([*(info.path for info in source.infos), *inquiry.project.inputs], force=force)
     target = written_as(path)
@@ -51,7 +51,7 @@ def write_frames(
 
     remarks = remarks_on(inquiry) if chosen is not None and target.holds_comments else []
     try:
-        unfinished = files.reserve(path).unfinished
+        unfinished = path if is_stdout(path) else files.reserve(path).unfinished
         try:
             with open_sink(unfinished, ChannelNames(lambda: source.channels)) as sink:
                 for attachment in kept:

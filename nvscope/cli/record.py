@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -134,7 +133,7 @@ def record(
     from nvscope.record.file_series import FileRule
     from nvscope.record.flight_recorder import FlightRule
     from nvscope.record.recorder import Beside, Recorder
-    from nvscope.whole_files import exists_already, identity_of, is_input
+    from nvscope.whole_files import exists_already, identity_of, is_input, would_be_lost
 
     tell_of_flaws(plant.definition)
     inquiry = Inquiry(captured(paths, live, plant, ports), plant, ports)
@@ -144,7 +143,7 @@ def record(
         raise is_input(write)
     if trigger is not None and rule:
         raise UsageError("-b and --trigger exclude each other", next_step="leave one of them out")
-    if not force and not rule and trigger is None and os.path.lexists(write):
+    if not force and not rule and trigger is None and would_be_lost(write):
         raise exists_already(write)
     topics = None
     if inquiry.layouts is not None and not packets_only:

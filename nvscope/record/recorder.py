@@ -23,6 +23,7 @@ from nvscope.errors import NvscopeError, UsageError
 from nvscope.record.diary import Entry, declare
 from nvscope.record.file_series import FileRule, FileSeries
 from nvscope.record.topics import ListTopics
+from nvscope.whole_files import is_stdout, would_be_lost
 
 FLUSH_NS = 300_000_000
 """With what a packet waits for in front of the recorder, it is in the file within a second."""
@@ -224,7 +225,8 @@ class Recorder:
 
 def new_file(path: str, beside: Beside, *, replaces: bool = False) -> Sink:
     """Return a file with all that is beside packets; UsageError where it exists, CaptureError where it cannot be."""
-    if os.path.lexists(path) and not replaces:
+    was_there = os.path.lexists(path) or is_stdout(path)
+    if would_be_lost(path) and not replaces:
         raise UsageError("exists, and is left as it is", where=path, next_step="name another file")
     try:
         sink = open_sink(path, ChannelNames(beside.channels))
@@ -237,8 +239,9 @@ def new_file(path: str, beside: Beside, *, replaces: bool = False) -> Sink:
         if beside.diary and isinstance(sink, TopicSink):
             declare(sink)
     except (NvscopeError, OSError):
-        with suppress(OSError):
-            os.remove(path)  # as where the disk has no room for its head
+        if not was_there:
+            with suppress(OSError):
+                os.remove(path)  # as where the disk has no room for its head
         raise
     return sink
 

@@ -14,7 +14,7 @@ from nvscope.capture.open import open_source
 from tests.capture.live.network import Host, cable, needs_namespaces, send
 from tests.capture.live.test_ring import wait_for_ring
 from tests.capture.mcap.recordings import packets_of, read, steady, write
-from tests.program import run_text
+from tests.program import run, run_text
 
 ROOT = Path(__file__).parents[2]
 PLANT = ROOT / "captures" / "plant.pcapng.gz"
@@ -193,3 +193,25 @@ def test_packets_writes_what_it_would_show(tmp_path: Path) -> None:
     assert (done.returncode, "-V, -c: of what is shown" in done.stderr) == (2, True)
     done = run_text("packets", PLANT, "-w", PLANT)
     assert (done.returncode, PLANT.stat().st_size) == (2, PLANT.stat().st_size)
+
+
+def test_a_file_that_cannot_be_written_is_not_removed(tmp_path: Path) -> None:
+    for name in ("notes.docx", "x.mcap"):
+        (tmp_path / name).write_text("mine")
+    done = run_text("record", PLANT, "-w", tmp_path / "notes.docx", "--force")
+    assert (done.returncode, (tmp_path / "notes.docx").read_text()) == (2, "mine")
+    (tmp_path / "folder.mcap").mkdir()
+    done = run_text("record", PLANT, "-w", tmp_path / "folder.mcap", "--force")
+    assert (done.returncode, (tmp_path / "folder.mcap").is_dir()) == (5, True)
+
+
+def test_stdout_takes_a_recording(tmp_path: Path) -> None:
+    expected = [one for part in open_source([str(PLANT)]) for one in packets_of(part)]
+    for verb in ("record", "convert"):
+        for name, ending in (("-", "pcapng"), ("-.mcap", "mcap"), ("-.pcap", "pcap")):
+            done = run(verb, PLANT, "-w", name, "-q", cwd=tmp_path)
+            assert (done.returncode, done.stderr) == (0, b"")
+            (tmp_path / f"x.{ending}").write_bytes(done.stdout)
+            assert read(tmp_path / f"x.{ending}").packets == expected
+            assert read(tmp_path / f"x.{ending}").info.format == ending
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["x.mcap", "x.pcap", "x.pcapng"]
