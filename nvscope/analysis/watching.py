@@ -99,6 +99,8 @@ class Watching:
 
 USUAL = Watching()
 
+_LOOKS = 100
+
 
 class Watched:
     """The observers of a source that is watched, and what they know together.
@@ -188,15 +190,25 @@ def scene_at(
     return watched.look()
 
 
-def scenes_by_second(inquiry: Inquiry, how: Watching = USUAL, source: Source | None = None) -> Iterator[Scene]:
+def scenes_by_second(
+    inquiry: Inquiry, how: Watching = USUAL, source: Source | None = None, *, sparingly: bool = False
+) -> Iterator[Scene]:
     """Yield what was known of captures behind each second of their time, and at their end.
 
-    ``source`` are they where they are open already.
+    ``source`` are they where they are open already. ``sparingly``: behind ``_LOOKS`` seconds behind every second one,
+    behind as many looks more behind every fourth, and so on: hours would take minutes to look at.
     """
     watched = Watched(inquiry, BySecond(source or inquiry.open()), how, overdue=False)
+    every = seconds = looks = 1
     for told in inquiry.run(watched.source, watched.observers):
-        if not len(told) and told.until_ns is not None:
+        if len(told) or told.until_ns is None:
+            continue
+        if seconds % every == 0:
             yield watched.look()
+            if sparingly and looks % _LOOKS == 0:
+                every *= 2
+            looks += 1
+        seconds += 1
     yield watched.look()
 
 

@@ -83,6 +83,8 @@ def _with_attached(project: Project, captures: Sequence[str]) -> Project:
     from nvscope.view.escape import visible
 
     found = with_attached(project, captures)
+    if found.unread:
+        echo(f"nvscope: what is attached is left out: {visible(found.unread)} (--gvl names definitions)", err=True)
     for path in found.others:
         echo(f"nvscope: {visible(path)} brings other definitions, which are left out.", err=True)
     return found.project

@@ -27,7 +27,7 @@ def write_frames(
     from nvscope import units
     from nvscope.capture.formats import written_as
     from nvscope.capture.open import open_sink
-    from nvscope.capture.output import ChannelNames
+    from nvscope.capture.output import STDOUT, ChannelNames
     from nvscope.record.circumstances import circumstances_of
     from nvscope.record.frame_file import FrameFile, not_held
     from nvscope.record.topics import ListTopics
@@ -53,7 +53,9 @@ def write_frames(
     try:
         unfinished = path if is_stdout(path) else files.reserve(path).unfinished
         try:
-            with open_sink(unfinished, ChannelNames(lambda: source.channels)) as sink:
+            with target.open_sink(
+                STDOUT if is_stdout(path) else unfinished, ChannelNames(lambda: source.channels)
+            ) as sink:
                 for attachment in kept:
                     sink.attach(attachment)
                 written = FrameFile(sink, topics, comments, remarks)

@@ -153,7 +153,7 @@ def packets(
     from nvscope.definition.defined_pdos import pdos_of
 
     pdos = pdos_of(plant.definition)
-    if gvl and not (trees or wanted is not None or fields or pdos):
+    if gvl and not (trees or wanted is not None or fields or pdos or write):
         raise UsageError(
             "--gvl names variables in trees (-V), filters (-Y) and fields (-e)",
             next_step="add one of them; `nvscope vars` shows last values",

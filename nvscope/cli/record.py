@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -23,7 +24,7 @@ from nvscope.cli.sources import (
     with_channels,
 )
 from nvscope.cli.terminal import echo
-from nvscope.errors import ExitCode, UsageError
+from nvscope.errors import CaptureError, ExitCode, UsageError
 
 if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
@@ -128,6 +129,7 @@ def record(
     plant = with_channels(project_of(project, gvl, paths), channel_map)
 
     from nvscope.analysis.inquiry import Inquiry
+    from nvscope.cli.progress import watching
     from nvscope.record.attachments import attachments_of
     from nvscope.record.circumstances import circumstances_of
     from nvscope.record.file_series import FileRule
@@ -136,9 +138,9 @@ def record(
     from nvscope.whole_files import exists_already, identity_of, is_input, would_be_lost
 
     tell_of_flaws(plant.definition)
-    inquiry = Inquiry(captured(paths, live, plant, ports), plant, ports)
+    inquiry = Inquiry(captured(paths, live, plant, ports), plant, ports, watch=watching(quiet=quiet))
     source = inquiry.open()
-    inputs = {identity_of(path) for path in (*paths, *plant.inputs)}
+    inputs = {identity_of(path) for path in (*paths, *(one.path for one in source.infos), *plant.inputs)}
     if (identity := identity_of(write)) is not None and identity in inputs:
         raise is_input(write)
     if trigger is not None and rule:
@@ -205,7 +207,7 @@ def _noted(inquiry: Inquiry, source: Source, recorder: Recorder, *, quiet: bool)
 
     diary = Diary()
     try:
-        for scene in scenes(inquiry, Watching(_RING_BYTES, others=[recorder]), source, quiet=quiet):
+        for scene in scenes(inquiry, Watching(_RING_BYTES, others=[recorder]), source, quiet=quiet, sparingly=True):
             recorder.note(list(diary.entries(scene)), scene.at_ns)
             if not _goes_on(recorder):
                 break
@@ -227,6 +229,7 @@ def _wait_for_events(
     from nvscope.record.flight_recorder import FlightRecorder
     from nvscope.view.display_filter import DisplayFilter
 
+    _check_target(path)
     chosen = DisplayFilter(expression, inquiry.fields)
     of_scenes = is_of_scenes(chosen)
     flight = FlightRecorder(
@@ -250,8 +253,22 @@ def _wait_for_events(
     finally:
         done = flight.stop()
     _tell_of_events(done, rule, quiet=quiet)
-    if code := max(tell_of_losses(source.infos), ExitCode.CAPTURE if done.failure else ExitCode.GOOD):
+    lost = ExitCode.DATA_LOSS if done.no_room else ExitCode.GOOD
+    if code := max(tell_of_losses(source.infos), ExitCode.CAPTURE if done.failure else lost):
         raise typer.Exit(code)
+
+
+def _check_target(path: str) -> None:
+    """Raise what would keep the first event from being written: nobody is there when it comes."""
+    from nvscope.capture.formats import written_as
+    from nvscope.capture.open import open_sink
+
+    folder = path if os.path.isdir(path) else os.path.dirname(path) or "."
+    if not os.path.isdir(folder) or not os.access(folder, os.W_OK):
+        what = "cannot be written to" if os.path.isdir(folder) else "no such directory"
+        raise CaptureError(what, where=folder, next_step="make it, or name another one with -w")
+    if not os.path.isdir(path) and written_as(path) is None:
+        open_sink(path)  # says which endings there are
 
 
 def _tell_of_events(done: Flights, rule: FlightRule, *, quiet: bool) -> None:

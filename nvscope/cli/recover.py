@@ -9,7 +9,7 @@ import typer
 from nvscope.cli.frame_files import no_file_named
 from nvscope.cli.sources import ForceOption
 from nvscope.cli.terminal import echo
-from nvscope.errors import UnreadableInput, UsageError
+from nvscope.errors import ExitCode, UnreadableInput, UsageError
 
 if TYPE_CHECKING:
     from nvscope.capture.mcap.recovery import Recovered
@@ -58,10 +58,13 @@ def recover(
         echo(f"nvscope: {count_of(found.packets, 'frame')}{topics} in {visible(write)}.", err=True)
         for line in _lost(found):
             echo(f"nvscope: {visible(source)}: {line}", err=True)
+    if found.damages or found.lost_packets:
+        raise typer.Exit(ExitCode.DATA_LOSS)
 
 
 def _recovered(path: str, out: BinaryIO) -> Recovered:
     import mmap
+    import os
 
     import numpy as np
 
@@ -75,6 +78,12 @@ def _recovered(path: str, out: BinaryIO) -> Recovered:
                 raise UnreadableInput(
                     "no MCAP file, or its begin is gone", where=path,
                     next_step="`nvscope convert` writes what is whole of other captures",
+                )  # fmt: skip
+            head = file.read(9)
+            if len(head) < 9 or os.fstat(file.fileno()).st_size < 17 + int.from_bytes(head[1:], "little"):
+                raise UnreadableInput(
+                    "an MCAP file that is cut short in its header", where=path,
+                    next_step="there is nothing to be recovered",
                 )  # fmt: skip
             data = np.frombuffer(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ), np.uint8)
     except OSError as error:
@@ -98,4 +107,4 @@ def _lost(found: Recovered) -> list[str]:
     told += [f"{one}." for one in found.damages[:_MOST_TOLD]]
     if len(found.damages) > _MOST_TOLD:
         told.append(f"{count_of(len(found.damages) - _MOST_TOLD, 'such place')} more.")
-    return told or ["nothing was lost: it is whole."]
+    return told or ["nothing was lost."]

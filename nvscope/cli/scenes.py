@@ -19,16 +19,17 @@ _PATIENCE_S = 5.0
 
 
 def scenes(
-    inquiry: Inquiry, how: Watching, source: Source | None = None, *, quiet: bool
+    inquiry: Inquiry, how: Watching, source: Source | None = None, *, quiet: bool, sparingly: bool = False
 ) -> Iterator[Scene]:  # fmt: skip
     """Yield what is known behind each second: of files of their own time, else of ours.
 
     ``source`` are its captures where they are open already. Who asks no more ends the source.
+    ``sparingly``: of files, less often the longer they are.
     """
     from nvscope.analysis.watching import scenes_by_second, watching
 
     if inquiry.paths and STDIN not in inquiry.paths:
-        yield from scenes_by_second(inquiry, how, source)
+        yield from scenes_by_second(inquiry, how, source, sparingly=sparingly)
         return
     session = watching(inquiry, how, source)
     with LiveRun(session.source, quiet=quiet) as progress:

@@ -171,8 +171,11 @@ class Recorder:
 
     def _next_file(self) -> None:
         assert self._sink is not None
-        self._close(self._sink)
-        self._before = self._before[0] + self._sink.packets, self._before[1] + self._sink.bytes
+        sink, self._sink = self._sink, None
+        try:
+            self._close(sink)
+        finally:
+            self._before = self._before[0] + sink.packets, self._before[1] + sink.bytes
         path = self._begin_file()
         self._note(path=path, files=self._series.begun)
 
@@ -214,6 +217,9 @@ class Recorder:
 
     def _end(self, failure: str = "") -> None:
         if self._sink is None:
+            if failure and self._state is not None:  # between two files
+                frames, size = self._before
+                self._state = replace(self._state, frames=frames, bytes=size, is_on=False, failure=failure)
             return
         try:
             self._close(self._sink)

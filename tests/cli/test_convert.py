@@ -10,7 +10,7 @@ import pytest
 
 from nvscope.capture.open import open_sink, open_source
 from nvscope.capture.source import Attachment
-from tests.capture.mcap.recordings import Packet, batch, packets_of, steady, write
+from tests.capture.mcap.recordings import Packet, batch, packets_of, read, steady, write
 from tests.program import run, run_text
 
 ROOT = Path(__file__).parents[2]
@@ -209,3 +209,19 @@ def test_chosen_frames_that_show_a_finding_say_so(tmp_path: Path) -> None:
     converted(tmp_path / "x.pcapng", tmp_path / "y.mcap")
     converted(tmp_path / "y.mcap", tmp_path / "z.pcapng")
     assert (tmp_path / "z.pcapng").read_bytes() == (tmp_path / "x.pcapng").read_bytes()
+
+
+def test_what_others_attach_need_be_no_definition(tmp_path: Path) -> None:
+    path = tmp_path / "x.mcap"
+    with open_sink(str(path)) as sink:
+        sink.attach(Attachment("notes.gvl", "text/plain", lambda: b"hello"))
+        sink.write(batch([one._replace(channel=0) for one in frames_of(PEERS / "peers.pcap")]))
+    done = run_text("report", path, cwd=tmp_path)
+    assert (done.returncode, "what is attached is left out" in done.stderr) == (0, True), done.stderr
+    assert "batch" in run_text("vars", path, "--gvl", PEERS / "batch.gvl", cwd=tmp_path).stdout
+
+
+def test_the_name_says_the_format_also_where_it_is_a_link(tmp_path: Path) -> None:
+    (tmp_path / "x.mcap").symlink_to(tmp_path / "real")
+    converted(PLANT, tmp_path / "x.mcap")
+    assert read(tmp_path / "real").info.format == "mcap"

@@ -215,3 +215,19 @@ def test_stdout_takes_a_recording(tmp_path: Path) -> None:
             assert read(tmp_path / f"x.{ending}").packets == expected
             assert read(tmp_path / f"x.{ending}").info.format == ending
     assert sorted(path.name for path in tmp_path.iterdir()) == ["x.mcap", "x.pcap", "x.pcapng"]
+
+
+def test_a_disk_that_is_full_between_two_files_is_told(small_disk: Path) -> None:
+    done = run_text("record", PEERS / "peers.pcap", "--gvl", PEERS, "-w", small_disk / "x.mcap", "-b", "packets:100")
+    assert done.returncode == 5, done.stderr
+    assert "No space left on device; what was recorded is whole" in done.stderr
+    assert sum(len(read(path).packets) for path in small_disk.iterdir()) == int(done.stderr.split()[1])
+    for path in small_disk.iterdir():
+        checked(path)
+
+
+def test_inputs_in_a_directory_stay_as_they_are(tmp_path: Path) -> None:
+    path = write(tmp_path / "in.mcap", steady(3))
+    before = path.read_bytes()
+    done = run_text("record", tmp_path, "-w", path, "--force")
+    assert (done.returncode, "one of the inputs" in done.stderr, path.read_bytes()) == (2, True, before)

@@ -27,10 +27,10 @@ def places_of(content: bytes) -> list[tuple[int, int]]:
     return found
 
 
-def recovered(content: bytes, tmp_path: Path) -> tuple[Path, str]:
+def recovered(content: bytes, tmp_path: Path, code: int = 0) -> tuple[Path, str]:
     (tmp_path / "cut.mcap").write_bytes(content)
     done = run_text("recover", tmp_path / "cut.mcap", "-w", tmp_path / "whole.mcap", "--force")
-    assert (done.returncode, done.stdout) == (0, ""), done.stderr
+    assert (done.returncode, done.stdout) == (code, ""), done.stderr
     assert (tmp_path / "cut.mcap").read_bytes() == content
     return tmp_path / "whole.mcap", done.stderr
 
@@ -66,7 +66,7 @@ def test_a_whole_one_comes_out_as_it_is(tmp_path: Path) -> None:
     path, told = recovered((tmp_path / "x.mcap").read_bytes(), tmp_path)
     assert path.read_bytes() == (tmp_path / "x.mcap").read_bytes()
     assert "864 frames and " in told
-    assert "nothing was lost: it is whole" in told
+    assert "nothing was lost" in told
 
 
 def test_what_was_in_a_damaged_chunk_is_told_in_packets_and_seconds(tmp_path: Path) -> None:
@@ -75,7 +75,7 @@ def test_what_was_in_a_damaged_chunk_is_told_in_packets_and_seconds(tmp_path: Pa
     content = bytearray(whole.read_bytes())
     chunks = [place for kind, place in places_of(bytes(content)) if kind == Op.CHUNK]
     content[chunks[1] + 100] ^= 1
-    path, told = recovered(bytes(content), tmp_path)
+    path, told = recovered(bytes(content), tmp_path, code=3)
     assert read(path).packets == packets[:10] + packets[20:]
     assert "10 frames lost within 1.1 s" in told
     assert f"offset {chunks[1]}: " in told
@@ -113,6 +113,7 @@ def test_what_other_tools_wrote_is_recovered_too(tmp_path: Path) -> None:
         (b"", (), "no MCAP file, or its begin is gone"),
         (b"something else", (), "no MCAP file, or its begin is gone"),
         (MAGIC, ("-w", "x.pcap"), "recover writes an .mcap file"),
+        (MAGIC + b"\x01\x90\0\0\0\0\0\0\0", (), "cut short in its header"),
     ],
 )
 def test_what_cannot_be_recovered_is_told_with_the_next_step(

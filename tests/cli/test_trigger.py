@@ -117,7 +117,7 @@ def test_a_disk_with_little_room_is_left_alone(tmp_path: Path) -> None:
     folder = tmp_path / "e"
     folder.mkdir()
     done = run_text("record", write(tmp_path / "x.pcap", sent), "-w", folder, "--trigger", HIGH, "--min-free", "1e9")
-    assert (done.returncode, list(folder.iterdir())) == (0, [])
+    assert (done.returncode, list(folder.iterdir())) == (3, [])
     assert "1 event with less than" in done.stderr
 
 
@@ -186,4 +186,11 @@ def test_names_begin_and_end_as_is_said(tmp_path: Path) -> None:
 def test_what_cannot_be_waited_for_is_told(options: tuple[str, ...], told: str, tmp_path: Path) -> None:
     done = run_text("record", PLANT, "-w", tmp_path, *options)
     assert (done.returncode, told in done.stderr) == (2, True), done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_where_nothing_can_be_written_is_told_at_the_start(tmp_path: Path) -> None:
+    for target, code in ((tmp_path / "none" / "x.mcap", 5), (tmp_path / "x.docx", 2)):
+        done = run_text("record", PLANT, "-w", target, "--trigger", HIGH)
+        assert (done.returncode, "event" in done.stderr) == (code, False), done.stderr
     assert list(tmp_path.iterdir()) == []
