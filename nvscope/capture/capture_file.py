@@ -95,6 +95,7 @@ class CaptureFile:
             comments=tuple(progress.comments),
             start_ns=progress.start_ns,
             end_ns=progress.end_ns,
+            topics=progress.topics,
         )
 
     @property

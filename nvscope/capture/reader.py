@@ -45,6 +45,7 @@ class Progress:
     left_out: str = ""
     start_ns: int | None = None
     end_ns: int | None = None
+    topics: tuple[str, ...] = ()
 
 
 class Reader(ABC):

@@ -68,7 +68,7 @@ class SourceInfo:
     first. ``is_live``: it takes packets while they are sent; ``failure`` is why it ended though nobody had said so, ''
     where it did not. ``without_carrier`` are the times in which its interface had no cable, as (begin, end or None
     where it is still so). Without ``hears_answers``, it gets what is for everybody and for this machine: what others
-    answer to each other is unknown.
+    answer to each other is unknown. ``topics`` are those of a recording in which there is nothing else.
     """
 
     path: str
@@ -86,6 +86,7 @@ class SourceInfo:
     failure: str = ""
     without_carrier: tuple[tuple[int, int | None], ...] = ()
     hears_answers: bool = True
+    topics: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

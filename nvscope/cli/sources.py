@@ -75,6 +75,8 @@ ToTimeOption = Annotated[
     ),
 ]
 
+_MOST_TOPICS = 20
+
 ForceOption = Annotated[bool, typer.Option("--force", help="Replace files that exist and would be kept.")]
 
 ChannelMapOption = Annotated[
@@ -213,6 +215,11 @@ def tell_of_losses(infos: Sequence[SourceInfo]) -> ExitCode:
     from nvscope.units import count_of
     from nvscope.view.escape import visible
 
+    for info in infos:
+        if info.topics:
+            told = visible(", ".join(info.topics[:_MOST_TOPICS]))
+            more = f" and {len(info.topics) - _MOST_TOPICS} more" if len(info.topics) > _MOST_TOPICS else ""
+            echo(f"nvscope: {visible(info.path)}: no packets are in it; its topics are {told}{more}.", err=True)
     failed = [info for info in infos if info.failure]
     for info in failed:
         echo(f"nvscope: {visible(info.path)}: {visible(info.failure)}; this is what came until then.", err=True)

@@ -10,8 +10,9 @@ from nvscope.capture.mcap.sink import TopicSink
 from nvscope.capture.spans import stretches
 from nvscope.definition.layouts import Layouts
 from nvscope.engine.told import Told
-from nvscope.list_key import ListKey
+from nvscope.list_key import ANY_CHANNEL, ListKey
 from nvscope.record.list_messages import TelegramMessages, list_schema
+from nvscope.units import list_key
 from nvscope.view.rows.defined import DefinedRows, DefinedTelegrams
 
 MAX_ELEMENTS = 10_000
@@ -21,14 +22,14 @@ _PIECE_BYTES = 4 << 20
 
 
 def topic_of(key: ListKey) -> str:
-    """Return the name of the topic of a list: ``/nv/udp/1202/7``."""
-    return f"/nv/{key}"
+    """Return the name of the topic of a list: ``/nv/udp/1202/7``, ``/nv/can/can0/0x181``."""
+    return f"/nv/{list_key(str(key))}"
 
 
 class _Topic(NamedTuple):
-    """What a list is called, what its messages look like, and the names of its definitions."""
+    """Of which list it is, the name of its definition, and what its messages look like."""
 
-    name: str
+    key: ListKey
     title: str
     schema: bytes
 
@@ -44,12 +45,24 @@ class ListTopics:
         self._telegrams = DefinedTelegrams(layouts, keys=keys)
         self._topics = [_topic(layouts, key) for key in keys]
         self._messages = [TelegramMessages(place) for place in self._telegrams.places]
-        self._rows: DefinedRows | None = None
+        self._declared: dict[ListKey, str] = {}
 
     def declare(self, sink: TopicSink) -> None:
-        """Have all topics in a file: those without a telegram show what is missing."""
+        """Have all topics in a file: those without a telegram show what is missing.
+
+        Of a list that is defined for any channel, which these are is known when it comes.
+        """
+        self._declared = {}
         for topic in self._topics:
-            sink.topic(topic.name, topic.title, topic.schema)
+            if topic.key.port != ANY_CHANNEL:
+                self._name(sink, topic, topic.key)
+
+    def _name(self, sink: TopicSink, topic: _Topic, key: ListKey) -> str:
+        """Return the name of the topic of a list; the file has it then."""
+        if key not in self._declared:
+            self._declared[key] = topic_of(key)
+            sink.topic(self._declared[key], topic.title, topic.schema)
+        return self._declared[key]
 
     def observe(self, told: Told) -> None:
         """Take a batch, whose messages are asked for next."""
@@ -64,16 +77,24 @@ class ListTopics:
         rows = rows.take(slice(begin, end))
         for piece in stretches(rows.size_bytes, len(rows), _PIECE_BYTES):
             own = rows.take(piece)
-            sink.messages(*self._of(own), own.frame, own.ts_ns)
+            sink.messages(*self._of(sink, own), own.frame, own.ts_ns)
 
-    def _of(self, rows: DefinedRows) -> tuple[list[str], list[bytes]]:
+    def _of(self, sink: TopicSink, rows: DefinedRows) -> tuple[list[str], list[bytes]]:
         """Return the topics and the messages of telegrams, in their order."""
         senders = self._telegrams.senders
         names, texts = [""] * len(rows), [b""] * len(rows)
         for place, which in rows.by_place():
-            name = self._topics[self._telegrams.places[place].number].name
-            for row, text in zip(which.tolist(), self._messages[place].messages(rows, which, senders), strict=True):
-                names[row], texts[row] = name, text
+            topic = self._topics[self._telegrams.places[place].number]
+            own = rows.sender[which].tolist()
+            # On CAN, it is the channel that is known of the sender.
+            keys = {
+                sender: topic.key._replace(port=senders[sender]) if topic.key.port == ANY_CHANNEL else topic.key
+                for sender in set(own)
+            }
+            name_of = {sender: self._name(sink, topic, key) for sender, key in keys.items()}
+            messages = self._messages[place].messages(rows, which, senders)
+            for row, sender, text in zip(which.tolist(), own, messages, strict=True):
+                names[row], texts[row] = name_of[sender], text
         return names, texts
 
 
@@ -84,4 +105,4 @@ def _elements(layouts: Layouts, key: ListKey) -> int:
 
 def _topic(layouts: Layouts, key: ListKey) -> _Topic:
     definitions, has_rest = layouts.definitions_of(key), bool(layouts.partly_of(key))
-    return _Topic(topic_of(key), definitions[0].name, list_schema(definitions, has_rest=has_rest).encode())
+    return _Topic(key, definitions[0].name, list_schema(definitions, has_rest=has_rest).encode())

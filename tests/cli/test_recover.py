@@ -133,3 +133,18 @@ def test_files_are_kept(tmp_path: Path) -> None:
         done = run_text("recover", path, "-w", target)
         assert (done.returncode, told in done.stderr, target.read_bytes()) == (2, True, before)
     assert "no file to write is named" in run_text("recover", path).stderr
+
+
+def test_what_is_in_recordings_of_others_is_told(tmp_path: Path) -> None:
+    out = BytesIO()
+    writer = Writer(out)
+    writer.start("ros1", "somebody")
+    schema = writer.register_schema("pose", "jsonschema", b"{}")
+    for topic in ("/pose", "/tf\x1b[31m"):
+        writer.add_message(writer.register_channel(topic, "json", schema), 10**18, b"{}", 10**18)
+    writer.finish()
+    (tmp_path / "x.mcap").write_bytes(out.getvalue())
+    for verb in (("report",), ("packets",), ("convert", "-w", str(tmp_path / "y.pcap"))):
+        done = run_text(verb[0], tmp_path / "x.mcap", *verb[1:])
+        assert done.returncode == 0, done.stderr
+        assert "x.mcap: no packets are in it; its topics are /pose, /tf\\x1b[31m." in done.stderr

@@ -211,9 +211,9 @@ def test_arrays_of_arrays_and_what_is_in_other_telegrams(tmp_path: Path) -> None
 def test_lists_on_can_have_topics_by_channel_and_identifier(tmp_path: Path) -> None:
     topics = recorded(CAPTURES / "can" / "press.log", CAPTURES / "can" / "press.gvl", tmp_path)
     (name,) = topics
-    assert name.startswith("/nv/can/")
+    assert name == "/nv/can/can0/0x110"
     report = json.loads(run_text("report", "--json", CAPTURES / "can" / "press.log", "--gvl", CAPTURES / "can").stdout)
-    sent = next(one for one in report["lists"] if f"/nv/{one['key']}" == name or one["name"] == "press")
+    sent = next(one for one in report["lists"] if one["name"] == "press")
     assert len(topics[name].messages) == sum(stream["telegrams"] for stream in sent["streams"])
     assert all(set(one) <= {"_nv", "v0", "v1", "v2", "v3", "v4"} for one in topics[name].messages)
 
@@ -249,3 +249,12 @@ def test_files_that_follow_each_other_have_the_messages_of_their_packets(tmp_pat
 def _times(topics: dict[str, Topic]) -> Iterator[int]:
     for topic in topics.values():
         yield from topic.times_ns
+
+
+def test_a_list_on_two_buses_has_a_topic_of_each(tmp_path: Path) -> None:
+    log = (CAPTURES / "can" / "press.log").read_text()
+    both = tmp_path / "both.log"
+    both.write_text("".join(f"{line}\n{line.replace(' can0 ', ' can7 ')}\n" for line in log.splitlines()))
+    topics = recorded(both, CAPTURES / "can" / "press.gvl", tmp_path)
+    assert sorted(topics) == ["/nv/can/can0/0x110", "/nv/can/can7/0x110"]
+    assert len({len(topic.messages) for topic in topics.values()}) == 1

@@ -250,6 +250,8 @@ class McapReader(WindowReader):
 
     def _end(self, view: View, at: int, cut: Place | None) -> None:
         self.finished = True
+        if not self.progress.frames:
+            self.progress.topics = tuple(self.topics)
         left_out = self.progress.left_out
         if self._complete:
             if left_out:
