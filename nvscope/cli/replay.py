@@ -175,6 +175,9 @@ def tell_of_sent(timing: Timing, targets: Mapping[tuple[str, int], int]) -> None
 
     where = ", ".join(f"{address}:{port}" for address, port in list(targets)[:5])
     more = f" and {len(targets) - 5} more" if len(targets) > 5 else ""
+    if not timing.sent:
+        echo("nvscope: nothing was sent: no telegram over UDP is there; frames of CAN are not sent.", err=True)
+        return
     told = f"nvscope: {count_of(timing.sent, 'telegram')} sent"
     if timing.p50_ns is not None and timing.p99_ns is not None and timing.worst_ns is not None:
         told += f" to {where}{more}; late by {duration(timing.p50_ns)} (p50), {duration(timing.p99_ns)} (p99), "

@@ -203,3 +203,8 @@ def test_a_simulated_plant_sends_what_it_would_write(tmp_path: Path) -> None:
     assert (done.returncode, "is not this machine" in done.stderr) == (2, True)
     done = run_text("simulate", scenario, "--to", "udp://127.0.0.1", "-w", tmp_path / "y.pcap")
     assert (done.returncode, "writes nothing" in done.stderr, (tmp_path / "y.pcap").exists()) == (2, True, False)
+
+
+def test_where_there_is_nothing_to_send_it_says_so() -> None:
+    done = run_text("replay", ROOT / "captures" / "can" / "press.log", "--to", "udp://127.0.0.1:9")
+    assert (done.returncode, "nothing was sent: no telegram over UDP" in done.stderr) == (0, True)
