@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from nvscope.analysis.attached_project import with_attached
 from nvscope.analysis.inquiry import Inquiry
+from nvscope.capture.attaching import that_may_attach
 from nvscope.capture.content import STDIN
 from nvscope.capture.open import open_source
 from nvscope.definition.project import find_project
@@ -79,7 +80,7 @@ def open_captures(
     paths = _paths("captures", captures)
     files = None if definitions is None else _paths("definitions", definitions)
     found = find_project(Path.cwd()) if project is True else Path(project) if project else None
-    inquiry = Inquiry(paths, with_attached(read_project(found, files), paths).project)
+    inquiry = Inquiry(paths, with_attached(read_project(found, files), that_may_attach(paths)).project)
     if not paths:
         raise UsageError("no capture file is given", next_step="name one, or a directory of them")
     # A pipe can be opened only once: it has to wait until something is asked.

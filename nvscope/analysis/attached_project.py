@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from nvscope.capture.attaching import that_may_attach
 from nvscope.capture.open import open_source
 from nvscope.definition.project import Project
 from nvscope.definition.project_file import read_attached_project
@@ -23,15 +22,15 @@ class AttachedProject(NamedTuple):
     unread: str = ""
 
 
-def with_attached(project: Project, captures: Sequence[str]) -> AttachedProject:
-    """Return a project, or, where it has no definitions, with those that a recording among some captures brings.
+def with_attached(project: Project, recordings: Sequence[str]) -> AttachedProject:
+    """Return a project, or, where it has no definitions, with those that one of some recordings brings.
 
     Several that bring the same files are one series. A recording that cannot be read brings nothing; reading its
     packets says what is wrong. What is attached by others need be no definition.
     """
     first: tuple[str, Mapping[str, bytes]] | None = None
     others = []
-    for path in () if project.files else that_may_attach(captures):
+    for path in () if project.files else recordings:
         try:
             files = {one.name: one.read() for one in open_source([path]).attachments}
         except UnreadableInput:

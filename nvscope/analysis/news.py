@@ -47,7 +47,7 @@ class News:
         """Return what is new in the causes of a look."""
         now: dict[Hashable, Cause] = {}
         for cause in causes:
-            now.setdefault(_identity(cause), cause)
+            now.setdefault(identity_of(cause), cause)
         gone: dict[Hashable, list[Cause]] = defaultdict(list)
         for identity, cause in self._known.items():
             if identity not in now and cause.until_ns is None:
@@ -101,8 +101,16 @@ def _heir(gone: Cause, causes: Iterable[Cause], new: Sequence[Cause]) -> Cause |
     return next((one for one in new if places & {*one.nodes, *one.lists}), None)
 
 
+def is_over(cause: Cause, heir: Cause | None) -> bool:
+    """Tell of one that ended, with its ``instead``, whether it is over, and not just told no more.
+
+    Behind a state that no event told is nothing that could be another's: it is over when it is told no more.
+    """
+    return cause.until_ns is not None or not (cause.findings or heir)
+
+
 def _findings_of(cause: Cause) -> set[Hashable]:
-    return {(one.code, one.list_number, one.node, one.subindex, one.key, one.channel) for one in cause.findings}
+    return {one.place for one in cause.findings}
 
 
 def _taken(gone: dict[Hashable, list[Cause]], cause: Cause) -> Cause | None:
@@ -122,6 +130,6 @@ def _place(cause: Cause) -> Hashable:
     return cause.kind.name, cause.nodes or cause.lists or cause.channel
 
 
-def _identity(cause: Cause) -> Hashable:
+def identity_of(cause: Cause) -> Hashable:
     """Return what stays of a cause while it goes on."""
     return _place(cause), cause.since_ns

@@ -63,6 +63,13 @@ class Scene:
         return happened.chronicle.up_to(at_ns) if happened and at_ns is not None else None
 
     @cached_property
+    def list_keys(self) -> Mapping[int, str]:
+        """The keys of the lists by number, as documents have them."""
+        summary = self.snapshot.summary
+        keys = {entry.number: str(entry.key) for entry in summary.lists}
+        return keys | {entry.number: str(entry.key) for entry in summary.can.lists}
+
+    @cached_property
     def document(self) -> Mapping[str, Any]:
         """The report (schema ``nvscope.report/2``) at that moment; its lists and findings are made when asked for."""
         known, happened = self.snapshot, self.snapshot.happened

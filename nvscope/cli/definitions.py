@@ -77,12 +77,12 @@ def _with_attached(project: Project, captures: Sequence[str]) -> Project:
     """Return a project with the definitions of a recording, where it has none, and say which are left out."""
     from nvscope.capture.attaching import that_may_attach
 
-    if project.files or not that_may_attach(captures):
+    if project.files or not (recordings := that_may_attach(captures)):
         return project
     from nvscope.analysis.attached_project import with_attached
     from nvscope.view.escape import visible
 
-    found = with_attached(project, captures)
+    found = with_attached(project, recordings)
     if found.unread:
         echo(f"nvscope: what is attached is left out: {visible(found.unread)} (--gvl names definitions)", err=True)
     for path in found.others:

@@ -152,26 +152,21 @@ def record(
         from nvscope.record.topics import ListTopics
 
         topics = ListTopics(inquiry.layouts)
+    beside = Beside(
+        lambda: source.channels,
+        [*attachments_of(plant.inputs, plant.path), *(source.attachments if plant.recording else ())],
+        lambda: circumstances_of(source.infos, live.bpf),
+        topics,
+        diary=trigger is None and not packets_only,
+    )
     if trigger is not None:
         rule_of_events = FlightRule(
             duration_ns("--pre", pre), duration_ns("--post", post), max_rate, int(min_free * 1_000_000_000)
         )
-        beside = Beside(
-            lambda: source.channels,
-            [*attachments_of(plant.inputs, plant.path), *(source.attachments if plant.recording else ())],
-            lambda: circumstances_of(source.infos, live.bpf),
-            topics,
-        )
         _wait_for_events(inquiry, source, trigger, write, rule_of_events, beside, ring, quiet=quiet)
         return
     recorder = Recorder(
-        Beside(
-            lambda: source.channels,
-            [*attachments_of(plant.inputs, plant.path), *(source.attachments if plant.recording else ())],
-            lambda: circumstances_of(source.infos, live.bpf),
-            topics,
-            diary=not packets_only,
-        ),
+        beside,
         FileRule(rule.get("duration"), rule.get("packets"), rule.get("filesize"), rule.get("files")),
         to_disk_ns=to_disk_ns,
         replaces=force,

@@ -223,9 +223,7 @@ class _Json:
         from nvscope.view.escape import json_ascii
 
         known = scene.snapshot
-        keys = {entry.number: str(entry.key) for entry in known.summary.lists}
-        keys |= {entry.number: str(entry.key) for entry in known.summary.can.lists}
-        per_s = {key: scene.pace.per_second(number, 1) for number, key in keys.items()}
+        per_s = {key: scene.pace.per_second(number, 1) for number, key in scene.list_keys.items()}
         line = watch_line(
             scene.document, known.summary, scene.at_ns, per_s, scene.pace.of_all(1), told.new, told.ended, told.instead
         )  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Hashable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -49,6 +49,11 @@ class Finding:
     def code(self) -> str:
         """The code of its kind, as reports have it: ``NV201``."""
         return self.kind.code
+
+    @property
+    def place(self) -> Hashable:
+        """What it is and where: the same of one look and the next, whatever its figures."""
+        return self.code, self.list_number, self.node, self.subindex, self.key, self.channel
 
     @property
     def lists(self) -> tuple[int, ...]:

@@ -6,7 +6,7 @@ import json
 from collections.abc import Hashable, Iterator, Mapping
 from typing import Any
 
-from nvscope.analysis.news import News
+from nvscope.analysis.news import News, is_over
 from nvscope.analysis.watching import Scene
 from nvscope.capture.mcap.sink import TopicSink
 from nvscope.causes.cause import Cause
@@ -45,9 +45,7 @@ class Diary:
         at_ns, happened = scene.at_ns, scene.snapshot.happened
         if at_ns is None:
             return
-        summary = scene.snapshot.summary
-        keys = {entry.number: str(entry.key) for entry in summary.lists}
-        keys |= {entry.number: str(entry.key) for entry in summary.can.lists}
+        keys = scene.list_keys
         yield FIGURES_TOPIC, _text(_figures(scene, keys))
         if happened is not None:
             told = self._news.of(happened.causes)
@@ -58,9 +56,8 @@ class Diary:
                 if id(cause) not in begun:
                     yield LOG_TOPIC, _of_end(cause, heir, at_ns)
         for finding in scene.snapshot.findings:
-            place = finding.code, finding.list_number, finding.node, finding.subindex, finding.key, finding.channel
-            if place not in self._known:
-                self._known.add(place)
+            if finding.place not in self._known:
+                self._known.add(finding.place)
                 yield LOG_TOPIC, _of_finding(finding, keys, at_ns)
 
 
@@ -155,8 +152,7 @@ def _of_cause(cause: Cause, at_ns: int) -> bytes:
 
 
 def _of_end(cause: Cause, heir: Cause | None, at_ns: int) -> bytes:
-    is_over = cause.until_ns is not None or not (cause.findings or heir)
-    what = "over" if is_over else "no longer told" if heir is None else f"now told as: {heir.title}"
+    what = "over" if is_over(cause, heir) else "no longer told" if heir is None else f"now told as: {heir.title}"
     since_ns = at_ns if cause.until_ns is None else cause.until_ns
     return _entry(since_ns, _INFO, f"{cause.title}: {what}", cause.kind.name, _where(cause), 0)
 

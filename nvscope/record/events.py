@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterator
 
+from nvscope.analysis.news import identity_of
 from nvscope.analysis.watching import Scene
 from nvscope.errors import UsageError
 from nvscope.list_key import ListKey
@@ -53,15 +54,13 @@ class EventsOfScenes:
         if chosen.causes:
             for number in sorted(causes):
                 cause = happened.causes[number]
-                identity = cause.kind.name, cause.nodes or cause.lists or cause.channel, cause.since_ns
-                if self._is_new(identity):
+                if self._is_new(identity_of(cause)):
                     since_ns = at_ns if cause.since_ns is None else cause.since_ns
                     yield since_ns, slug_of(cause.kind.name, [_identifier(key) for key in cause.lists]), cause.title
             return
         for number in sorted(findings):
             finding = scene.snapshot.findings[number]
-            place = finding.code, finding.list_number, finding.node, finding.subindex, finding.key, finding.channel
-            if self._is_new(place):
+            if self._is_new(finding.place):
                 since_ns = at_ns if finding.first_ns is None else finding.first_ns
                 yield since_ns, f"{finding.code}-{finding.kind.name}", finding.message
 

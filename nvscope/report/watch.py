@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from nvscope import units
+from nvscope.analysis.news import is_over
 from nvscope.report.ansi import paint
 from nvscope.view.escape import visible, visible_document
 from nvscope.view.lines.plant import content, happenings, strips
@@ -68,9 +69,7 @@ def news(
     begun = {id(cause) for cause in told.new}
     for cause, heir in zip(told.ended, told.instead, strict=True):
         if id(cause) not in begun:
-            # Behind a state that no event told is nothing that could be another's: it is over when it is told no more.
-            is_over = cause.until_ns is not None or not (cause.findings or heir)
-            mark, over = ("● ", "over") if is_over else ("→ ", _what_became(heir))
+            mark, over = ("● ", "over") if is_over(cause, heir) else ("→ ", _what_became(heir))
             ended = [Cell(when, Tone.FAINT), Cell(mark, Tone.GOOD), Cell(f"{visible(cause.title)}: {over}")]
             lines += wrap(ended, width, hanging=len(when) + 2)
     return paint(lines, colour=colour) if lines else ""
