@@ -13,14 +13,15 @@ from typer.core import TyperCommand, TyperGroup
 
 from nvscope.cli.terminal import numbers
 
-READ, LIVE, SHOWN, DEFINED, WRITTEN, HELP = (
-    "What is read", "Live sources", "What is shown", "Definitions and names", "How it is told", "Help",
+READ, LIVE, SHOWN, SENT, DEFINED, WRITTEN, HELP = (
+    "What is read", "Live sources", "What is shown", "What is sent", "Definitions and names", "How it is told", "Help",
 )  # fmt: skip
 
 GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         READ: ("-r", "--from-time", "--to-time", "-d", "--bitrate", "--ack-timeout"),
         LIVE: ("-i", "-D", "--for", "-a", "--follow", "-f", "-B", "-p"),
+        SENT: ("--to", "--map", "--port", "--allow-network"),
         DEFINED: ("--gvl", "--project", "-n", "--types", "--a-types", "--b-types"),
         WRITTEN: (
             "--json", "--md", "-w", "--force", "-T", "-E", "-t", "-x", "-V", "--utc", "-q", "--wide", "--color",
@@ -31,7 +32,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )  # fmt: skip
 """The groups of options by one of their names; those that stand in none choose what is shown (``SHOWN``)."""
 
-ORDER = (SHOWN, READ, LIVE, DEFINED, WRITTEN, HELP)
+ORDER = (SHOWN, READ, LIVE, SENT, DEFINED, WRITTEN, HELP)
 
 EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
     {
@@ -61,10 +62,26 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
             ("nvscope export plant.pcapng plc -w flags.csv --list axis --rows cycle", "a row for each cycle"),
             ("nvscope export plant.pcapng -w telegrams.csv", "without definitions: the telegrams"),
         ),
+        "record": (
+            ("nvscope record plant.pcapng plc -w plant.mcap", "a capture with its variables, figures and causes"),
+            ("nvscope record plant.pcapng -w events/ --trigger 'cause.kind == \"node-restart\"'", "a file an event"),
+        ),
+        "convert": (
+            ("nvscope convert plant.pcapng -w whole.pcap", "in another format"),
+            ("nvscope convert plant.pcapng -Y 'nv.index == 7' -w list7.pcapng", "the telegrams of a list alone"),
+        ),
+        "recover": (("nvscope recover cut.mcap -w whole.mcap", "all that is whole of a recording that was cut off"),),
+        "replay": (
+            ("nvscope replay plant.pcapng --rate 10", "on the screen, ten times as fast as it was"),
+            ("nvscope replay plant.pcapng --to udp://127.0.0.1", "to the programs of this machine"),
+        ),
         "gvl layout": (("nvscope gvl layout plc", "what lies where in each telegram"),),
         "gvl lint": (("nvscope gvl lint plc", "what will not work, before it is sent"),),
         "gvl diff": (("nvscope gvl diff sender.gvl reader.gvl", "whether both sides mean the same"),),
-        "simulate": (("nvscope simulate plant.toml -w plant.pcapng", "a capture with faults, and the truth"),),
+        "simulate": (
+            ("nvscope simulate plant.toml -w plant.pcapng", "a capture with faults, and the truth"),
+            ("nvscope simulate plant.toml --to udp://127.0.0.1", "a plant on a desk"),
+        ),
         "explain": (
             ("nvscope explain node-silent", "a cause: what happened, by what it is told, and what to do"),
             ("nvscope explain NV301", "a finding: what it means and what to do"),

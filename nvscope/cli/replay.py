@@ -1,67 +1,50 @@
-"""``nvscope replay``: the telegrams of a recording to a network, at their pace."""
+"""``nvscope replay``: a capture as it happened, on the screen, or its telegrams to a network, at their pace."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated
+import signal
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from nvscope.capture.content import STDIN
+from nvscope.capture.player import LEAST_RATE, MOST_RATE
+from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, flaws_told_first, project_of
 from nvscope.cli.named_files import named_files
+from nvscope.cli.screen import RING_MIB, SIGNALLED, RingOption, ThemeOption, clock, has_screen
+from nvscope.cli.sending import MapOption, NetworkOption, PortOption, Stop, Target, ToOption, target_of, tell_of_sent
 from nvscope.cli.sources import (
+    ChannelMapOption,
     DecodeOption,
+    FilesArgument,
+    FilterOption,
     ReadOption,
-    SourcesArgument,
     asked_range,
     port_rules,
     tell_of_losses,
+    with_channels,
 )
-from nvscope.cli.terminal import echo
-from nvscope.errors import ExitCode, UsageError
+from nvscope.cli.terminal import ColourOption
+from nvscope.errors import UsageError
 
 if TYPE_CHECKING:
-    from nvscope.capture.source import Source, SourceInfo
-    from nvscope.plc.pace import Timing
-    from nvscope.plc.telegram_sender import Route
+    from dissectors.netvar import PortRules
+    from nvscope.definition.project import Project
 
-_LEAST_RATE, _MOST_RATE = 0.01, 1000.0
-_TARGET = re.compile(r"udp://(?P<address>\[[^\]]*\]|[^:/\[\]]*)(?::(?P<port>[0-9]{1,5}))?")
-_MOST_PORT = 0xFFFF
-
-MapOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--map", metavar="OLD=NEW", help="Send to NEW what went to the address OLD; also several.", show_default=False
-    ),
-]
-PortOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--port", metavar="[OLD=]NEW", help="Send to port NEW what went to port OLD, or all of it.", show_default=False
-    ),
-]
-NetworkOption = Annotated[
-    bool, typer.Option("--allow-network", help="Send to other machines, too, and not to this one alone.")
-]
+LEAST_SENT_RATE, MOST_SENT_RATE = 0.01, 1000.0
+_RANGE = ("--start-offset", "--until")
 
 
 def replay(
-    sources: SourcesArgument = None,
-    to: Annotated[
-        str | None,
-        typer.Option(
-            "--to",
-            metavar="udp://ADDRESS[:PORT]",
-            help="Where telegrams go; without an address, where they went; without a port, to the port they went to.",
-            show_default=False,
-        ),
-    ] = None,
+    sources: FilesArgument = None,
+    to: ToOption = None,
     read: ReadOption = None,
     rate: Annotated[
         float, typer.Option("--rate", metavar="FACTOR", help="How many times as fast as it was; 0.1 is slow.")
     ] = 1.0,
-    loop: Annotated[bool, typer.Option("--loop", help="Begin again at the end, until Ctrl-C.")] = False,
+    loop: Annotated[bool, typer.Option("--loop", help="Begin again at the end, until it is ended.")] = False,
     start: Annotated[
         str | None,
         typer.Option("--start-offset", metavar="TIME", help="Begin at this time of the capture.", show_default=False),
@@ -75,111 +58,128 @@ def replay(
     mapped: MapOption = None,
     port: PortOption = None,
     allow_network: NetworkOption = False,
+    wanted: FilterOption = None,
+    gvl: GvlOption = None,
+    project: ProjectOption = None,
+    no_names: NoNamesOption = False,
     decode: DecodeOption = None,
+    channel_map: ChannelMapOption = None,
+    ring: RingOption = RING_MIB,
+    theme: ThemeOption = None,
+    utc: Annotated[bool, typer.Option("--utc", help="Show times in UTC.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No word of what was sent, and how late.")] = False,
-) -> None:
-    """Send the telegrams of a capture again, each when it is due by one clock: a plant on a desk.
+    colour: ColourOption = "auto",
+) -> None:  # fmt: skip
+    """Play a capture on the screen of `nvscope watch`, as it happened, slower or faster; or send its telegrams again.
 
-    To this machine alone, unless --allow-network is given. There each sender has an address of its own, 127.168.1.10
-    for 192.168.1.10, so that a program that listens tells them apart. Malformed telegrams are sent as they are; those
-    that were not captured whole are not, and the exit code is 3. At the end it says how late telegrams were sent.
+    On the screen space stands still, . and , go a frame on and back, [ and ] some seconds, { and } to the cause before
+    and the next one, < and > change the rate, a repeats a part; ? shows all keys.
+
+    With --to each telegram is sent when it is due by one clock: a plant on a desk. To this machine alone, unless
+    --allow-network is given. There each sender has an address of its own, 127.168.1.10 for 192.168.1.10, so that a
+    program that listens tells them apart. Malformed telegrams are sent as they are; those that were not captured whole
+    are not, and the exit code is 3. At the end it says how late telegrams were sent.
     """
-    if not to:
-        raise UsageError(
-            "it is not said where to send", next_step="add --to udp://127.0.0.1; `nvscope watch FILE` shows a capture"
-        )
-    route = route_of(to, mapped or (), port or (), allow_network=allow_network)
-    if not _LEAST_RATE <= rate <= _MOST_RATE:
-        raise UsageError(f"--rate {rate}: expected {_LEAST_RATE} to {_MOST_RATE:.0f}", next_step="for example --rate 2")
-    files = named_files(sources, read)
-    asked = asked_range(start, until, utc=False)
+    how = How(rate, loop, start, until, skip_gaps)
+    if to:
+        if wanted is not None or theme is not None or gvl:
+            raise UsageError("-Y, --theme and --gvl are of the screen", next_step="leave them out where --to sends")
+        files = named_files(sources, read)
+        target = target_of(to, mapped or (), port or (), allow_network=allow_network)
+        how.check(LEAST_SENT_RATE, MOST_SENT_RATE)
+        send(files.captures, how, target, port_rules(decode), quiet=quiet)
+        return
+    if mapped or port or allow_network:
+        raise UsageError("it is not said where to send", next_step="add --to udp://127.0.0.1")
+    files = named_files(sources, read, gvl)
+    how.check(LEAST_RATE, MOST_RATE)
+    plant = with_channels(project_of(project, files.definitions, files.captures), channel_map)
+    show(
+        files.captures, how, plant, port_rules(decode), wanted=wanted, names=not no_names, ring_mib=ring, theme=theme,
+        utc=utc, colour=colour,
+    )  # fmt: skip
 
+
+@dataclass(frozen=True, slots=True)
+class How:
+    """How a capture is replayed: so many times as fast, again at its end, from a time on, to a time, without pauses."""
+
+    rate: float
+    loops: bool
+    start: str | None
+    until: str | None
+    skips_gaps: bool
+
+    def check(self, least: float, most: float) -> None:
+        """UsageError for a rate that is not between two."""
+        if not least <= self.rate <= most:
+            raise UsageError(f"--rate {self.rate:g}: expected {least:g} to {most:g}", next_step="for example --rate 2")
+
+
+def send(captures: Sequence[str], how: How, target: Target, ports: PortRules | None, *, quiet: bool) -> None:
+    """Send what captures hold, and say how late it was."""
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.live import LiveRun
     from nvscope.definition.project import Project
     from nvscope.plc.pace import Pace
-    from nvscope.plc.telegram_sender import TelegramSender
 
-    inquiry = Inquiry(files.captures, Project(), port_rules(decode), asked=asked)
-    pace, source = Pace(rate, skips_gaps=skip_gaps), inquiry.open()
+    inquiry = Inquiry(captures, Project(), ports, asked=asked_range(how.start, how.until, utc=False, options=_RANGE))
+    pace, source = Pace(how.rate, skips_gaps=how.skips_gaps), inquiry.open()
     stop = Stop(source)
-    with LiveRun(stop, quiet=True), TelegramSender(route, pace, port_rules(decode), lambda: stop.asked) as sender:
+    with LiveRun(stop, quiet=True), target.sender(pace, ports, lambda: stop.asked) as sender:
         while not stop.asked:
             for batch in source:
-                sender.send(batch)
-            if not loop or not pace.timing.sent:
+                sender.send(batch, source.channels)
+            if not how.loops or not pace.timing.sent:
                 break
             pace.again()
             source = inquiry.open()
             stop.source = source
-    if not quiet:
-        tell_of_sent(pace.timing, sender.targets)
-    if sender.cut:
-        from nvscope.units import count_of
-
-        echo(f"nvscope: {count_of(sender.cut, 'telegram')} not captured whole, and not sent.", err=True)
-    if code := max(tell_of_losses(source.infos), ExitCode.DATA_LOSS if sender.cut else ExitCode.GOOD):
+    code = tell_of_sent(target, pace.timing, sender, quiet=quiet)
+    if code := max(tell_of_losses(source.infos), code):
         raise typer.Exit(code)
 
 
-class Stop:
-    """What ends when somebody asks for it: what is sent, and the source of that, if it has one."""
+def show(
+    captures: Sequence[str], how: How, plant: Project, ports: PortRules | None, *, wanted: str | None, names: bool,
+    ring_mib: int, theme: str | None, utc: bool, colour: Literal["auto", "always", "never"],
+) -> None:  # fmt: skip
+    """Play captures on the screen until somebody ends it."""
+    if not has_screen(captures):
+        raise UsageError(
+            "there is no terminal to show it on",
+            next_step="`nvscope watch --plain FILE` tells what happened, line by line; --to udp://127.0.0.1 sends it",
+        )
+    if STDIN in captures:
+        raise UsageError("stdin cannot be played: it is read once", next_step="name a file")
+    asked = asked_range(how.start, how.until, utc=utc, options=_RANGE)
+    from dataclasses import replace
 
-    def __init__(self, source: Source | None = None) -> None:
-        self.source = source
-        self.asked = False
+    from nvscope.analysis.extent import span_of
+    from nvscope.analysis.inquiry import Inquiry
+    from nvscope.analysis.watching import Watching
+    from nvscope.capture.player import Player
+    from nvscope.capture.source import FileSource
+    from nvscope.cli.memory import keep_freed_memory
+    from nvscope.record.recorder import Recorder
+    from nvscope.tui.run import run_screen
 
-    @property
-    def infos(self) -> Sequence[SourceInfo]:
-        return () if self.source is None else self.source.infos
-
-    def stop(self) -> None:
-        self.asked = True
-        if self.source is not None:
-            self.source.stop()
-
-
-def route_of(to: str, mapped: Sequence[str], ports: Sequence[str], *, allow_network: bool) -> Route:
-    """Return where telegrams go by the options; UsageError where they cannot be understood, or may not go there."""
-    from nvscope.plc.permission import address_of
-    from nvscope.plc.telegram_sender import Route
-
-    found = _TARGET.fullmatch(to)
-    if found is None or (found["port"] and not 0 < int(found["port"]) <= _MOST_PORT):
-        raise UsageError(f"--to {to[:80]}: expected udp://ADDRESS:PORT", next_step="for example udp://127.0.0.1:1202")
-    addresses = {}
-    for text in mapped:
-        old, sign, new = text.partition("=")
-        if not sign:
-            raise UsageError(
-                f"--map {text[:80]}: expected OLD=NEW", next_step="for example --map 192.168.1.255=127.0.0.1"
-            )
-        addresses[address_of(old.strip())] = address_of(new.strip())
-    every, numbers = int(found["port"] or 0), {}
-    for text in ports:
-        old, sign, new = text.rpartition("=")
-        parts = [part for part in (old, new) if part or sign]
-        if not all(part.isdecimal() and part.isascii() and 0 < int(part) <= _MOST_PORT for part in parts):
-            raise UsageError(f"--port {text[:80]}: expected NEW, or OLD=NEW", next_step="for example --port 1202=2202")
-        if sign:
-            numbers[int(old)] = int(new)
-        else:
-            every = int(new)
-    address = address_of(found["address"]) if found["address"] else ""
-    return Route(address, every, addresses, numbers, allow_network)
-
-
-def tell_of_sent(timing: Timing, targets: Mapping[tuple[str, int], int]) -> None:
-    """Say what was sent, and how late."""
-    from nvscope.units import count_of, duration
-
-    where = ", ".join(f"{address}:{port}" for address, port in list(targets)[:5])
-    more = f" and {len(targets) - 5} more" if len(targets) > 5 else ""
-    if not timing.sent:
-        echo("nvscope: nothing was sent: no telegram over UDP is there; frames of CAN are not sent.", err=True)
-        return
-    told = f"nvscope: {count_of(timing.sent, 'telegram')} sent"
-    if timing.p50_ns is not None and timing.p99_ns is not None and timing.worst_ns is not None:
-        told += f" to {where}{more}; late by {duration(timing.p50_ns)} (p50), {duration(timing.p99_ns)} (p99), "
-        told += f"{duration(timing.worst_ns)} (worst)"
-    echo(f"{told}.", err=True)
+    player = Player(how.rate, skips_gaps=how.skips_gaps, loops=how.loops)
+    whole = Inquiry(captures, plant, ports, asked=None if asked is None else replace(asked, start=None))
+    keep_freed_memory()
+    if asked is not None and asked.start is not None:
+        source = Inquiry(captures, plant, ports).open()
+        assert isinstance(source, FileSource)
+        begin_ns, _ = span_of(source, asked, lambda: whole.latest_ns(asked.told_from_end))
+        source.stop()
+        if begin_ns is not None:
+            player.go(begin_ns)
+    watching = Watching(ring_mib << 20, None if names else {}, clock=clock(utc))
+    with flaws_told_first(plant.definition):
+        left = run_screen(
+            whole, watching, Recorder(), expression=wanted, theme=theme, utc=utc, colour=colour, player=player
+        )  # fmt: skip
+    if left.signal == getattr(signal, "SIGHUP", None):
+        raise typer.Exit(SIGNALLED + left.signal)  # nobody is there any more to be told anything
+    if code := tell_of_losses(left.infos):
+        raise typer.Exit(code)

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nvscope.capture.formats import suffixes_that
-from nvscope.cli.replay import MapOption, NetworkOption, PortOption, Stop, route_of, tell_of_sent
+from nvscope.cli.sending import MapOption, NetworkOption, PortOption, Stop, Target, ToOption, target_of, tell_of_sent
 from nvscope.cli.sources import ForceOption
 from nvscope.cli.streams import refuse_streams_onto
 from nvscope.cli.terminal import echo
 from nvscope.errors import CaptureError, NvscopeError, UsageError
 
 if TYPE_CHECKING:
-    from nvscope.plc.telegram_sender import Route
     from nvscope.simulate.scenario import Scenario
 
 
@@ -27,15 +26,7 @@ def simulate(
         str | None,
         typer.Option("-w", "--write", metavar="FILE", help=f"The {suffixes_that(lambda _: True)} file to write."),
     ] = None,
-    to: Annotated[
-        str | None,
-        typer.Option(
-            "--to",
-            metavar="udp://ADDRESS[:PORT]",
-            help="Send the telegrams there, as they come, and write nothing; as of `nvscope replay`.",
-            show_default=False,
-        ),
-    ] = None,
+    to: ToOption = None,
     mapped: MapOption = None,
     port: PortOption = None,
     allow_network: NetworkOption = False,
@@ -70,7 +61,7 @@ def simulate(
     if scenario is not None and to:
         if write or truth or gvl:
             raise UsageError("--to sends, and writes nothing", next_step="leave -w, --truth and --gvl out")
-        _send(load_scenario(scenario), route_of(to, mapped or (), port or (), allow_network=allow_network))
+        _send(load_scenario(scenario), target_of(to, mapped or (), port or (), allow_network=allow_network))
         return
     if scenario is None or write is None:
         raise UsageError(
@@ -125,22 +116,23 @@ def simulate(
         echo(f"{visible(write)}: {frames} frames; the truth about them: {visible(told_to)}", err=True)
 
 
-def _send(plan: Scenario, route: Route) -> None:
-    """Send the telegrams of a scenario, each when it is due."""
+def _send(plan: Scenario, target: Target) -> None:
+    """Send what a scenario says, each when it is due; what cannot go there is told."""
     from nvscope.cli.live import LiveRun
     from nvscope.plc.pace import Pace
-    from nvscope.plc.telegram_sender import TelegramSender
     from nvscope.simulate.simulator import traffic
 
-    if plan.channels:
-        raise UsageError("the scenario has frames of CAN, which are not sent", next_step="write them with -w FILE.log")
+    if plan.channels and plan.has_network:
+        other = "telegrams over UDP" if target.is_can else "frames of CAN"
+        echo(f"nvscope: the scenario has {other}, too, which are not sent there.", err=True)
     pace, stop = Pace(), Stop()
-    with LiveRun(stop, quiet=True), TelegramSender(route, pace, None, lambda: stop.asked) as sender:
+    with LiveRun(stop, quiet=True), target.sender(pace, None, lambda: stop.asked) as sender:
         for batch in traffic(plan):
-            sender.send(batch)
+            sender.send(batch, plan.channels)
             if stop.asked:
                 break
-    tell_of_sent(pace.timing, sender.targets)
+    if code := tell_of_sent(target, pace.timing, sender):
+        raise typer.Exit(code)
 
 
 @contextmanager

@@ -33,6 +33,14 @@ SourcesArgument = Annotated[
         show_default=False,
     ),
 ]
+FilesArgument = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="FILE...",
+        help="Capture files, or directories of them; and definition files, as for --gvl.",
+        show_default=False,
+    ),
+]
 ReadOption = Annotated[
     list[str] | None, typer.Option("-r", metavar="SOURCE", help="The same as an argument.", show_default=False)
 ]
@@ -160,13 +168,15 @@ def port_rules(options: Sequence[str] | None) -> PortRules | None:
     return PortRules(tuple(ports["nvl"]), tuple(ports["data"]))
 
 
-def asked_range(from_time: str | None, to_time: str | None, *, utc: bool) -> AskedRange | None:
-    """Return what --from-time and --to-time say, None without any; UsageError where one cannot be understood."""
+def asked_range(
+    from_time: str | None, to_time: str | None, *, utc: bool, options: tuple[str, str] = ("--from-time", "--to-time")
+) -> AskedRange | None:
+    """Return what two ``options`` say, None without any; UsageError where one cannot be understood."""
     if from_time is None and to_time is None:
         return None
     from nvscope.view.asked_time import parse_range
 
-    return parse_range(from_time, to_time, utc=utc)
+    return parse_range(from_time, to_time, utc=utc, options=options)
 
 
 def duration_ns(option: str, text: str) -> int:

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from nvscope.capture.content import STDIN
-from nvscope.cli.counts import at_least_one
 from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, flaws_told_first, project_of, tell_of_lists
 from nvscope.cli.encodings import as_data
 from nvscope.cli.limits import file_limits
 from nvscope.cli.live import LiveOptions, captured, with_live_options
 from nvscope.cli.named_files import named_files
 from nvscope.cli.scenes import scenes
+from nvscope.cli.screen import RING_MIB, SIGNALLED, RingOption, ThemeOption, clock, has_screen
 from nvscope.cli.sources import (
     ChannelMapOption,
     DecodeOption,
@@ -42,8 +41,6 @@ if TYPE_CHECKING:
     from nvscope.analysis.watching import Scene, Watching
 
 _EVERY_NS = 10_000_000_000
-_MEBIBYTE = 1 << 20
-_SIGNALLED = 128
 
 
 @with_live_options
@@ -70,12 +67,7 @@ def watch(
             show_default=False,
         ),
     ] = None,
-    ring: Annotated[
-        int,
-        typer.Option(
-            "--ring", metavar="MIB", parser=at_least_one, help="The last frames are kept in so many MiB of memory.",
-        ),
-    ] = 256,
+    ring: RingOption = RING_MIB,
     wanted: FilterOption = None,
     gvl: GvlOption = None,
     project: ProjectOption = None,
@@ -84,9 +76,7 @@ def watch(
     channel_map: ChannelMapOption = None,
     from_time: FromTimeOption = None,
     to_time: ToTimeOption = None,
-    theme: Annotated[
-        str | None, typer.Option("--theme", metavar="NAME", help="Colours of the screen: dark, light, ansi, or mono.")
-    ] = None,
+    theme: ThemeOption = None,
     utc: Annotated[bool, typer.Option("--utc", help="Show times in UTC.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress on stderr.")] = False,
     colour: ColourOption = "auto",
@@ -111,14 +101,14 @@ def watch(
     from nvscope.analysis.watching import Watching
     from nvscope.cli.memory import keep_freed_memory
 
-    screen = not (plain or as_json) and sys.stdout.isatty() and _has_keys(paths)
+    screen = not (plain or as_json) and has_screen(paths)
     captures = captured(paths, live, plant, ports)
     inquiry = Inquiry(captures, plant, ports, asked=asked)
     if inquiry.paths:
         keep_freed_memory()
     # Whoever watches was there, and plain lines begin with the time; programs, and captures, have the words of reports.
     by_clock = captures is not paths or STDIN in paths if screen else not as_json
-    how = Watching(ring * _MEBIBYTE, {} if no_names else None, clock=_clock(utc) if by_clock else None)
+    how = Watching(ring << 20, {} if no_names else None, clock=clock(utc) if by_clock else None)
     if screen:
         from nvscope.record.attachments import attachments_of
         from nvscope.record.circumstances import circumstances_of
@@ -143,7 +133,7 @@ def watch(
         with flaws_told_first(plant.definition):
             left = run_screen(inquiry, how, recorder, expression=wanted, theme=theme, utc=utc, colour=colour)
         if left.signal == getattr(signal, "SIGHUP", None):
-            raise typer.Exit(_SIGNALLED + left.signal)  # nobody is there any more to be told anything
+            raise typer.Exit(SIGNALLED + left.signal)  # nobody is there any more to be told anything
         code = ExitCode.GOOD
         if (state := recorder.state) is not None:
             told = recorded_in_words(state.frames, state.files, state.path)
@@ -164,32 +154,6 @@ def watch(
         tell_of_lists(inquiry)
     if code := tell_of_losses(last.snapshot.infos):
         raise typer.Exit(code)
-
-
-def _has_keys(paths: Sequence[str]) -> bool:
-    """Tell whether there can be a screen, with keys on stdin, or, where that is the capture, at the terminal."""
-    if os.environ.get("TERM") == "dumb":
-        return False  # nothing can be drawn on it
-    if sys.stdin is None or sys.stdin.isatty():
-        return sys.stdin is not None
-    if STDIN not in paths:
-        return False
-    try:
-        terminal = os.open("/dev/tty", os.O_RDWR)
-    except OSError:
-        return False
-    # The capture is read from where stdin leads now; the screen reads keys from descriptor 0.
-    sys.stdin = os.fdopen(os.dup(0))
-    os.dup2(terminal, 0)
-    os.close(terminal)
-    return True
-
-
-def _clock(utc: bool) -> Callable[[int], str]:
-    """Return what tells moments by the clock on the wall."""
-    from nvscope.units import clock_time
-
-    return lambda time_ns: clock_time(time_ns, utc=utc, digits=0)
 
 
 def _printed(

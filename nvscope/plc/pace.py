@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+_SHORTEST_NS, _LONGEST_NS = 100_000, 100_000_000
 _BUCKET_NS, _BUCKETS = 10_000, 100_000
 _SKIPPED_NS = 1_000_000_000
 """A pause that is skipped lasts so long."""
@@ -47,6 +49,14 @@ class Pace:
             self._skipped_ns += ts_ns - self._last_ns - _SKIPPED_NS
         self._last_ns = ts_ns
         return self._begin_ns + int((ts_ns - self._first_ns - self._skipped_ns) / self._rate)
+
+    def wait_until(self, due_ns: int, is_stopped: Callable[[], bool]) -> bool:
+        """Wait until something is due; return whether nobody has stopped it, which is asked ten times a second."""
+        while (rest_ns := due_ns - time.monotonic_ns()) > 0:
+            if is_stopped():
+                return False
+            time.sleep(min(max(rest_ns - _SHORTEST_NS, 0), _LONGEST_NS) / 1e9)
+        return not is_stopped()
 
     def again(self) -> None:
         """Begin anew with the next packet, as if it were the first."""

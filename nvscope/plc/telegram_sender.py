@@ -5,7 +5,7 @@ from __future__ import annotations
 import ipaddress
 import socket
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType, TracebackType
 from typing import Self
@@ -20,7 +20,6 @@ from nvscope.plc.pace import Pace
 from nvscope.plc.permission import is_loopback, refuse_network
 
 _MOST_SOCKETS = 256
-_SHORTEST_NS, _LONGEST_NS = 100_000, 100_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,11 +64,11 @@ class TelegramSender:
     ) -> None:  # fmt: skip
         self._route, self._pace, self._ports, self._is_stopped = route, pace, ports, is_stopped
         self._sockets: dict[tuple[str, str], socket.socket] = {}
-        self._routes: dict[tuple[int, ...], tuple[socket.socket, tuple[str, int]]] = {}
+        self._routes: dict[tuple[int, ...], tuple[socket.socket, tuple[str, int], str]] = {}
         self.cut = 0
-        self.targets: dict[tuple[str, int], int] = {}
+        self.targets: dict[str, int] = {}
 
-    def send(self, packets: PacketBatch) -> None:
+    def send(self, packets: PacketBatch, channels: Sequence[str] = ()) -> None:
         """Send the telegrams of some packets; returns when the last one is sent, or somebody stops it."""
         telegrams = dissect(packets, self._ports).telegrams
         datagrams = telegrams.datagram
@@ -83,31 +82,23 @@ class TelegramSender:
         data = telegrams.data.data
         for ts_ns, begin, size, *ends in zip(*(column.tolist() for column in columns), strict=True):
             due_ns = self._pace.due_ns(ts_ns)
-            if not self._wait_until(due_ns):
+            if not self._pace.wait_until(due_ns, self._is_stopped):
                 return
-            out, target = self._routes.get(tuple(ends)) or self._found(tuple(ends))
+            out, target, told = self._routes.get(tuple(ends)) or self._found(tuple(ends))
             try:
                 out.sendto(data[begin : begin + size], target)
             except ConnectionRefusedError:
                 pass  # of an earlier one: nobody listens there, which is theirs to know
             except OSError as error:
                 raise CaptureError(
-                    f"cannot be sent: {error.strerror or error}", where=f"{target[0]}:{target[1]}",
+                    f"cannot be sent: {error.strerror or error}", where=told,
                     next_step="check the address, and that an interface leads there",
                 ) from error  # fmt: skip
             self._pace.was_sent(time.monotonic_ns() - due_ns)
-            self.targets[target] = self.targets.get(target, 0) + 1
+            self.targets[told] = self.targets.get(told, 0) + 1
 
-    def _wait_until(self, due_ns: int) -> bool:
-        """Wait; return whether nobody has stopped it."""
-        while (rest_ns := due_ns - time.monotonic_ns()) > 0:
-            if self._is_stopped():
-                return False
-            time.sleep(min(max(rest_ns - _SHORTEST_NS, 0), _LONGEST_NS) / 1e9)
-        return not self._is_stopped()
-
-    def _found(self, ends: tuple[int, ...]) -> tuple[socket.socket, tuple[str, int]]:
-        """Return the socket that a sender's telegrams go out by, and where they go."""
+    def _found(self, ends: tuple[int, ...]) -> tuple[socket.socket, tuple[str, int], str]:
+        """Return the socket that a sender's telegrams go out by, and where they go, also in words."""
         source, destination = address.text(*ends[:2]), address.text(*ends[2:4])
         target = self._route.of(destination, ends[4])
         if not self._route.allow_network and not is_loopback(target[0]):
@@ -119,7 +110,7 @@ class TelegramSender:
                 key = next(iter(self._sockets))
             else:
                 self._sockets[key] = _opened(own, is_six=key[1] == "6")
-        self._routes[ends] = self._sockets[key], target
+        self._routes[ends] = self._sockets[key], target, f"{target[0]}:{target[1]}"
         return self._routes[ends]
 
     def close(self) -> None:

@@ -18,6 +18,7 @@ class Group(Enum):
     VIEW = "Views"
     MOVE = "Moving"
     TIME = "Time"
+    REPLAY = "Replay"
     FIND = "Finding"
     SHOW = "Showing"
     PROGRAM = "Program"
@@ -59,13 +60,25 @@ ACTIONS: Sequence[Action] = (
     Action("view.open", ("enter",), Group.MOVE, "drill in: what belongs to the row"),
     Action("view.pane", ("tab",), Group.MOVE, "the next pane of a view"),
     Action("view.maximise", ("z",), Group.MOVE, "this pane alone, and back"),
-    Action("time.freeze", ("space",), Group.TIME, "freeze what is shown, and go on; capturing goes on meanwhile"),
+    Action(
+        "time.freeze",
+        ("space",),
+        Group.TIME,
+        "freeze what is shown, and go on; capturing goes on meanwhile, a replay stands",
+    ),
     Action("time.follow", ("F",), Group.TIME, "follow: what is now, or the end of a capture"),
     Action("time.back", ("[",), Group.TIME, "back in time"),
     Action("time.forward", ("]",), Group.TIME, "forward in time"),
     Action("time.previous-finding", ("{",), Group.TIME, "to when the cause before began"),
     Action("time.next-finding", ("}",), Group.TIME, "to when the next cause began"),
     Action("time.go", (), Group.TIME, "to a time: 12:30:01, 5s, -2s", "TIME"),
+    Action("replay.step", (".",), Group.REPLAY, "a frame further on, and stand there"),
+    Action("replay.step-back", (",",), Group.REPLAY, "a frame back, and stand there"),
+    Action("replay.faster", (">",), Group.REPLAY, "faster"),
+    Action("replay.slower", ("<",), Group.REPLAY, "slower"),
+    Action("replay.rate", ("=",), Group.REPLAY, "as fast as it was, or so many times as fast: 0.1 to 100", "FACTOR"),
+    Action("replay.a-b", ("a",), Group.REPLAY, "repeat from here, then: to here, then: no more"),
+    Action("replay.loop", ("L",), Group.REPLAY, "begin again at the end, and no more"),
     Action("find.filter", ("/",), Group.FIND, "a filter, as for -Y", "EXPR"),
     Action("find.suspend", ("\\",), Group.FIND, "suspend the filter, and use it again"),
     Action("find.next", ("n",), Group.FIND, "the next match of the filter"),

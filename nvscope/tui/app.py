@@ -20,6 +20,7 @@ from nvscope.tui.actions import BY_NAME, Keymap, matching
 from nvscope.tui.bars import Bar, Tabs, foot, head
 from nvscope.tui.commands.find import FindCommands
 from nvscope.tui.commands.marks import MarkCommands
+from nvscope.tui.commands.play import PlayCommands
 from nvscope.tui.commands.program import ProgramCommands
 from nvscope.tui.commands.record import RecordCommands
 from nvscope.tui.commands.time import TimeCommands
@@ -30,6 +31,7 @@ from nvscope.tui.look import Look
 from nvscope.tui.painting import PALETTES
 from nvscope.tui.prompt import Prompt
 from nvscope.tui.recording import Recorder, Recording
+from nvscope.tui.replay.position_bar import PositionBar
 from nvscope.tui.views.can import CanView
 from nvscope.tui.views.causes import CausesView
 from nvscope.tui.views.lists import ListsView
@@ -64,7 +66,7 @@ class WatchApp(App[None], inherit_bindings=False):
     Screen { layout: vertical; }
     #views { height: 1fr; }
     #head { background: $foreground 10%; }
-    #foot { background: $foreground 10%; }
+    #foot, #position { background: $foreground 10%; }
     """
 
     def __init__(
@@ -73,7 +75,8 @@ class WatchApp(App[None], inherit_bindings=False):
     ) -> None:  # fmt: skip
         super().__init__(ansi_color=theme in ("ansi", "mono"))
         self.feed, self.keymap, self._last_resort = feed, keymap, last_resort
-        self._time, self._marks, self._records = TimeCommands(self), MarkCommands(self), RecordCommands(self, recorder)
+        self._time = TimeCommands(self) if feed.player is None else PlayCommands(self, feed.player)
+        self._marks, self._records = MarkCommands(self), RecordCommands(self, recorder)
         self.find, self._program = FindCommands(self, expression), ProgramCommands(self)
         self._does: Mapping[str, Callable[[str], None]] = {
             **self._time.does, **self._marks.does, **self._records.does, **self.find.does, **self._program.does,
@@ -111,6 +114,8 @@ class WatchApp(App[None], inherit_bindings=False):
             with Vertical(id=_HELP):
                 yield LinesView(id="help-lines")
         yield self._prompt
+        if self.feed.player is not None:
+            yield PositionBar(self.feed, self.feed.player)
         yield Bar(id="foot")
 
     def on_mount(self) -> None:
@@ -235,7 +240,8 @@ class WatchApp(App[None], inherit_bindings=False):
         else:
             top.tell([Cell(" nvscope ", Tone.STRONG), Cell("waiting for the first look …", Tone.FAINT)])
         front = self.front
-        bottom.tell(*foot(self.keymap, front.hints() if front else (), self._states_below, self.size.width))
+        hints = front.hints() if front else ()
+        bottom.tell(*foot(self.keymap, hints, self._states_below, self.size.width, plays=self.feed.player is not None))
 
     @property
     def _state(self) -> str:
@@ -248,7 +254,8 @@ class WatchApp(App[None], inherit_bindings=False):
             parts.append(filtered)
         if recording := self._records.state():
             parts.append(recording)
-        parts.append(self._state or ("live" if self.feed.is_live else "end of capture"))
+        if self.feed.player is None:  # where that is has a line of its own
+            parts.append(self._state or ("live" if self.feed.is_live else "end of capture"))
         return parts
 
     @property

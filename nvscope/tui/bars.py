@@ -158,17 +158,26 @@ _SHORT = {
 }  # fmt: skip
 
 
-def foot(keymap: Keymap, hints: Sequence[str], states: Sequence[str], width: int) -> tuple[Line, Line]:
+_PLAYED = ("time.freeze", "replay.step", "replay.step-back", "replay.faster", "time.next-finding")
+_SHORT_PLAYED = {"time.freeze": "pause", "replay.step-back": "back", "time.next-finding": "next cause"}
+
+
+def foot(
+    keymap: Keymap, hints: Sequence[str], states: Sequence[str], width: int, *, plays: bool = False
+) -> tuple[Line, Line]:  # fmt: skip
     """Return what keys do, the most useful first, and what is in force: a filter, a recording, how time is.
 
-    Where there is no room for both, what keys do gives way: they are told by the help, too.
+    ``plays``: a capture is played, and how is what people want to know first. Where there is no room for both, what
+    keys do gives way: they are told by the help, too.
     """
     state = "   ".join(states)
     if display_width(state) > width - 2:
         state = shorten(state, max(width - 2, 1))
+    short = _SHORT | _SHORT_PLAYED if plays else _SHORT
+    names = dict.fromkeys((*(_PLAYED if plays else ()), *hints, "program.command", "program.help"))
     told = [
-        [Cell(key, Tone.STRONG), Cell(f" {_SHORT.get(name, name.partition('.')[2])}   ", Tone.FAINT)]
-        for name in (*hints, "program.command", "program.help") if (key := keymap.key_of(name))
+        [Cell(key, Tone.STRONG), Cell(f" {short.get(name, name.partition('.')[2])}   ", Tone.FAINT)]
+        for name in names if (key := keymap.key_of(name))
     ]  # fmt: skip
     while told and _width([cell for cells in told for cell in cells]) + 1 > width - display_width(state) - 2:
         # The help is the last one to go.

@@ -10,6 +10,7 @@ from typing import Protocol
 
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.analysis.watching import Scene, Watched, Watching, scene_at, session_of
+from nvscope.capture.player import Player
 from nvscope.capture.source import SourceInfo
 from nvscope.errors import NvscopeError
 from nvscope.tui.kept_scenes import KeptScenes
@@ -37,10 +38,11 @@ OnEnd = Callable[[BaseException | None], None]
 class Feed(Protocol):
     """Gives scenes to a screen, from a thread of its own: ``on_scene`` for each look, ``on_end`` when nothing follows.
 
-    ``is_live``: time goes on by itself.
+    ``is_live``: time goes on by itself. ``player`` says how, where a capture is played; None where none is.
     """
 
     is_live: bool
+    player: Player | None
 
     def start(self, on_scene: OnScene, on_end: OnEnd) -> None:
         """Begin to look."""
@@ -48,6 +50,11 @@ class Feed(Protocol):
 
     def span(self) -> Span | None:
         """Return from when to when scenes can be had, None before the first."""
+        ...
+
+    @property
+    def whole(self) -> Scene | None:
+        """What is known of all that is there so far, None before the first look."""
         ...
 
     def at(self, time_ns: int, on_scene: OnScene) -> None:
@@ -69,6 +76,8 @@ class SessionFeed:
     One scene a second is kept for a while, and told with the frames that are there now; of files any moment can be read
     again (``past``).
     """
+
+    player: Player | None = None
 
     def __init__(self, inquiry: Inquiry, how: Watching) -> None:
         self._inquiry, self._how = inquiry, how
@@ -118,6 +127,10 @@ class SessionFeed:
         self._last = scene
         if self.is_live:
             self._kept.add(scene)
+
+    @property
+    def whole(self) -> Scene | None:
+        return self._last
 
     def span(self) -> Span | None:
         last = self._last

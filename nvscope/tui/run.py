@@ -17,6 +17,7 @@ from nvscope.view.display_filter import DisplayFilter
 if TYPE_CHECKING:
     from typing import Literal
 
+    from nvscope.capture.player import Player
     from nvscope.tui.recording import Recorder
 
 
@@ -29,13 +30,13 @@ class Left(NamedTuple):
 
 def run_screen(
     inquiry: Inquiry, how: Watching, recorder: Recorder, *, expression: str | None = None, theme: str | None = None,
-    utc: bool = False, colour: Literal["auto", "always", "never"] = "auto",
+    utc: bool = False, colour: Literal["auto", "always", "never"] = "auto", player: Player | None = None,
 ) -> Left:  # fmt: skip
     """Show the screen until somebody ends it; return what is known then.
 
-    ``recorder`` is one of the observers of ``how``, where the source is live. Raises ConfigurationError for keys of the
-    project that cannot be, UsageError for a theme that there is not and a filter that cannot be understood, and what
-    reading the source raises.
+    ``recorder`` is one of the observers of ``how``, where the source is live. ``player`` plays it, where it is a
+    capture that is to be played. Raises ConfigurationError for keys of the project that cannot be, UsageError for a
+    theme that there is not and a filter that cannot be understood, and what reading the source raises.
     """
     project = inquiry.project
     if expression is not None:
@@ -48,10 +49,12 @@ def run_screen(
             known = ", ".join(PALETTES)
             raise UsageError(f"--theme {theme[:40]}: there is no such theme", next_step=f"there are {known}")
     from nvscope.tui.app import WatchApp  # noqa: PLC0415  not for a wrong key
-    from nvscope.tui.feed import SessionFeed  # noqa: PLC0415
+    from nvscope.tui.feed import Feed, SessionFeed  # noqa: PLC0415
     from nvscope.tui.last_resort import LastResort  # noqa: PLC0415
+    from nvscope.tui.replay.feed import ReplayFeed  # noqa: PLC0415
 
-    feed, last_resort = SessionFeed(inquiry, how), LastResort(recorder.stop)
+    feed: Feed = SessionFeed(inquiry, how) if player is None else ReplayFeed(inquiry, how, player)
+    last_resort = LastResort(recorder.stop)
     app = WatchApp(
         feed, keymap, recorder=recorder, expression=expression, theme=theme or _theme(colour), utc=utc,
         last_resort=last_resort,

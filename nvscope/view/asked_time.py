@@ -92,14 +92,17 @@ class AskedRange:
         return begin, end
 
 
-def parse_range(start: str | None, end: str | None, *, utc: bool = False) -> AskedRange:
-    """Return what --from-time and --to-time give, None for no bound; as ``parse_time``, but for numbers of frames.
+def parse_range(
+    start: str | None, end: str | None, *, utc: bool = False, options: tuple[str, str] = ("--from-time", "--to-time")
+) -> AskedRange:  # fmt: skip
+    """Return what two ``options`` give, None for no bound; as ``parse_time``, but for numbers of frames.
 
     Frames are counted from the start of what is read: in a range, a number would mean another frame than it says.
     """
-    begin = None if start is None else parse_time("--from-time", start, utc=utc, frames=False)
-    last = None if end is None else parse_time("--to-time", end, utc=utc, frames=False)
-    return AskedRange(begin, last, f"--from-time {start}", f"--to-time {end}", utc)
+    first, second = options
+    begin = None if start is None else parse_time(first, start, utc=utc, frames=False)
+    last = None if end is None else parse_time(second, end, utc=utc, frames=False)
+    return AskedRange(begin, last, f"{first} {start}", f"{second} {end}", utc)
 
 
 def parse_time(option: str, text: str, *, utc: bool = False, frames: bool = True) -> AskedTime:

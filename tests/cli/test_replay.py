@@ -163,7 +163,17 @@ def test_what_was_not_captured_whole_is_not_sent(tmp_path: Path) -> None:
         (("--to", "udp://127.0.0.1", "--map", "1.2.3.4"), "expected OLD=NEW"),
         (("--to", "udp://127.0.0.1", "--port", "x"), "expected NEW, or OLD=NEW"),
         (("--to", "udp://127.0.0.1", "--rate", "0"), "--rate 0"),
-        ((), "it is not said where to send"),
+        (("--map", "10.0.0.1=127.0.0.1"), "it is not said where to send"),
+        ((), "there is no terminal to show it on"),
+        (("--rate", "1000"), "--rate 1000: expected 0.1 to 100"),
+        (("--to", "udp://127.0.0.1", "-Y", "nv.index == 7"), "-Y, --theme and --gvl are of the screen"),
+        (("--to", "udp://127.0.0.1", "--start-offset", "9s", "--until", "2s"), "--start-offset 9s lies behind --until"),
+        (("--to", "can:socketcan:can0"), "may have other nodes on it"),
+        (("--to", "can:udp_multicast:239.74.163.2"), "may have other nodes on it"),
+        (("--to", "can:virtual:a", "--map", "can1=can:slcan:/dev/ttyACM0"), "may have other nodes on it"),
+        (("--to", "can:virtual:a", "--map", "10.0.0.1=127.0.0.1"), "expected CHANNEL=can:INTERFACE:CHANNEL"),
+        (("--to", "can:virtual:a", "--port", "1202"), "--port is of telegrams"),
+        (("--to", "can:virtual"), "expected can:INTERFACE:CHANNEL"),
     ],
 )
 def test_what_it_does_not_do_is_told_before_anything_is_sent(options: tuple[str, ...], told: str) -> None:
@@ -208,3 +218,5 @@ def test_a_simulated_plant_sends_what_it_would_write(tmp_path: Path) -> None:
 def test_where_there_is_nothing_to_send_it_says_so() -> None:
     done = run_text("replay", ROOT / "captures" / "can" / "press.log", "--to", "udp://127.0.0.1:9")
     assert (done.returncode, "nothing was sent: no telegram over UDP" in done.stderr) == (0, True)
+    done = run_text("replay", PLANT, "--to", "can:virtual:a")
+    assert (done.returncode, "nothing was sent: no frame of CAN" in done.stderr) == (0, True)

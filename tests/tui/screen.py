@@ -9,10 +9,12 @@ from typing import Any
 
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.analysis.watching import Watching
+from nvscope.capture.player import Player
 from nvscope.record.recorder import Recorder
 from nvscope.tui.actions import Keymap
 from nvscope.tui.app import WatchApp
 from nvscope.tui.feed import SessionFeed
+from nvscope.tui.replay.feed import ReplayFeed
 
 _PATIENCE_S = 30
 
@@ -72,6 +74,26 @@ def on_screen(
                 screen = Screen(app, pilot)
                 await screen.until(lambda: app._ended and app.look is not None)
                 await screen.press(*keys)
+                await look(screen)
+        finally:
+            feed.stop()
+
+    asyncio.run(watch())
+
+
+def on_replay(
+    inquiry: Inquiry, player: Player, look: Callable[[Screen], Awaitable[None]], *,
+    size: tuple[int, int] = (100, 30), **how: Any,
+) -> None:  # fmt: skip
+    """Play captures on a screen of a size, and do with it what is asked for from its beginning on."""
+
+    async def watch() -> None:
+        feed = ReplayFeed(inquiry, Watching(), player)
+        app = WatchApp(feed, Keymap(), recorder=Recorder(), utc=True, **how)
+        try:
+            async with app.run_test(size=size) as pilot:
+                screen = Screen(app, pilot)
+                await screen.until(lambda: app.look is not None and feed.whole is not None)
                 await look(screen)
         finally:
             feed.stop()

@@ -79,7 +79,7 @@ class ProgramCommands:
             self._app.exit()
 
     def _count_anew(self, _: str) -> None:
-        if not self._app.feed.is_live:
+        if not self._app.feed.is_live or self._app.feed.player is not None:
             self._app.notify("A capture is counted from its beginning; --from-time cuts it", timeout=3)
             return
         self._app.feed.reset()

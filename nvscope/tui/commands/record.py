@@ -32,7 +32,7 @@ class RecordCommands:
 
     def _toggle(self, told: str) -> None:
         app, recorder = self._app, self.recorder
-        if not app.feed.is_live:
+        if not app.feed.is_live or app.feed.player is not None:
             app.notify("A capture is a recording already", timeout=3)
             return
         state = recorder.state

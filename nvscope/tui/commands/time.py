@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from nvscope.errors import NvscopeError
+from nvscope.tui.actions import ACTIONS, Group
 from nvscope.tui.prompt import Prompt
 from nvscope.view.asked_time import Reference, parse_time
 
@@ -50,7 +51,11 @@ class TimeCommands:
             "time.next-finding": lambda _: self._to_cause(1),
             "time.go": self._go_to,
             "time.go-to-ns": lambda told: self._go(int(told)),
+            **dict.fromkeys((action.name for action in ACTIONS if action.group is Group.REPLAY), self._not_played),
         }
+
+    def _not_played(self, _: str) -> None:
+        self._app.notify("Nothing is played here: `nvscope replay` plays captures", timeout=3)
 
     def _freeze(self, _: str) -> None:
         self.frozen = not self.frozen
@@ -92,7 +97,9 @@ class TimeCommands:
 
     def _to_cause(self, direction: int) -> None:
         """Go to when the cause before or behind the moment that is shown began."""
-        scene, now_ns = self._app.scene, self._now_ns
+        scene, now_ns = self._app.feed.whole, self._now_ns
+        if scene is None and self._app.feed.player is not None:
+            self._app.notify("What is to come is still being looked at", timeout=2)
         if scene is None or now_ns is None or scene.snapshot.happened is None:
             return
         begun = sorted({cause.since_ns for cause in scene.snapshot.happened.causes if cause.since_ns is not None})

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
+from dissectors.can.frame import CanBatch
 from nvscope.capture.live.can.drivers import PASSIVE, Driver, driver_of
 from nvscope.capture.live.can.word import PREFIX, CanWord
 from nvscope.errors import CaptureError, UsageError
@@ -52,10 +53,32 @@ def opened(where: CanWord, driver: Driver) -> Any:
     Configuration files of python-can are not asked: what is captured is what the word says. Raises whatever a driver
     raises, for ``reason``.
     """
+    return _opened(where, driver.options)
+
+
+def opened_to_send(where: CanWord) -> Any:
+    """Return an open bus that may be sent on; raises as ``opened``."""
+    driver = driver_of(where.interface)
+    return _opened(where, {} if driver.listens else driver.options)
+
+
+def message_of(frames: CanBatch, place: int) -> Any:
+    """Return a frame as python-can sends it; it is no error frame, and whole."""
+    at, length, is_fd = int(frames.at[place]), int(frames.length[place]), bool(frames.fd[place])
+    remote = bool(frames.remote[place])
+    return _library().Message(
+        arbitration_id=int(frames.identifier[place]), is_extended_id=bool(frames.extended[place]),
+        is_remote_frame=remote, is_fd=is_fd, bitrate_switch=bool(frames.brs[place]),
+        error_state_indicator=bool(frames.esi[place]), dlc=length,
+        data=None if remote else frames.data[at : at + length].tobytes(),
+    )  # fmt: skip
+
+
+def _opened(where: CanWord, options: Mapping[str, Any]) -> Any:
     can = _library()
     if where.interface not in can.interfaces.BACKENDS:
         raise UnknownInterface(sorted(can.interfaces.BACKENDS))
-    asked = {key: can.BusState.PASSIVE if value == PASSIVE else value for key, value in driver.options.items()}
+    asked = {key: can.BusState.PASSIVE if value == PASSIVE else value for key, value in options.items()}
     told: Mapping[str, Any] = where.options
     if isinstance(state := told.get("state"), str):
         told = {**told, "state": can.BusState[state.upper()]}
