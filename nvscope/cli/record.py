@@ -222,10 +222,10 @@ def _wait_for_events(
     from nvscope.record.edges import Edges
     from nvscope.record.events import EventsOfScenes, is_of_scenes
     from nvscope.record.flight_recorder import FlightRecorder
-    from nvscope.view.display_filter import DisplayFilter
+    from nvscope.view.moment_filter import MomentFilter
 
     _check_target(path)
-    chosen = DisplayFilter(expression, inquiry.fields)
+    chosen = MomentFilter(expression, inquiry.fields)
     of_scenes = is_of_scenes(chosen)
     flight = FlightRecorder(
         path, rule, lambda: beside, inquiry.reading(), None if of_scenes else Edges(chosen),

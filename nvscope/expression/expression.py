@@ -11,9 +11,12 @@ does not exist. Numbers compared with times and durations are seconds.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import cast
+from typing import TypeVar, cast
+
+from lark import Token
 
 from dissectors.batch import Bool
 from nvscope.expression import literals, spans
@@ -22,13 +25,15 @@ from nvscope.expression.comparison import compare, told
 from nvscope.expression.literals import Unfit
 from nvscope.expression.masks import Test, all_of, any_of, odd_of, over, over_pairs, present
 from nvscope.expression.mistake import Span
+from nvscope.expression.over_time import Age, Before, Changed, Edge, Held, Subject, carrying
 from nvscope.expression.pattern import Pattern, PatternError
 from nvscope.expression.syntax import Node, parse, span_of
-from nvscope.expression.terms import NUMBERS, WORDS, Terms, Typed, Written
+from nvscope.expression.terms import NUMBERS, TESTS, WORDS, Terms, Typed, Written
 from nvscope.expression.typed_columns import BytesColumn, FieldType, NameTable, TextColumn
-from nvscope.expression.values import Evaluate, Operands, Read
+from nvscope.expression.values import Evaluate, Moments, Operands, Read
 
 _SIGNS = {"eq": "==", "ne": "!=", "lt": "<", "le": "<=", "gt": ">", "ge": ">="}
+Compiled = TypeVar("Compiled")
 _RELATIONS = {"comparison", "member", "stranger", "contains", "matches"}
 
 
@@ -39,38 +44,53 @@ class Expression:
     text: str
     fields: tuple[str, ...]
     test: Test
+    remembers: bool = False
 
-    def mask(self, read: Read) -> Bool:
+    def mask(self, read: Read, moments: Moments | None = None) -> Bool:
         """Return in which telegrams the expression holds; ``read`` gives a field's column and where it exists.
 
         A field is read at most once, and not at all where what stands in front of it has decided already.
+        ``moments`` are needed by one that ``remembers``.
         """
-        return self.test(Operands(read))
+        return self.test(Operands(read, moments))
 
 
-def compile_expression(text: str, names: NameTable) -> Expression:
-    """Compile an expression over the fields of a table; ExpressionError, with the place, where it cannot be."""
-    compiler = _Compiler(text, names)
+def compile_expression(text: str, names: NameTable, *, over_time: bool = False) -> Expression:
+    """Compile an expression over the fields of a table; ExpressionError, with the place, where it cannot be.
+
+    ``over_time``: it may have functions of time. Then it is asked of all telegrams in their order, each once: it
+    remembers what was before.
+    """
+    compiler = _Compiler(text, names, over_time=over_time)
     test = compiler.test(parse(text))
-    return Expression(text, tuple(compiler.fields), test)
+    return Expression(text, tuple(compiler.fields), test, compiler.remembers)
 
 
 class _Compiler(Terms):
     """Compiles the tests of one expression."""
+
+    def __init__(self, text: str, names: NameTable, *, over_time: bool) -> None:
+        super().__init__(text, names)
+        self._over_time = over_time
+        self.remembers = False
 
     def test(self, node: Node) -> Test:
         """Return the test that a tree is; a value becomes the test whether it exists, is true, or is not 0."""
         children = cast("list[Node]", node.children)
         match node.data:
             case "disjunction":
-                return any_of([self.test(child) for child in children])
+                return any_of([self.test(child) for child in children], every=self._over_time)
             case "exclusive":
                 return odd_of([self.test(child) for child in children])
             case "conjunction":
-                return all_of([self.test(child) for child in children])
+                return all_of([self.test(child) for child in children], every=self._over_time)
             case "inversion":
                 inverted = self.test(children[0])
                 return lambda operands: ~inverted(operands)
+            case "change":
+                return self._change(*children)
+            case "held":
+                return self._held(*children)
             case "some" | "every":
                 return self._quantified(children[0], everyone=node.data == "every")
             case "comparison" | "member" | "stranger" | "contains" | "matches":
@@ -101,7 +121,8 @@ class _Compiler(Terms):
         values = [self._value(cast("Node", child)) for child in node.children[::2]]
         signs = [str(sign).lower() for sign in node.children[1::2]]
         pairs = zip(pairwise(values), signs, strict=True)
-        return all_of([self._comparison(_SIGNS.get(sign, sign), *pair, everyone) for pair, sign in pairs])
+        tests = [self._comparison(_SIGNS.get(sign, sign), *pair, everyone) for pair, sign in pairs]
+        return all_of(tests, every=self._over_time)
 
     def _comparison(
         self, sign: str, left: Typed | Written, right: Typed | Written, everyone: bool | None = None
@@ -215,6 +236,68 @@ class _Compiler(Terms):
             start = min(right.span.start + offset, right.span.stop - 1)
             raise self._error(str(error), Span(start, right.span.stop)) from None
         return over(lambda column: told(cast("TextColumn", column), pattern.search), value.evaluate, everyone=everyone)
+
+    # --- functions of time
+
+    def _change(self, word: Token | Node, argument: Node) -> Test:
+        name = str(word).lower()
+        if name == "changed" and argument.data not in TESTS:
+            value, subject = self._subject(name, argument, lambda: self._one_value(name, argument))
+            return Changed(value.evaluate, subject)
+        test, subject = self._subject(name, argument, lambda: self.test(argument))
+        return Edge(test, subject, rises=name != "fell", falls=name != "rose")
+
+    def _held(self, word: Token | Node, argument: Node, length: Node) -> Test:
+        test, subject = self._subject(str(word).lower(), argument, lambda: self.test(argument))
+        told = self._value(length)
+        if isinstance(told, Typed):
+            raise self._error("how long it has to be so is written out", told.span, "for example held(x, 2s)")
+        try:
+            length_ns = literals.fit(told.constant, FieldType.DURATION)
+        except Unfit as error:
+            raise self._error(str(error), told.span, "for example held(x, 2s)") from None
+        assert isinstance(length_ns, int)
+        if length_ns <= 0:
+            raise self._error("it has to be so for more than 0 s", told.span, "for example held(x, 2s)")
+        return Held(test, subject, length_ns)
+
+    def _before(self, word: Token | Node, argument: Token | Node, *, span: Span) -> Typed:
+        node = cast("Node", argument)
+        value, subject = self._subject("last", node, lambda: self._one_value("last", node))
+        if value.type is FieldType.BYTES:
+            raise self._error("last is for numbers, times, texts and addresses, and this is bytes", value.span)
+        evaluate = Before(value.evaluate, subject)
+        return Typed(value.type, evaluate, span, values=value.values, texts=value.texts)
+
+    def _age(self, word: Token | Node, argument: Token | Node, *, span: Span) -> Typed:
+        node = cast("Node", argument)
+        name = str(node.children[0]) if node.data == "name" else ""
+        known = self._known(name) if name else None
+        if known is not None and not known[1].test:
+            value, subject = self._subject("age", node, lambda: self._one_value("age", node))
+            return Typed(FieldType.DURATION, Age(carrying(value.evaluate, subject), subject), span, is_computed=True)
+        test, subject = self._subject("age", node, lambda: self.test(node))
+        return Typed(FieldType.DURATION, Age(test, subject), span, is_computed=True)
+
+    def _one_value(self, word: str, node: Node) -> Typed:
+        value = self._typed(node, f"{word} needs a field between its parentheses")
+        if value.count > 1:
+            raise self._error(f"{word} is for one field, and this stands for {value.count}", value.span)
+        return value
+
+    def _subject(self, word: str, node: Node, compiles: Callable[[], Compiled]) -> tuple[Compiled, Subject]:
+        """Return what a function of time is of, compiled, and what it names."""
+        if not self._over_time:
+            what = f"{word} looks at what was before, and a filter looks at each telegram alone"
+            raise self._error(what, span_of(node), "it is for --trigger and for rules")
+        self.remembers = True
+        before, self.fields = self.fields, {}
+        try:
+            compiled = compiles()
+            named = tuple(self.fields)
+        finally:
+            self.fields = {**before, **self.fields}
+        return compiled, Subject(named, tuple(name for name in named if self._names[name].lasts))
 
     def _presence(self, node: Node) -> Test:
         if node.data == "name" and (named := self._known(str(node.children[0]))) and named[1].test:

@@ -53,13 +53,16 @@ def present(evaluate: Evaluate, operands: Operands) -> Bool:
     return reduce(np.bitwise_or, [operand.presence for operand in evaluate(operands)])
 
 
-def all_of(tests: Sequence[Test]) -> Test:
-    """Return the test whether all of some tests hold; where the first hold nowhere, the others read nothing."""
+def all_of(tests: Sequence[Test], *, every: bool = False) -> Test:
+    """Return the test whether all of some tests hold; where the first hold nowhere, the others read nothing.
+
+    Unless ``every`` test is to be asked each time: some remember what was before.
+    """
 
     def test(operands: Operands) -> Bool:
         mask = tests[0](operands)
         for other in tests[1:]:
-            if not mask.any():
+            if not every and not mask.any():
                 break
             mask = mask & other(operands)
         return mask
@@ -67,13 +70,16 @@ def all_of(tests: Sequence[Test]) -> Test:
     return test
 
 
-def any_of(tests: Sequence[Test]) -> Test:
-    """Return the test whether one of some tests holds; where the first hold everywhere, the others read nothing."""
+def any_of(tests: Sequence[Test], *, every: bool = False) -> Test:
+    """Return the test whether one of some tests holds; where the first hold everywhere, the others read nothing.
+
+    ``every`` is as for ``all_of``.
+    """
 
     def test(operands: Operands) -> Bool:
         mask = tests[0](operands)
         for other in tests[1:]:
-            if mask.all():
+            if not every and mask.all():
                 break
             mask = mask | other(operands)
         return mask

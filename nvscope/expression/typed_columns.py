@@ -73,7 +73,8 @@ class Named:
     ``instead`` what to write in its place.
     ``values`` are names of its numbers, which may stand for them as texts; ``texts`` are the only ones that a field of
     texts has, empty where it may have any. ``test`` is the expression that the name
-    stands for where it is no value: ``ip`` chooses the telegrams that have it.
+    stands for where it is no value: ``ip`` chooses the telegrams that have it. ``lasts``: a value holds until the next
+    one comes, where time is looked at.
     """
 
     type: FieldType
@@ -83,6 +84,7 @@ class Named:
     texts: Sequence[str] = ()
     test: str = ""
     instead: str = ""
+    lasts: bool = False
 
 
 NameTable = Mapping[str, Named]

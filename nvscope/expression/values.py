@@ -32,11 +32,28 @@ class Operand:
         return np.ones(len(self), np.bool_) if self.known is None else self.known
 
 
-class Operands:
-    """The fields that an expression reads, each read when it is first needed, and once."""
+@dataclass(frozen=True, slots=True)
+class Moments:
+    """When rows were, and which of them follow each other: what functions of time go by.
 
-    def __init__(self, read: Read) -> None:
+    ``time_ns`` are their times; ``stream`` is the number of the stream that each is of, from 0 on, int64. ``carried``
+    tells which rows have a field themselves, and not only since it lasts.
+    """
+
+    time_ns: I64
+    stream: I64
+    carried: Callable[[str], Bool]
+
+
+class Operands:
+    """The fields that an expression reads, each read when it is first needed, and once.
+
+    ``moments`` are there for an expression that looks at time.
+    """
+
+    def __init__(self, read: Read, moments: Moments | None = None) -> None:
         self._read = read
+        self.moments = moments
         self._operands: dict[str, Operand] = {}
 
     def __getitem__(self, name: str) -> Operand:

@@ -9,27 +9,33 @@ from nvscope.analysis.watching import Scene
 from nvscope.errors import UsageError
 from nvscope.list_key import ListKey
 from nvscope.record.flight_recorder import slug_of
-from nvscope.view.display_filter import DisplayFilter
 from nvscope.view.fields.shown_fields import CAUSE, FINDING
+from nvscope.view.moment_filter import MomentFilter
 
 Event = tuple[int, str, str]
 """When it began, what it is for the name of a file, and what is told of it."""
 
 
-def is_of_scenes(chosen: DisplayFilter) -> bool:
+def is_of_scenes(chosen: MomentFilter) -> bool:
     """Tell whether an expression asks for causes and findings, and not for what telegrams say.
 
     UsageError where it asks for both, or for what is known at the end of a capture only.
     """
-    if not chosen.judged:
+    judged = [field.name for field in chosen.named if field.judged]
+    if not judged:
         return False
-    others = [name for name in chosen.judged if not name.startswith((CAUSE, FINDING))]
+    others = [name for name in judged if not name.startswith((CAUSE, FINDING))]
     if others:
         raise UsageError(
             f"{', '.join(others)}: figures of a whole capture, which nothing becomes at a frame",
             next_step="wait for the finding that tells it, such as --trigger 'finding.code == \"NV201\"' for losses",
         )
-    if not chosen.of_any_frame:
+    if chosen.alone is None:
+        raise UsageError(
+            "causes and findings begin by themselves: rose, held and the like are of telegrams",
+            next_step="leave them out: an event is where a cause or a finding begins",
+        )
+    if not chosen.alone.of_any_frame:
         raise UsageError(
             "causes and findings are told of a plant, the rest of single telegrams: a trigger waits for one of both",
             next_step="leave one of them out",

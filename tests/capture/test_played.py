@@ -9,12 +9,13 @@ from typing import cast
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from nvscope.capture.played import Played
 from nvscope.capture.player import MOST_RATE, Player
 from nvscope.capture.source import Source
+from tests.laws import examples
 from tests.oracle.frame import Frame
 from tests.packets import Batches, batch_of
 
@@ -59,7 +60,7 @@ def played(player: Player, clock: Clock, times_ns: Sequence[int], cuts: Sequence
 steps_ns = st.lists(st.integers(0, 3000 * MS), min_size=1, max_size=40)
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(steps_ns, st.lists(st.integers(0, 40)), st.sampled_from([0.1, 0.5, 1.0, 2.0, 20.0, 100.0]))
 def test_each_packet_passes_when_it_is_due(steps: list[int], cuts: list[int], rate: float) -> None:
     times = [10**18 + int(time_ns) for time_ns in np.cumsum(steps)]
@@ -198,7 +199,7 @@ wishes = st.lists(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(wishes)
 def test_it_stands_where_somebody_wants_it(wanted: list[tuple[str, int]]) -> None:
     stage = Stage()

@@ -15,7 +15,7 @@ from nvscope.engine.run import run
 from nvscope.record.edges import Edges
 from nvscope.record.flight_recorder import FlightRecorder, FlightRule
 from nvscope.record.recorder import Beside
-from nvscope.view.display_filter import DisplayFilter
+from nvscope.view.moment_filter import MomentFilter
 from tests.capture.mcap.recordings import Packet, batch, read
 from tests.laws import examples
 from tests.oracle.builders import data_frame, telegram
@@ -63,7 +63,7 @@ def whole(sent: list[tuple[int, int, int, int]]) -> PacketBatch:
 def test_it_becomes_true_where_it_was_not_true_of_the_same_stream(
     sent: list[tuple[int, int, int, int]], size: int
 ) -> None:
-    edges, found = Edges(DisplayFilter(HIGH)), []
+    edges, found = Edges(MomentFilter(HIGH)), []
     for told in run(Batches(cut(whole(sent), size)), Reading(), []):  # type: ignore[arg-type]
         found += (edges.rows(told) + told.first_frame - 1).tolist()
     assert found == expected_edges(sent)
@@ -77,7 +77,7 @@ def test_files_hold_the_frames_near_their_events(
 ) -> None:  # fmt: skip
     folder: Path = tmp_path_factory.mktemp("r")
     rule = FlightRule(pre_ms * 1_000_000, post_ms * 1_000_000, 1000, 0)
-    flight = FlightRecorder(str(folder), rule, Beside, Reading(), Edges(DisplayFilter(HIGH)))
+    flight = FlightRecorder(str(folder), rule, Beside, Reading(), Edges(MomentFilter(HIGH)))
     for _ in run(Batches(cut(whole(sent), size)), Reading(), [flight]):  # type: ignore[arg-type]
         pass
     done = flight.stop()

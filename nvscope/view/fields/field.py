@@ -32,7 +32,8 @@ class TelegramField:
     may hold any. ``separator`` stands between bytes. ``refused`` says why the name can be neither filtered
     by nor written out, ``instead`` which can. ``beyond`` counts in rows the values that the column cannot hold.
     ``further``: a frame may have the field several times; these are the second, the third and so on, each of which
-    exists only where the one before it does.
+    exists only where the one before it does. ``sent_in`` says of a variable in which telegrams it is: where time is
+    looked at, its value lasts until they bring the next one.
     """
 
     name: str
@@ -55,6 +56,7 @@ class TelegramField:
     instead: str = ""
     beyond: Callable[[FrameRows], int] | None = None
     further: tuple[TelegramField, ...] = ()
+    sent_in: frozenset[Any] = frozenset()
 
     @property
     def in_nanoseconds(self) -> bool:

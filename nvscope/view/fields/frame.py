@@ -234,6 +234,7 @@ class _Names(Words[Named]):
             texts=field.texts,
             refused=field.refused,
             instead=field.instead,
+            lasts=bool(field.sent_in),
         )
 
     def __iter__(self) -> Iterator[str]:

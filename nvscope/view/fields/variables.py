@@ -221,6 +221,7 @@ def _field(name: str, places: list[_Place]) -> TelegramField:
         name, kind, first.element.name, f"{first.element.type.name} of list {lists}{seconds}",
         lambda rows: _read(kind, places, rows), lambda rows: _known(places, rows), calendar=kind is FieldType.TIME,
         zoned=False, values=values, beyond=(lambda rows: sum(place.beyond(rows) for place in large)) if large else None,
+        sent_in=frozenset((place.sent.key, place.sent.layout.subindex) for place in places),
     )  # fmt: skip
 
 
