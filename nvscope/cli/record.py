@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -84,8 +85,9 @@ def record(
         typer.Option(
             "--trigger",
             metavar="EXPR",
-            help="Write a file for each event: where EXPR becomes true, of telegrams ('var.fTemp > 80'), or of causes "
-            "and findings ('cause.kind == \"second-sender\"'). -w names a directory, or how names begin and end.",
+            help="Write a file for each event: where EXPR becomes true, of telegrams ('var.fTemp > 80', 'list.lost > 0', "
+            "'held(var.bDown, 2s)'), or of causes and findings ('cause.kind == \"second-sender\"'). -w names a "
+            "directory, or how names begin and end.",
             show_default=False,
         ),
     ] = None,
@@ -219,16 +221,15 @@ def _wait_for_events(
     """Write a file for each event until the source ends, and say which."""
     from nvscope.analysis.watching import Watching
     from nvscope.cli.scenes import scenes
-    from nvscope.record.edges import Edges
     from nvscope.record.events import EventsOfScenes, is_of_scenes
     from nvscope.record.flight_recorder import FlightRecorder
-    from nvscope.view.moment_filter import MomentFilter
+    from nvscope.record.frame_events import FrameEvents
 
     _check_target(path)
-    chosen = MomentFilter(expression, inquiry.fields)
-    of_scenes = is_of_scenes(chosen)
+    found = FrameEvents(expression, inquiry.fields, inquiry.reading())
+    of_scenes = is_of_scenes(found.chosen)
     flight = FlightRecorder(
-        path, rule, lambda: beside, inquiry.reading(), None if of_scenes else Edges(chosen),
+        path, rule, lambda: beside, inquiry.reading(), None if of_scenes else found,
         ring_bytes=ring_mib << 20, trigger=expression,
     )  # fmt: skip
     try:
@@ -258,6 +259,9 @@ def _check_target(path: str) -> None:
     from nvscope.capture.formats import written_as
     from nvscope.capture.open import open_sink
 
+    if path.endswith(os.sep) and os.path.isdir(os.path.dirname(path.rstrip(os.sep)) or "."):
+        with suppress(OSError):  # which is told below
+            os.mkdir(path)
     folder = path if os.path.isdir(path) else os.path.dirname(path) or "."
     if not os.path.isdir(folder) or not os.access(folder, os.W_OK):
         what = "cannot be written to" if os.path.isdir(folder) else "no such directory"

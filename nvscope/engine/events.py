@@ -54,6 +54,10 @@ class EventBatch:
 
     def __getitem__(self, rows: slice) -> EventBatch:
         """Return the events of a slice."""
+        return self.take(rows)
+
+    def take(self, rows: slice | I64) -> EventBatch:
+        """Return some of the events."""
         return EventBatch(
             self.kind, self.list[rows], self.node[rows], self.subindex[rows], self.channel[rows], self.since_ns[rows],
             self.time_ns[rows], self.frame[rows], self.amount[rows], self.peer[rows], self.detail[rows], self.scope,

@@ -16,8 +16,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TypeVar, cast
 
-from lark import Token
-
 from dissectors.batch import Bool
 from nvscope.expression import literals, spans
 from nvscope.expression.byte_pattern import BytePattern
@@ -239,7 +237,7 @@ class _Compiler(Terms):
 
     # --- functions of time
 
-    def _change(self, word: Token | Node, argument: Node) -> Test:
+    def _change(self, word: object, argument: Node) -> Test:
         name = str(word).lower()
         if name == "changed" and argument.data not in TESTS:
             value, subject = self._subject(name, argument, lambda: self._one_value(name, argument))
@@ -247,7 +245,7 @@ class _Compiler(Terms):
         test, subject = self._subject(name, argument, lambda: self.test(argument))
         return Edge(test, subject, rises=name != "fell", falls=name != "rose")
 
-    def _held(self, word: Token | Node, argument: Node, length: Node) -> Test:
+    def _held(self, word: object, argument: Node, length: Node) -> Test:
         test, subject = self._subject(str(word).lower(), argument, lambda: self.test(argument))
         told = self._value(length)
         if isinstance(told, Typed):
@@ -261,7 +259,7 @@ class _Compiler(Terms):
             raise self._error("it has to be so for more than 0 s", told.span, "for example held(x, 2s)")
         return Held(test, subject, length_ns)
 
-    def _before(self, word: Token | Node, argument: Token | Node, *, span: Span) -> Typed:
+    def _before(self, word: object, argument: object, *, span: Span) -> Typed:
         node = cast("Node", argument)
         value, subject = self._subject("last", node, lambda: self._one_value("last", node))
         if value.type is FieldType.BYTES:
@@ -269,7 +267,7 @@ class _Compiler(Terms):
         evaluate = Before(value.evaluate, subject)
         return Typed(value.type, evaluate, span, values=value.values, texts=value.texts)
 
-    def _age(self, word: Token | Node, argument: Token | Node, *, span: Span) -> Typed:
+    def _age(self, word: object, argument: object, *, span: Span) -> Typed:
         node = cast("Node", argument)
         name = str(node.children[0]) if node.data == "name" else ""
         known = self._known(name) if name else None

@@ -182,10 +182,12 @@ class Terms:
             raise self._error(f"len is for bytes and texts, and this is {WORDS[value.type]}", value.span)
         return Typed(FieldType.UNSIGNED, lengths(value.evaluate), span, value.count, is_computed=True)
 
-    def _before(self, word: Token | Node, argument: Token | Node, *, span: Span) -> Typed:
+    def _before(self, word: object, argument: object, *, span: Span) -> Typed:
+        """Return the value that another one had before."""
         raise NotImplementedError
 
-    def _age(self, word: Token | Node, argument: Token | Node, *, span: Span) -> Typed:
+    def _age(self, word: object, argument: object, *, span: Span) -> Typed:
+        """Return how long ago something was so."""
         raise NotImplementedError
 
     def _slice(self, node: Node, span: Span) -> Typed | Written:

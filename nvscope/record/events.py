@@ -9,6 +9,8 @@ from nvscope.analysis.watching import Scene
 from nvscope.errors import UsageError
 from nvscope.list_key import ListKey
 from nvscope.record.flight_recorder import slug_of
+from nvscope.tracker.figures import BY_NAME, Of
+from nvscope.tracker.frame_counts import STEPS
 from nvscope.view.fields.shown_fields import CAUSE, FINDING
 from nvscope.view.moment_filter import MomentFilter
 
@@ -27,8 +29,9 @@ def is_of_scenes(chosen: MomentFilter) -> bool:
     others = [name for name in judged if not name.startswith((CAUSE, FINDING))]
     if others:
         raise UsageError(
-            f"{', '.join(others)}: figures of a whole capture, which nothing becomes at a frame",
-            next_step="wait for the finding that tells it, such as --trigger 'finding.code == \"NV201\"' for losses",
+            f"{', '.join(others)}: known of a whole capture, and not of a single frame",
+            next_step=f"a frame counts by itself {', '.join(_of_frames())}; else wait for the finding that tells it, "
+            "such as --trigger 'finding.code == \"NV501\"'",
         )
     if chosen.alone is None:
         raise UsageError(
@@ -41,6 +44,10 @@ def is_of_scenes(chosen: MomentFilter) -> bool:
             next_step="leave one of them out",
         )
     return True
+
+
+def _of_frames() -> list[str]:
+    return [f"list.{figure}" for figure in STEPS if Of.LIST in BY_NAME[figure].of]
 
 
 class EventsOfScenes:

@@ -22,7 +22,7 @@ from nvscope.engine.recogniser import Recogniser
 from nvscope.engine.ring import RING_BYTES, FrameRing, RecentSource
 from nvscope.engine.told import Told
 from nvscope.errors import NvscopeError
-from nvscope.record.edges import Edges
+from nvscope.record.frame_events import FrameEvents
 from nvscope.record.frame_file import FrameFile
 from nvscope.record.recorder import Beside, new_file, sentence
 
@@ -61,25 +61,27 @@ class Flights:
 
 
 class FlightRecorder:
-    """An observer that writes a file for each event: frames at which ``edges`` are found, and what ``happened`` tells.
+    """An observer that writes a file for each event: those that ``events`` finds, and what ``happened`` tells.
 
     ``path`` says the folder, and how names begin and end; the time of the event and what it is are in between. One that
     is a folder says that alone. An event within the time of a file makes it longer. ``reading`` is how the frames of
     files are recognised for their topics.
     """
 
-    by_stream: ClassVar[bool] = False
+    by_stream: ClassVar[bool] = True
 
     def __init__(
-        self, path: str, rule: FlightRule, beside: Callable[[], Beside], reading: Reading, edges: Edges | None = None,
-        *, ring_bytes: int = RING_BYTES, trigger: str = "",
+        self, path: str, rule: FlightRule, beside: Callable[[], Beside], reading: Reading,
+        events: FrameEvents | None = None, *, ring_bytes: int = RING_BYTES, trigger: str = "",
     ) -> None:  # fmt: skip
         self._folder, name = (path, "") if os.path.isdir(path) else os.path.split(path)
         self._stem, suffix = os.path.splitext(name)
         self._suffix = suffix or ".mcap"
-        self._rule, self._beside, self._reading, self._edges = rule, beside, reading, edges
+        self._rule, self._beside, self._reading, self._events = rule, beside, reading, events
         self._trigger = trigger
         self._ring = FrameRing(ring_bytes)
+        if events is not None:
+            events.frame = self._kept
         self._lock = threading.Lock()
         self._file: _EventFile | None = None
         self._recently: deque[int] = deque()
@@ -98,8 +100,7 @@ class FlightRecorder:
     def _take(self, told: Told) -> None:
         packets = told.packets
         place = 0
-        for row in self._edges.rows(told).tolist() if self._edges is not None and len(told) else ():
-            time_ns = int(packets.ts_ns[row])
+        for time_ns, row, identifier in () if self._events is None else self._events.of(told):
             if self._file is not None and time_ns <= self._file.until_ns:
                 self._happens(time_ns, self._file)
                 continue
@@ -107,12 +108,18 @@ class FlightRecorder:
                 self._write(packets[place:row])
                 place = row
                 self._close()
-            if self._begin(time_ns, "trigger", f"{self._trigger} became true"):
+            what = slug_of("trigger", [] if identifier is None else [identifier])
+            if self._begin(time_ns, what, f"{self._trigger} became true"):
                 self._write(packets[:row])
                 place = row
         self._write(packets[place:])
         now_ns = told.until_ns if told.until_ns is not None else int(packets.ts_ns[-1]) if len(told) else None
         self._close_before(now_ns)
+
+    def _kept(self, frame: int) -> PacketBatch | None:
+        """Return a frame by its number, None where it has gone from memory."""
+        chunks = self._ring.recent().pieces(frame, frame + 1)
+        return next((chunk.packets for chunk in chunks), None)
 
     def happened(self, since_ns: int, what: str, told: str) -> None:
         """Take an event that began at a time: what it is, for the name of the file, and in words; for any thread."""
@@ -186,7 +193,7 @@ class FlightRecorder:
 
     def _close_before(self, now_ns: int | None) -> None:
         """Close the file whose time is over; what is told late of that time may still make it longer."""
-        linger_ns = _LATE_NS if self._edges is None else 0
+        linger_ns = _LATE_NS if self._events is None else 0
         if self._file is not None and now_ns is not None and now_ns > self._file.until_ns + linger_ns:
             self._close()
 

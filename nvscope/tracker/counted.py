@@ -49,7 +49,7 @@ class Counted:
         ``before`` are the extremes that the state has forgotten.
         """
         capture = state.capture.summary(state.buses.frames)
-        return Counted(_kept(state), None, capture.at_ns, _erratic(state, before))
+        return Counted(_kept(state), None, capture.at_ns, erratic_streams(state, before))
 
     def since(self, earlier: Counted, *, extremes: bool = False) -> Counted:
         """Return what was counted since an earlier moment of the same state.
@@ -160,8 +160,11 @@ def _has_less(later: TrackerState, earlier: TrackerState) -> bool:
     return frames or bool((own[: len(before)] < before).any())
 
 
-def _erratic(state: TrackerState, before: Extremes | None) -> frozenset[int]:
-    """Return the streams of which so many telegrams are lost that their counters are not believed."""
+def erratic_streams(state: TrackerState, before: Extremes | None = None) -> frozenset[int]:
+    """Return the streams of which so many telegrams are lost that their counters are not believed.
+
+    ``before`` are the extremes that the state has forgotten.
+    """
     loss, memory, keys = state.senders.loss.streams, state.memory.columns, state.keys
     telegrams, lost = memory.column("telegrams"), loss.column("lost")
     suspects: Collection[int] = np.flatnonzero(lost.max(axis=1, initial=0) > telegrams[: len(lost)]).tolist()

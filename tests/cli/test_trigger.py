@@ -61,7 +61,7 @@ def test_a_file_holds_what_is_near_the_frame_where_it_becomes_true(tmp_path: Pat
         write(tmp_path / "x.pcap", sent), tmp_path / "e", "--trigger", HIGH, "--pre", "3s", "--post", "2s"
     )
     (path,) = files
-    assert path.name == f"{clock(10)}-trigger.mcap"
+    assert path.name == f"{clock(10)}-trigger-list1.mcap"
     assert seconds_in(path) == [tick / 2 for tick in range(14, 25)]
     assert told == f"nvscope: 1 event in 1 file.\nnvscope: {path}\n"
     said = metadata_of(path)
@@ -143,6 +143,93 @@ def test_findings_are_events(tmp_path: Path) -> None:
     assert path.name == "20240101T000017Z-nv204-sender-restart.mcap"
 
 
+def events_of(told: str) -> int:
+    return int(told.split("nvscope: ")[1].split(" event", maxsplit=1)[0])
+
+
+def test_figures_count_the_step_of_each_frame(tmp_path: Path) -> None:
+    """List 7 of the plant loses its telegrams at 7 s and at 14 s, and nobody else loses any."""
+    files, told = flown(PLANT, tmp_path / "e", "--trigger", "list.lost > 0", "--pre", "1s", "--post", "500ms")
+    assert [path.name for path in files] == [
+        "20240101T000007Z-trigger-list7.mcap", "20240101T000014Z-trigger-list7.mcap",
+    ]  # fmt: skip
+    assert events_of(told) == 2
+    lost = json.loads(run_text("report", "--json", PLANT).stdout)["findings"]
+    frames = next(finding["frames"] for finding in lost if finding["code"] == "NV201")
+    whole = read(PLANT).packets
+    assert [int(metadata_of(path)["event_ns"]) for path in files] == [whole[frame - 1].ts_ns for frame in frames]
+    assert metadata_of(files[0])["event"] == "list.lost > 0 became true"
+    assert events_of(flown(PLANT, tmp_path / "f", "--trigger", "list.lost > 1")[1]) == 0
+    assert events_of(flown(PLANT, tmp_path / "g", "--trigger", "node.restarts > 0 && nv.index == 9")[1]) == 1
+
+
+def test_who_waited_in_vain_is_asked_when_the_wait_is_over(tmp_path: Path) -> None:
+    found = json.loads(run_text("report", "--json", PLANT).stdout)["findings"]
+    expected = next(finding for finding in found if finding["code"] == "NV301")
+    for trigger, count in (
+        ("list.missing_acknowledgements > 0", 6),
+        ("nv.index == 3 && ip.dst == 192.168.1.20 && list.missing_acknowledgements > 0", 6),
+        ("nv.index == 7 && list.missing_acknowledgements > 0", 0),
+    ):
+        files, told = flown(
+            PLANT, tmp_path / str(len(trigger)), "--trigger", trigger, "--pre", "1s", "--post", "600ms"
+        )  # fmt: skip
+        assert events_of(told) == count
+        assert [int(metadata_of(path)["event_ns"]) for path in files] == [int(expected["first_ns"])][: len(files)]
+        assert [path.name for path in files] == ["20240101T000010Z-trigger-list3.mcap"][: bool(count)]
+
+
+def test_error_frames_of_a_bus(tmp_path: Path) -> None:
+    press = ROOT / "captures" / "can" / "press.log"
+    bus = json.loads(run_text("report", "--json", press).stdout)["buses"][0]
+    _, told = flown(press, tmp_path / "e", "--trigger", "bus.error_frames > 0", "--pre", "10ms", "--post", "10ms")
+    assert 0 < events_of(told) <= bus["errors"]["frames"]
+
+
+def test_functions_of_time_over_variables_of_two_lists(tmp_path: Path) -> None:
+    """A valve that is open while the press has been down for a second: neither list says so alone."""
+    (tmp_path / "plant.gvl").write_text(
+        "\n".join(
+            f"""<GVL><Declarations><![CDATA[VAR_GLOBAL
+                {name} : BYTE;
+            END_VAR]]></Declarations><NetvarSettings Protocol="UDP"><ListIdentifier>{number}</ListIdentifier>
+            </NetvarSettings></GVL>"""
+            for name, number in (("byDown", 1),)
+        )
+    )
+    (tmp_path / "valve.gvl").write_text((tmp_path / "plant.gvl").read_text().replace("byDown", "byOpen").replace(
+        "<ListIdentifier>1<", "<ListIdentifier>2<"
+    ))  # fmt: skip
+    down = dict.fromkeys(range(20, 60), 1)
+    opened = dict.fromkeys(range(30, 34), 1) | dict.fromkeys(range(70, 74), 1)
+    sent = sorted(
+        [(tick / 10, 1, down.get(tick, 0)) for tick in range(80)]
+        + [(tick / 10 + 0.05, 2, opened.get(tick, 0)) for tick in range(80)]
+    )
+    capture = write(tmp_path / "x.pcap", steps(*sent))
+    definitions = ("--gvl", str(tmp_path / "plant.gvl"), "--gvl", str(tmp_path / "valve.gvl"))
+    for trigger, seconds in (
+        ("var.byDown == 1 && var.byOpen == 1", [3.05]),
+        ("held(var.byDown == 1, 1s) && var.byOpen == 1", [3.05]),
+        ("held(var.byDown == 1, 2s)", [4.0]),
+        ("rose(var.byDown == 1)", [2.0]),
+        ("fell(var.byOpen == 1)", [3.45, 7.45]),
+        ("changed(var.byDown)", [2.0, 6.0]),
+        ("var.byDown - last(var.byDown) < 0", [6.0]),
+    ):
+        files, _ = flown(
+            capture, tmp_path / f"e{len(trigger)}{trigger[0]}", *definitions, "--trigger", trigger, "--pre", "20ms",
+            "--post", "20ms",
+        )  # fmt: skip
+        found = [(int(metadata_of(path)["event_ns"]) - BEGIN_NS) / SECOND_NS for path in files]
+        assert found == seconds, trigger
+
+
+def test_a_folder_that_is_named_as_one_is_made(tmp_path: Path) -> None:
+    done = run_text("record", PLANT, "-w", f"{tmp_path}/events/", "--trigger", "list.lost > 0", "--min-free", "0")
+    assert (done.returncode, len(list((tmp_path / "events").iterdir()))) == (0, 2), done.stderr
+
+
 def test_a_healthy_plant_has_no_event(tmp_path: Path) -> None:
     scenario = ROOT / "tests/scenarios/causes/healthy.toml"
     assert run_text("simulate", scenario, "-w", tmp_path / "x.pcap").returncode == 0
@@ -170,14 +257,17 @@ def test_names_begin_and_end_as_is_said(tmp_path: Path) -> None:
     done = run_text("record", capture, "-w", tmp_path / "press.pcapng", "--trigger", HIGH, "--min-free", "0")
     assert done.returncode == 0, done.stderr
     (path,) = tmp_path.glob("press-*.pcapng")
-    assert path.name == f"press-{clock(5)}-trigger.pcapng"
+    assert path.name == f"press-{clock(5)}-trigger-list1.pcapng"
     assert len(read(path).packets) == 10
 
 
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        (("--trigger", "list.lost > 0"), "list.lost: figures of a whole capture"),
+        (("--trigger", "list.jitter > 20"), "list.jitter: known of a whole capture, and not of a single frame"),
+        (("--trigger", 'rose(finding.code == "NV201")'), "causes and findings begin by themselves"),
+        (("--trigger", "rose(nv.flags.ack) && list.bootup_unanswered > 0"), "told when a wait is over"),
+        (("--trigger", "held(nv.flags.ack, 0s)"), "for more than 0 s"),
         (("--trigger", 'cause.kind == "second-sender" && nv.index == 7'), "a trigger waits for one of both"),
         (("--trigger", "nv.idex == 7"), "nv.index"),
         (("--trigger", HIGH, "-b", "packets:3"), "exclude each other"),

@@ -12,9 +12,12 @@ from hypothesis import strategies as st
 from dissectors.batch import PacketBatch
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
+from nvscope.expression.words import words_of
 from nvscope.record.edges import Edges
 from nvscope.record.flight_recorder import FlightRecorder, FlightRule
+from nvscope.record.frame_events import FrameEvents
 from nvscope.record.recorder import Beside
+from nvscope.view.fields.frame import FIELDS
 from nvscope.view.moment_filter import MomentFilter
 from tests.capture.mcap.recordings import Packet, batch, read
 from tests.laws import examples
@@ -77,7 +80,7 @@ def test_files_hold_the_frames_near_their_events(
 ) -> None:  # fmt: skip
     folder: Path = tmp_path_factory.mktemp("r")
     rule = FlightRule(pre_ms * 1_000_000, post_ms * 1_000_000, 1000, 0)
-    flight = FlightRecorder(str(folder), rule, Beside, Reading(), Edges(MomentFilter(HIGH)))
+    flight = FlightRecorder(str(folder), rule, Beside, Reading(), FrameEvents(HIGH, words_of(FIELDS), Reading()))
     for _ in run(Batches(cut(whole(sent), size)), Reading(), [flight]):  # type: ignore[arg-type]
         pass
     done = flight.stop()
