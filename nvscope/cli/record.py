@@ -85,9 +85,9 @@ def record(
         typer.Option(
             "--trigger",
             metavar="EXPR",
-            help="Write a file for each event: where EXPR becomes true, of telegrams ('var.fTemp > 80', 'list.lost > 0', "
-            "'held(var.bDown, 2s)'), or of causes and findings ('cause.kind == \"second-sender\"'). -w names a "
-            "directory, or how names begin and end.",
+            help="Write a file for each event: where EXPR becomes true, of telegrams ('var.fTemp > 80', "
+            "'list.lost > 0', 'held(var.bDown, 2s)'), or of causes and findings ('cause.kind == \"second-sender\"'). "
+            "-w names a directory, or how names begin and end.",
             show_default=False,
         ),
     ] = None,
