@@ -86,7 +86,10 @@ class Content:
         self.head = head
         self.compression = compression_of(self.head)
         if not self.head:
-            raise NoCapture(f"empty (0 bytes), expected {EXPECTED}", where=self.path)
+            raise NoCapture(
+                f"empty (0 bytes), expected {EXPECTED}", where=self.path,
+                next_step="was anything written to it? --follow waits for what is still to come",
+            )  # fmt: skip
         if self.compression:
             self._decompressed = Decompressed(self._pieces, self.compression)
             self._pieces = iter(self._decompressed)

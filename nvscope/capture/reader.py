@@ -55,12 +55,14 @@ class Reader(ABC):
     empty batch.
 
     ``position`` is how far the content has been read. ``channels`` are the names of the packets' channels, by number,
-    as far as the file tells them; ``attachments`` what it brings with it, each of which can be read at any time. Raises
-    UnreadableInput when it is made where nothing can be read at all; what is wrong later goes to ``progress``.
+    as far as the file tells them; ``attachments`` what it brings with it, each of which can be read at any time.
+    ``finished``: it wants to see no more, whatever may still be written. Raises UnreadableInput when it is made where
+    nothing can be read at all; what is wrong later goes to ``progress``.
     """
 
     attachments: Sequence[Attachment] = ()
     follows: ClassVar[bool] = False
+    finished = False
 
     def __init__(self, content: Content, sizes: ReadingSizes) -> None:
         self.content = content
@@ -89,13 +91,12 @@ class Reader(ABC):
 
 
 class WindowReader(Reader):
-    """A reader that looks at the content through a window; ``finished`` says that it wants to see no more of it.
+    """A reader that looks at the content through a window.
 
     ``copies_ahead``: of a large file, a copy of it may read ahead (``read_ahead``).
     """
 
     copies_ahead: ClassVar[bool] = True
-    finished = False
     follows = True
 
     def batches(self) -> Iterator[PacketBatch]:

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 _TO_DISK_NS = 5_000_000_000
 _RING_BYTES = 1 << 20  # of the last frames, which nobody looks at
+_PRE, _POST, _MAX_RATE, _MIN_FREE, _RING_MIB = "10s", "5s", 6, 1.0, 256
 
 
 @with_live_options
@@ -92,21 +93,43 @@ def record(
         ),
     ] = None,
     pre: Annotated[
-        str, typer.Option("--pre", metavar="DURATION", help="With --trigger, so long before the event.")
-    ] = "10s",
-    post: Annotated[str, typer.Option("--post", metavar="DURATION", help="With --trigger, so long behind it.")] = "5s",
+        str | None,
+        typer.Option("--pre", metavar="DURATION", help="With --trigger, so long before the event.", show_default=_PRE),
+    ] = None,
+    post: Annotated[
+        str | None,
+        typer.Option("--post", metavar="DURATION", help="With --trigger, so long behind it.", show_default=_POST),
+    ] = None,
     max_rate: Annotated[
-        int, typer.Option("--max-rate", metavar="N", parser=at_least_one, help="At most so many events a minute.")
-    ] = 6,
-    min_free: Annotated[
-        float, typer.Option("--min-free", metavar="GB", min=0, help="With --trigger, so much of the disk stays free.")
-    ] = 1.0,
-    ring: Annotated[
-        int,
+        int | None,
         typer.Option(
-            "--ring", metavar="MIB", parser=at_least_one, help="With --trigger, memory for what was before events."
+            "--max-rate",
+            metavar="N",
+            parser=at_least_one,
+            help="With --trigger, at most so many events a minute.",
+            show_default=str(_MAX_RATE),
         ),
-    ] = 256,
+    ] = None,
+    min_free: Annotated[
+        float | None,
+        typer.Option(
+            "--min-free",
+            metavar="GB",
+            min=0,
+            help="With --trigger, so much of the disk stays free.",
+            show_default=str(_MIN_FREE),
+        ),
+    ] = None,
+    ring: Annotated[
+        int | None,
+        typer.Option(
+            "--ring",
+            metavar="MIB",
+            parser=at_least_one,
+            help="With --trigger, memory for what was before events.",
+            show_default=str(_RING_MIB),
+        ),
+    ] = None,
     gvl: GvlOption = None,
     project: ProjectOption = None,
     decode: DecodeOption = None,
@@ -126,6 +149,22 @@ def record(
     if not write:
         raise UsageError("no file to write is named", next_step="add -w FILE.mcap, .pcapng or .pcap")
     rule = file_limits(switch or ())
+    of_events = {"--pre": pre, "--post": post, "--max-rate": max_rate, "--min-free": min_free, "--ring": ring}
+    from nvscope.whole_files import exists_already, identity_of, is_input, is_stdout, would_be_lost
+
+    if trigger is None:
+        for option, value in of_events.items():
+            if value is not None:
+                raise UsageError(
+                    f"{option} is of the events of --trigger", next_step="add --trigger EXPR, or leave it out"
+                )
+        if os.path.isdir(write):
+            raise UsageError(
+                f"{write} is a directory",
+                next_step="name a file in it, such as plant.mcap; --trigger takes a directory",
+            )
+        if rule and is_stdout(write):
+            raise UsageError("-b makes files, and -w - is stdout", next_step="name a file with -w, or leave -b out")
     to_disk_ns = _TO_DISK_NS if fsync is None else duration_ns("--fsync", fsync)
     ports = port_rules(decode)
     plant = with_channels(project_of(project, gvl, paths), channel_map)
@@ -137,7 +176,6 @@ def record(
     from nvscope.record.file_series import FileRule
     from nvscope.record.flight_recorder import FlightRule
     from nvscope.record.recorder import Beside, Recorder
-    from nvscope.whole_files import exists_already, identity_of, is_input, would_be_lost
 
     tell_of_flaws(plant.definition)
     inquiry = Inquiry(captured(paths, live, plant, ports), plant, ports, watch=watching(quiet=quiet))
@@ -163,9 +201,12 @@ def record(
     )
     if trigger is not None:
         rule_of_events = FlightRule(
-            duration_ns("--pre", pre), duration_ns("--post", post), max_rate, int(min_free * 1_000_000_000)
+            duration_ns("--pre", pre or _PRE, least_ns=0),
+            duration_ns("--post", post or _POST, least_ns=0),
+            max_rate or _MAX_RATE,
+            int((_MIN_FREE if min_free is None else min_free) * 1_000_000_000),
         )
-        _wait_for_events(inquiry, source, trigger, write, rule_of_events, beside, ring, quiet=quiet)
+        _wait_for_events(inquiry, source, trigger, write, rule_of_events, beside, ring or _RING_MIB, quiet=quiet)
         return
     recorder = Recorder(
         beside,

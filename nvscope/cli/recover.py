@@ -107,4 +107,6 @@ def _lost(found: Recovered) -> list[str]:
     told += [f"{one}." for one in found.damages[:_MOST_TOLD]]
     if len(found.damages) > _MOST_TOLD:
         told.append(f"{count_of(len(found.damages) - _MOST_TOLD, 'such place')} more.")
+    if found.lacks_summary and not told:
+        return ["its summary is cut off, and was made anew; nothing was lost."]
     return told or ["nothing was lost."]

@@ -179,14 +179,14 @@ def asked_range(
     return parse_range(from_time, to_time, utc=utc, options=options)
 
 
-def duration_ns(option: str, text: str) -> int:
-    """Return the duration that an option gives; UsageError where it is none, or not more than 0."""
+def duration_ns(option: str, text: str, *, least_ns: int = 1) -> int:
+    """Return the duration that an option gives; UsageError where it is none, or less than ``least_ns``, 1 or 0."""
     try:
         duration = parse_duration(text)
     except ValueError as error:
         raise UsageError(f"{option}: {error}") from None
-    if duration <= 0:
-        raise UsageError(f"{option} {text}: must be more than 0")
+    if duration < least_ns:
+        raise UsageError(f"{option} {text}: must {'be more than' if least_ns else 'not be less than'} 0")
     return duration
 
 

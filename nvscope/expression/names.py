@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from itertools import islice
 
-_MAX_NAMES = 20_000
+MAX_NAMES = 20_000
 _MAX_NEAR = 5
 _MAX_LISTED = 8
 ALL_FIELDS = "`nvscope keys --fields` lists them"
@@ -19,7 +19,7 @@ def nearest(wanted: str, names: Iterable[str], otherwise: str = "the fields are"
     """
     from difflib import get_close_matches  # noqa: PLC0415
 
-    known = {name.lower(): name for name in islice(names, _MAX_NAMES)}
+    known = {name.lower(): name for name in islice(names, MAX_NAMES)}
     wanted = wanted.strip().lower()[:100]
     short = {name.partition(".")[2]: name for name in known}
     near = get_close_matches(wanted, known, n=3) + [short[part] for part in get_close_matches(wanted, short, n=3)]

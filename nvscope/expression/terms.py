@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import cast
 
 import numpy as np
@@ -14,7 +15,7 @@ from nvscope.expression import literals
 from nvscope.expression.folding import folded
 from nvscope.expression.literals import Constant, LiteralKind, Number, Unfit, Value
 from nvscope.expression.mistake import ExpressionError, Span
-from nvscope.expression.names import nearest
+from nvscope.expression.names import MAX_NAMES, nearest
 from nvscope.expression.syntax import Node, span_of
 from nvscope.expression.typed_columns import FieldType, Named, NameTable
 from nvscope.expression.values import (
@@ -47,6 +48,7 @@ _WHOLE = (FieldType.UNSIGNED, FieldType.SIGNED)
 NUMBERS = (*_WHOLE, FieldType.REAL)
 _MAX_VALUES = 64
 _MAX_PARTS = 8
+_VARIABLE = "var."
 
 _S, _R, _D, _T = FieldType.SIGNED, FieldType.REAL, FieldType.DURATION, FieldType.TIME
 _ARITHMETIC = {
@@ -166,7 +168,11 @@ class Terms:
         return Typed(named.type, evaluate, span, len(parts), values=named.values, texts=named.texts)
 
     def _unknown(self, text: str, span: Span) -> ExpressionError:
-        offered = (name for name, named in self._names.items() if not named.refused)
+        offered = list(islice((name for name, named in self._names.items() if not named.refused), MAX_NAMES))
+        if text.lower().startswith(_VARIABLE) and not any(name.startswith(_VARIABLE) for name in offered):
+            raise self._error(
+                f"no field is called {text[:60]}", span, "variables are known by their definitions: --gvl names them"
+            )
         # Where a value stands, a word without a dot is more often a text.
         quoted = f'a text stands in quotes: "{text}"; ' if span.start and text.isidentifier() else ""
         return self._error(f"no field is called {text[:60]}", span, quoted + nearest(text, offered))

@@ -202,7 +202,7 @@ def test_a_file_that_cannot_be_written_is_not_removed(tmp_path: Path) -> None:
     assert (done.returncode, (tmp_path / "notes.docx").read_text()) == (2, "mine")
     (tmp_path / "folder.mcap").mkdir()
     done = run_text("record", PLANT, "-w", tmp_path / "folder.mcap", "--force")
-    assert (done.returncode, (tmp_path / "folder.mcap").is_dir()) == (5, True)
+    assert (done.returncode, (tmp_path / "folder.mcap").is_dir()) == (2, True)
 
 
 def test_stdout_takes_a_recording(tmp_path: Path) -> None:
@@ -231,3 +231,20 @@ def test_inputs_in_a_directory_stay_as_they_are(tmp_path: Path) -> None:
     before = path.read_bytes()
     done = run_text("record", tmp_path, "-w", path, "--force")
     assert (done.returncode, "one of the inputs" in done.stderr, path.read_bytes()) == (2, True, before)
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("-w", "x.mcap", "--pre", "3s"), "--pre is of the events of --trigger"),
+        (("-w", "x.mcap", "--max-rate", "3"), "--max-rate is of the events of --trigger"),
+        (("-w", ".",), "is a directory"),
+        (("-w", "-", "-b", "packets:3"), "-b makes files, and -w - is stdout"),
+        (("-w", "x.mcap", "--trigger", "var.fTemp > 3"), "--gvl names them"),
+        (("-w", "x.mcap", "--trigger", "nv.index == 7", "--pre", "-1s"), "must not be less than 0"),
+    ],
+)  # fmt: skip
+def test_options_that_do_not_fit_are_told(options: tuple[str, ...], told: str, tmp_path: Path) -> None:
+    done = run_text("record", PLANT, *options, cwd=tmp_path)
+    assert (done.returncode, done.stdout, told in done.stderr) == (2, "", True), done.stderr
+    assert list(tmp_path.iterdir()) == []

@@ -81,6 +81,44 @@ def test_what_was_in_a_damaged_chunk_is_told_in_packets_and_seconds(tmp_path: Pa
     assert f"offset {chunks[1]}: " in told
 
 
+def test_the_next_chunk_is_found_behind_bytes_that_are_gone(tmp_path: Path) -> None:
+    packets = steady(40, 100_000_000)
+    whole = write(tmp_path / "x.mcap", *(packets[begin : begin + 10] for begin in range(0, 40, 10)), flushed=True)
+    content = whole.read_bytes()
+    chunks = [place for kind, place in places_of(content) if kind == Op.CHUNK]
+    for begin, gone in ((chunks[1] + 60, 20), (chunks[1], 5), (chunks[1] - 3, 60)):
+        path, told = recovered(content[:begin] + content[begin + gone :], tmp_path, code=3)
+        assert read(path).packets == packets[:10] + packets[20:], told
+        assert "bytes that are no record" in told or "offset" in told
+        assert "10 frames lost within 1.1 s" in told
+
+
+def test_seconds_are_told_where_the_only_packets_are_lost(tmp_path: Path) -> None:
+    content = bytearray(write(tmp_path / "x.mcap", steady(10, 100_000_000)).read_bytes())
+    chunk = next(place for kind, place in places_of(bytes(content)) if kind == Op.CHUNK)
+    content[chunk + 100] ^= 1
+    path, told = recovered(bytes(content), tmp_path, code=3)
+    assert read(path).packets == []
+    assert "what came within 1.0 s at most is lost with it" in told
+
+
+def test_what_nothing_else_covers_is_told_by_the_whole(tmp_path: Path) -> None:
+    content = bytearray(write(tmp_path / "x.mcap", steady(10)).read_bytes())
+    schema = content.index(b"nvscope.packets")
+    content[schema] ^= 1
+    _, told = recovered(bytes(content), tmp_path, code=3)
+    assert "not what was written (CRC of all of it)" in told or "CRC" in told
+
+
+def test_a_summary_that_is_cut_off_is_made_anew_and_that_is_told(tmp_path: Path) -> None:
+    content = write(tmp_path / "x.mcap", steady(10)).read_bytes()
+    end = next(place for kind, place in places_of(content) if kind == Op.DATA_END)
+    for length in (len(content) - 3, len(content) - 20, end + 13, end + 40):
+        path, told = recovered(content[:length], tmp_path)
+        assert path.read_bytes() == content
+        assert "its summary is cut off, and was made anew; nothing was lost." in told
+
+
 def test_what_other_tools_wrote_is_recovered_too(tmp_path: Path) -> None:
     out = BytesIO()
     writer = Writer(out, chunk_size=200)

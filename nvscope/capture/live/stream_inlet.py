@@ -59,7 +59,7 @@ class StreamInlet:
         return self._feed.fileno()
 
     def take(self) -> PacketBatch | None:
-        if self._pausing and not self._gather():
+        if self._pausing and not self._gather() and not (self._reader and self._reader.finished):
             return None
         return self._next()
 

@@ -134,7 +134,11 @@ class McapReader(WindowReader):
         cut: Place | None = None
         while at < max(view.stop, view.start) and not self.finished:
             place = place_at(data, at, view.end)
-            if place is None or place.end > view.end:
+            if (
+                place is None
+                or place.end > view.end
+                or (place.kind == Op.FOOTER and place.end + len(MAGIC) > view.end and not view.ends_file)
+            ):
                 cut = place or Place(0, at, at, at)
                 break
             yield from self._take(view, place)

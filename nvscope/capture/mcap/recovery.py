@@ -10,14 +10,17 @@ import numpy as np
 
 from dissectors.batch import PAD_BYTES, U8
 from nvscope.capture.compressed import Unpackable, unpack_into
-from nvscope.capture.mcap.packets import ENCODING, MOST_BYTES, packets_in
+from nvscope.capture.mcap.packets import ENCODING, LONGEST_NS, MOST_BYTES, packets_in
 from nvscope.capture.mcap.records import MAGIC, AttachedFile, Channel, ChunkHead, Damaged, Metadata, Op, Schema
 from nvscope.capture.mcap.unpacking import MESSAGE_HEAD_BYTES
-from nvscope.capture.mcap.walk import Place, places
+from nvscope.capture.mcap.walk import Place, chunk_behind, place_at, places
 from nvscope.capture.mcap.writer import Chunk, McapWriter
+from nvscope.units import duration
 
 _MOST_UNPACKED_BYTES = 256 << 20
 _MOST_WORDS = 1_000
+_KINDS = frozenset(Op) | frozenset(range(0x80, 0x100))
+"""Of other records no recording knows; those from 0x80 on are for whoever wants them."""
 
 
 @dataclass(slots=True)
@@ -27,7 +30,8 @@ class Recovered:
     ``packets`` and ``messages`` (those of topics) are in the new file. ``lost_packets`` are those known to be missing
     between others; how many were in what is cut off at the end, nobody knows. ``gaps_ns`` are the times in which they
     are missing, as (last packet before, first behind). ``damages`` say where something was wrong. ``is_complete``: the
-    file had its end; if not, ``cut_bytes`` of it were behind the last whole record.
+    file had the end of its data; if not, ``cut_bytes`` of it were behind the last whole record. ``lacks_summary``: what
+    stands behind that was cut off, which is made anew.
     """
 
     packets: int = 0
@@ -37,6 +41,7 @@ class Recovered:
     damages: list[str] = field(default_factory=list)
     is_complete: bool = False
     cut_bytes: int = 0
+    lacks_summary: bool = False
     last_ns: int | None = None
 
 
@@ -50,24 +55,56 @@ class Recovery:
         self._channels: dict[int, Channel] = {}
         self._chunk = Chunk()
         self._next_packet: int | None = None
+        self._doubtful: int | None = None  # where the content of the last record begins, if that is damaged
         self.found = Recovered()
 
     def run(self) -> Recovered:
         """Write all of it, and return what there was."""
-        at = len(MAGIC)
-        for place in places(self._data, at, len(self._data)):
+        at, end, found = len(MAGIC), len(self._data), self.found
+        while not found.is_complete and (place := self._next(at)) is not None:
             at = place.end
             if place.kind == Op.DATA_END:
-                self.found.is_complete = True
-            elif not self.found.is_complete:
+                self._end(place)
+            else:
                 self._take(place)
         self._write_single()
-        self.found.cut_bytes = 0 if self.found.is_complete else len(self._data) - at
+        if not found.is_complete:
+            found.cut_bytes = end - at
+        elif self._data[max(end - len(MAGIC), at) :].tobytes() != MAGIC:
+            found.lacks_summary = True
         self._writer.finish()
-        return self.found
+        return found
+
+    def _next(self, at: int) -> Place | None:
+        """Return the record at a place; where there is none, the next chunk behind it, if there is one."""
+        place = place_at(self._data, at, len(self._data))
+        if place is not None and place.kind in _KINDS and place.end <= len(self._data):
+            return place
+        # Where bytes are gone from the record before, its end is not where it seems to be.
+        begin = chunk_behind(self._data, at + 1 if self._doubtful is None else self._doubtful, len(self._data))
+        if begin is None:
+            return None
+        self._damaged(f"offset {at}: {begin - at} bytes that are no record")
+        return place_at(self._data, begin, len(self._data))
+
+    def _end(self, place: Place) -> None:
+        """Take that nothing follows, and whether all was as it was written."""
+        self.found.is_complete = True
+        content = self._content(place)
+        told = int.from_bytes(content[:4], "little")
+        if told and not self.found.damages and zlib.crc32(self._data[: place.begin].data) != told:
+            self._damaged(
+                f"offset {place.begin}: something in front of it is not what was written (CRC of all of it): what no "
+                "other check covers, such as a schema or the name of a topic"
+            )
+
+    def _damaged(self, what: str) -> None:
+        if len(self.found.damages) < _MOST_WORDS:
+            self.found.damages.append(what)
 
     def _take(self, place: Place) -> None:
         size = place.end - place.content
+        self._doubtful = None
         try:
             if size > _MOST_UNPACKED_BYTES:
                 raise Damaged(f"a record with more than {_MOST_UNPACKED_BYTES >> 20} MB is left out")
@@ -83,11 +120,24 @@ class Recovery:
                 told = Metadata.of(self._content(place))
                 self._writer.tell(told.name, told.values)
         except (Damaged, Unpackable) as error:
-            if len(self.found.damages) < _MOST_WORDS:
-                self.found.damages.append(f"offset {place.begin}: {error}")
+            self._doubtful = place.content
+            self._damaged(f"offset {place.begin}: {error}")
 
     def _take_chunk(self, place: Place) -> None:
         head = ChunkHead.of(self._content(place))
+        try:
+            data = self._unpacked(place, head)
+        except (Damaged, Unpackable) as error:
+            within = duration(max(head.last_ns - head.first_ns, 0) + LONGEST_NS)
+            raise Damaged(f"{error}; what came within {within} at most is lost with it") from error
+        self._write_single()
+        chunk = Chunk()
+        for inner in places(data, 0, head.unpacked_bytes):
+            self._take_record(data, inner, chunk)
+        self._writer.write(chunk)
+
+    def _unpacked(self, place: Place, head: ChunkHead) -> U8:
+        """Return the records of a chunk, with room behind them."""
         if head.unpacked_bytes > _MOST_UNPACKED_BYTES:
             raise Damaged(f"a chunk with more than {_MOST_UNPACKED_BYTES >> 20} MB is left out")
         begin = place.content + head.at
@@ -96,11 +146,7 @@ class Recovery:
         unpack_into(records.data, head.compression, self._data[begin : begin + head.packed_bytes].tobytes())
         if head.crc and zlib.crc32(records.data) != head.crc:
             raise Damaged("a chunk is not what was written (CRC)")
-        self._write_single()
-        chunk = Chunk()
-        for inner in places(data, 0, head.unpacked_bytes):
-            self._take_record(data, inner, chunk)
-        self._writer.write(chunk)
+        return data
 
     def _take_record(self, data: U8, place: Place, chunk: Chunk) -> None:
         if place.kind == Op.SCHEMA:

@@ -6,12 +6,16 @@ import struct
 from collections.abc import Collection, Iterator
 from typing import NamedTuple
 
+import numpy as np
+
 from dissectors.batch import U8
-from nvscope.capture.mcap.records import HEAD_BYTES, MAGIC, Op
+from nvscope.capture.mcap.records import HEAD_BYTES, MAGIC, ChunkHead, Damaged, Op
 
 _HEAD = struct.Struct("<BQ")
 _GROUP = struct.Struct("<BQQ")
 _FOOTER_BYTES = HEAD_BYTES + 20
+_SEARCHED_BYTES = 1 << 20
+_HEAD_MOST_BYTES = 100
 
 
 class Place(NamedTuple):
@@ -36,6 +40,27 @@ def places(data: U8, at: int, end: int) -> Iterator[Place]:
     while (place := place_at(data, at, end)) is not None and place.end <= end:
         yield place
         at = place.end
+
+
+def chunk_behind(data: U8, at: int, end: int) -> int | None:
+    """Return where the first chunk begins from a place on that lies in no record; None where there is none.
+
+    What looks like the head of one, and fits into the file, is one.
+    """
+    while at < end:
+        stop = min(at + _SEARCHED_BYTES, end)
+        for begin in (np.flatnonzero(data[at:stop] == Op.CHUNK) + at).tolist():
+            place = place_at(data, begin, end)
+            if place is None or place.end > end:
+                continue
+            try:
+                head = ChunkHead.of(data[place.content : min(place.end, place.content + _HEAD_MOST_BYTES)].tobytes())
+            except Damaged:
+                continue
+            if head.first_ns <= head.last_ns and place.content + head.at + head.packed_bytes == place.end:
+                return int(begin)
+        at = stop
+    return None
 
 
 def summary_of(data: U8, end: int, kinds: Collection[Op]) -> Iterator[Place]:

@@ -31,6 +31,7 @@ from nvscope.capture.reader import Progress
 from nvscope.capture.source import SourceInfo
 from nvscope.errors import UnreadableInput, UsageError
 from tests.capture.build import BASE_S, packets_of, pcap
+from tests.capture.mcap.recordings import steady, write
 from tests.capture.reference import Packet
 from tests.laws import examples
 from tests.program import COMMAND
@@ -192,6 +193,23 @@ def test_a_file_may_come_later_and_begin_with_a_part_of_its_header(tmp_path: Pat
         assert packets_of([batch]) == _packets(2)
         source.stop()
         assert not _of(batches)
+
+
+def test_a_recording_that_has_its_end_is_followed_no_longer(tmp_path: Path) -> None:
+    whole = write(tmp_path / "whole.mcap", steady(20)).read_bytes()
+    path = tmp_path / "x.mcap"
+    path.write_bytes(whole[:-5])
+    source = _followed(path, seconds=600)
+    found: list[Any] = []
+    for batch in source:
+        found += [batch.ts_ns.tolist()] * bool(len(batch))
+        if path.stat().st_size < len(whole):
+            assert not source.infos[0].failure
+            with path.open("ab") as file:
+                file.write(whole[-5:])
+    assert [time_ns for part in found for time_ns in part] == [packet.ts_ns for packet in steady(20)]
+    assert source.infos[0].truncation is None
+    assert source.infos[0].failure == ""
 
 
 def test_a_file_that_never_comes_is_an_error_and_one_that_stays_empty_is_none(tmp_path: Path) -> None:
