@@ -73,12 +73,12 @@ class Scene:
     def document(self) -> Mapping[str, Any]:
         """The report (schema ``nvscope.report/2``) at that moment; its lists and findings are made when asked for."""
         known, happened = self.snapshot, self.snapshot.happened
-        assert happened is not None
         project = self.inquiry.project
         names = project.node_names if self.node_names is None else self.node_names
+        causes, left_out = (happened.causes, happened.left_out) if happened else ((), 0)
         return report_document(
-            known.summary, known.findings, known.infos, project.definition, node_names=names, causes=happened.causes,
-            left_out=happened.left_out, drawn=True,
+            known.summary, known.findings, known.infos, project.definition, node_names=names, causes=causes,
+            left_out=left_out, drawn=True,
         )  # fmt: skip
 
     def filter(self, expression: str) -> DisplayFilter:
@@ -130,13 +130,13 @@ class Watched:
         """Count from the next look on, and leave out what is over by then; for any thread."""
         self._reset = True
 
-    def look(self) -> Scene:
-        """Return what is known at this moment; nothing that is observed changes by it."""
+    def look(self, *, causes: bool = True) -> Scene:
+        """Return what is known at this moment, with ``causes`` or without; nothing that is observed changes by it."""
         inquiry, began_ns = self.inquiry, time.monotonic_ns()
         found = snapshot(
             self._state, self.source, inquiry.project, inquiry.pdos, overdue=self._overdue,
-            protocols=inquiry.protocols, witness=self._witness, node_names=self._names, clock=self._clock,
-            figures=self._reset or self._base is not None,
+            protocols=inquiry.protocols, witness=self._witness if causes else None, node_names=self._names,
+            clock=self._clock, figures=self._reset or self._base is not None,
         )  # fmt: skip
         if self._reset:
             self._reset, self._base = False, found.figures
@@ -198,25 +198,26 @@ def scene_at(
 
 
 def scenes_by_second(
-    inquiry: Inquiry, how: Watching = USUAL, source: Source | None = None, *, sparingly: bool = False
-) -> Iterator[Scene]:
+    inquiry: Inquiry, how: Watching = USUAL, source: Source | None = None, *, sparingly: bool = False,
+    causes: bool = True,
+) -> Iterator[Scene]:  # fmt: skip
     """Yield what was known of captures behind each second of their time, and at their end.
 
-    ``source`` are they where they are open already. ``sparingly``: behind ``_LOOKS`` seconds behind every second one,
-    behind as many looks more behind every fourth, and so on: hours would take minutes to look at.
+    ``source`` are they where they are open already. Without ``causes``, none has them. ``sparingly``:
+    behind ``_LOOKS`` seconds behind every second one, behind as many looks more behind every fourth, and so on: hours
+    would take minutes to look at.
     """
-    watched = Watched(inquiry, BySecond(source or inquiry.open()), how, overdue=False)
-    every = seconds = looks = 1
-    for told in inquiry.run(watched.source, watched.observers):
+    by_second = BySecond(source or inquiry.open())
+    watched = Watched(inquiry, by_second, how, overdue=False)
+    looks = 0
+    for told in inquiry.run(by_second, watched.observers):
         if len(told) or told.until_ns is None:
             continue
-        if seconds % every == 0:
-            yield watched.look()
-            if sparingly and looks % _LOOKS == 0:
-                every *= 2
-            looks += 1
-        seconds += 1
-    yield watched.look()
+        yield watched.look(causes=causes)
+        looks += 1
+        if sparingly and looks % _LOOKS == 0:
+            by_second.every *= 2
+    yield watched.look(causes=causes)
 
 
 def analysis_of(scene: Scene) -> Analysis:

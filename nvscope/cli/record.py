@@ -171,6 +171,7 @@ def record(
 
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.progress import watching
+    from nvscope.cli.scenes import are_read_whole
     from nvscope.record.attachments import attachments_of
     from nvscope.record.circumstances import circumstances_of
     from nvscope.record.file_series import FileRule
@@ -213,9 +214,13 @@ def record(
         FileRule(rule.get("duration"), rule.get("packets"), rule.get("filesize"), rule.get("files")),
         to_disk_ns=to_disk_ns,
         replaces=force,
+        is_live=not are_read_whole(inquiry),
     )
     recorder.start(write)
-    state = (_recorded if packets_only or not recorder.has_topics else _noted)(inquiry, source, recorder, quiet=quiet)
+    if packets_only or not recorder.has_topics:
+        state = _recorded(inquiry, source, recorder, quiet=quiet)
+    else:
+        state = _noted(inquiry, source, recorder, quiet=quiet)
     if not quiet or state.failure:
         _tell(state)
     code = max(tell_of_losses(source.infos), ExitCode.CAPTURE if state.failure else ExitCode.GOOD)
@@ -239,14 +244,17 @@ def _recorded(inquiry: Inquiry, source: Source, recorder: Recorder, *, quiet: bo
 
 def _noted(inquiry: Inquiry, source: Source, recorder: Recorder, *, quiet: bool) -> Recording:
     """Record as ``_recorded``, and each second what is known then."""
-    from nvscope.analysis.watching import Watching
+    from nvscope.analysis.watching import Watching, scene_at
     from nvscope.cli.scenes import scenes
     from nvscope.record.diary import Diary
 
-    diary = Diary()
+    # What happened in a capture is known before it is recorded: nothing is told late, or as what turns out to be wrong.
+    known = scene_at(inquiry, None, Watching(_RING_BYTES)) if not recorder.is_live else None
+    diary, how = Diary(known), Watching(_RING_BYTES, others=[recorder])
     try:
-        for scene in scenes(inquiry, Watching(_RING_BYTES, others=[recorder]), source, quiet=quiet, sparingly=True):
-            recorder.note(list(diary.entries(scene)), scene.at_ns)
+        recorder.note(diary.known)
+        for scene in scenes(inquiry, how, source, quiet=quiet, sparingly=True, causes=known is None):
+            recorder.note(list(diary.entries(scene)))
             if not _goes_on(recorder):
                 break
     finally:

@@ -19,17 +19,18 @@ _PATIENCE_S = 5.0
 
 
 def scenes(
-    inquiry: Inquiry, how: Watching, source: Source | None = None, *, quiet: bool, sparingly: bool = False
+    inquiry: Inquiry, how: Watching, source: Source | None = None, *, quiet: bool, sparingly: bool = False,
+    causes: bool = True,
 ) -> Iterator[Scene]:  # fmt: skip
     """Yield what is known behind each second: of files of their own time, else of ours.
 
     ``source`` are its captures where they are open already. Who asks no more ends the source.
-    ``sparingly``: of files, less often the longer they are.
+    ``sparingly``: of files, less often the longer they are; without ``causes``, of files none has them.
     """
     from nvscope.analysis.watching import scenes_by_second, watching
 
-    if inquiry.paths and STDIN not in inquiry.paths:
-        yield from scenes_by_second(inquiry, how, source, sparingly=sparingly)
+    if are_read_whole(inquiry):
+        yield from scenes_by_second(inquiry, how, source, sparingly=sparingly, causes=causes)
         return
     session = watching(inquiry, how, source)
     with LiveRun(session.source, quiet=quiet) as progress:
@@ -46,3 +47,8 @@ def scenes(
         finally:
             if not session.ended:
                 session.stop()
+
+
+def are_read_whole(inquiry: Inquiry) -> bool:
+    """Tell whether captures are files, which have an end already."""
+    return bool(inquiry.paths) and STDIN not in inquiry.paths

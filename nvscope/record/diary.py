@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from typing import Any
 
 from nvscope.analysis.news import News, is_over
@@ -18,8 +18,8 @@ from nvscope.view.escape import json_ascii
 
 FIGURES_TOPIC, LOG_TOPIC = "/nvscope/figures", "/nvscope/log"
 
-Entry = tuple[str, bytes]
-"""A topic, and a message of it."""
+Entry = tuple[str, bytes, int]
+"""A topic, a message of it, and its time."""
 
 _SECOND_NS = 1_000_000_000
 _INFO = 2
@@ -34,31 +34,48 @@ def declare(sink: TopicSink) -> None:
 
 
 class Diary:
-    """Tells from scene to scene what there is to write."""
+    """Tells from scene to scene what there is to write.
 
-    def __init__(self) -> None:
+    As a plant is watched, causes and findings are written when they are told first. Where all that happens is ``known``
+    already, as of a capture that was read before, they are told at the beginning (``known``), with the times at which
+    they began and were over.
+    """
+
+    def __init__(self, known: Scene | None = None) -> None:
         self._news = News()
         self._known: set[Hashable] = set()
+        self._is_known = known is not None
+        self.known: Sequence[Entry] = () if known is None else list(self._of(known, as_seen=False))
 
     def entries(self, scene: Scene) -> Iterator[Entry]:
         """Yield what is new, and the figures of the moment."""
-        at_ns, happened = scene.at_ns, scene.snapshot.happened
+        at_ns = scene.at_ns
         if at_ns is None:
             return
-        keys = scene.list_keys
-        yield FIGURES_TOPIC, _text(_figures(scene, keys))
-        if happened is not None:
-            told = self._news.of(happened.causes)
-            for cause in told.new:
-                yield LOG_TOPIC, _of_cause(cause, at_ns)
-            begun = {id(cause) for cause in told.new}
-            for cause, heir in zip(told.ended, told.instead, strict=True):
-                if id(cause) not in begun:
-                    yield LOG_TOPIC, _of_end(cause, heir, at_ns)
+        if not self._is_known:
+            yield from self._of(scene, as_seen=True)
+        yield FIGURES_TOPIC, _text(_figures(scene, scene.list_keys)), at_ns
+
+    def _of(self, scene: Scene, *, as_seen: bool) -> Iterator[Entry]:
+        """Yield what is new of causes and findings, as of now or of the times at which it was so."""
+        at_ns, happened, keys = scene.at_ns, scene.snapshot.happened, scene.list_keys
+        if at_ns is None or happened is None:
+            return
+
+        def time(time_ns: int | None) -> int:
+            return at_ns if time_ns is None or as_seen else min(time_ns, at_ns)
+
+        told = self._news.of(happened.causes)
+        for cause in told.new:
+            yield LOG_TOPIC, _of_cause(cause, at_ns), time(cause.since_ns)
+        begun = {id(cause) for cause in told.new} if as_seen else ()
+        for cause, heir in zip(told.ended, told.instead, strict=True):
+            if id(cause) not in begun:
+                yield LOG_TOPIC, _of_end(cause, heir, at_ns), time(cause.until_ns)
         for finding in scene.snapshot.findings:
             if finding.place not in self._known:
                 self._known.add(finding.place)
-                yield LOG_TOPIC, _of_finding(finding, keys, at_ns)
+                yield LOG_TOPIC, _of_finding(finding, keys, at_ns), time(finding.first_ns)
 
 
 def _figures(scene: Scene, keys: Mapping[int, str]) -> Mapping[str, Any]:

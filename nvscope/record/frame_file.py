@@ -54,11 +54,12 @@ class FrameFile:
             packets = packets.take(rows)
         if len(packets):
             self._comment(told.first_frame, rows)
-            self._sink.write(packets)
-            self.written += len(packets)
             if self._topics is not None and isinstance(self._sink, TopicSink):
                 self._topics.observe(told)
-                self._topics.write(self._sink, told.first_frame, told.first_frame + len(told))
+                self._topics.write_with(self._sink, packets, rows + told.first_frame)
+            else:
+                self._sink.write(packets)
+            self.written += len(packets)
             self.has_directions |= packets.direction is not None and bool(packets.direction.any())
 
     def _wait(self, comments: Iterable[Comment]) -> None:

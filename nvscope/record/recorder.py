@@ -65,16 +65,18 @@ class Recorder:
 
     ``start``, ``stop`` and ``state`` may be called from any thread. What exists is never written to, unless it
     ``replaces``. Each packet is the operating system's within ``FLUSH_NS`` of being told, as long as batches are told,
-    be they empty; every ``to_disk_ns`` all are on the disk. Where a file cannot be written any more, it ends with the
-    last whole frame, and the recorder is off.
+    be they empty; every ``to_disk_ns`` all are on the disk. What is not ``is_live`` can be read again, and is written
+    as it is gathered. Where a file cannot be written any more, it ends with the last whole frame, and the recorder is
+    off.
     """
 
     by_stream: ClassVar[bool] = False
 
     def __init__(
         self, beside: Beside | None = None, rule: FileRule | None = None, *, to_disk_ns: int | None = None,
-        replaces: bool = False,
+        replaces: bool = False, is_live: bool = True,
     ) -> None:  # fmt: skip
+        self.is_live = is_live
         self._beside = beside or Beside()
         self._rule = rule or FileRule()
         self._series = FileSeries("", self._rule)
@@ -129,16 +131,16 @@ class Recorder:
         """Whether the file in hand takes topics, too."""
         return isinstance(self._sink, TopicSink)
 
-    def note(self, entries: Sequence[Entry], at_ns: int | None) -> None:
-        """Write entries of a diary, at a time; for any thread. Nothing where there is no file for them."""
+    def note(self, entries: Sequence[Entry]) -> None:
+        """Write entries of a diary; for any thread. Nothing where there is no file for them."""
         with self._lock:
-            if not isinstance(self._sink, TopicSink) or at_ns is None or not entries:
+            if not isinstance(self._sink, TopicSink) or not entries:
                 return
-            topics, texts = zip(*entries, strict=True)
+            topics, texts, times_ns = zip(*entries, strict=True)
             numbers = np.full(len(entries), self._noted)
             self._noted += 1
             try:
-                self._sink.messages(topics, texts, numbers, np.full(len(entries), at_ns))
+                self._sink.messages(topics, texts, numbers, np.array(times_ns, np.int64))
             except (NvscopeError, OSError) as error:
                 self._end(sentence(error))
 
@@ -152,9 +154,10 @@ class Recorder:
             rows = self._series.room_for(packets, self._sink.bytes)
             if rows:
                 own, packets = packets[:rows], packets[rows:]
-                self._sink.write(own)
                 if topics is not None and isinstance(self._sink, TopicSink):
-                    topics.write(self._sink, frame, frame + rows)
+                    topics.write_with(self._sink, own, np.arange(frame, frame + rows))
+                else:
+                    self._sink.write(own)
                 self._series.take(own)
                 frame += rows
             if len(packets):
@@ -162,6 +165,8 @@ class Recorder:
 
     def _flush(self) -> None:
         assert self._sink is not None
+        if not self.is_live:
+            return
         now_ns = time.monotonic_ns()
         to_disk = self._to_disk_ns is not None and now_ns - self._on_disk_ns >= self._to_disk_ns
         if to_disk or now_ns - self._flushed_ns >= FLUSH_NS:

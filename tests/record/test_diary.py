@@ -8,12 +8,17 @@ from typing import Any
 
 import pytest
 from jsonschema import Draft202012Validator
-from mcap.reader import SeekingReader
+from mcap.reader import NonSeekingReader, SeekingReader
 
+from nvscope.analysis.inquiry import Inquiry
+from nvscope.analysis.watching import scenes_by_second
+from nvscope.definition.project import Project
+from nvscope.record.diary import Diary
 from tests.program import run_text
 
 ROOT = Path(__file__).parents[2]
 PLANT = ROOT / "captures" / "plant.pcapng.gz"
+PEERS = ROOT / "captures" / "peers"
 PRESS = ROOT / "captures" / "can" / "press.log"
 
 
@@ -59,21 +64,48 @@ def test_figures_are_those_that_watch_prints(recording: Path, watched: list[dict
         assert all(set(entry) == set(properties) for entry in told["lists"])
 
 
-def test_causes_are_logged_when_they_begin_and_when_they_are_over(
-    recording: Path, watched: list[dict[str, Any]]
-) -> None:
+def test_of_a_capture_causes_are_logged_at_the_times_at_which_they_began_and_were_over(recording: Path) -> None:
+    """All of them is known when it is recorded: so none is told late, or as what it turns out not to be."""
     name, schema, found = told_in(recording, "/nvscope/log")
     assert name == "foxglove.Log"
     Draft202012Validator.check_schema(schema)
-    causes = [(time_ns, told) for time_ns, told in found if not told["name"].startswith("NV")]
+    causes = json.loads(run_text("report", "--json", PLANT).stdout)["causes"]
+    begun = [(int(one["since_ns"]), one["kind"]) for one in causes]
+    over = [(int(one["until_ns"]), f"{one['title']}: over") for one in causes if one["until_ns"]]
+    told = [(time_ns, one) for time_ns, one in found if not one["name"].startswith("NV")]
+    assert sorted((time_ns, one["name"]) for time_ns, one in told if one["level"] > 2) == sorted(begun)
+    assert sorted((time_ns, one["message"]) for time_ns, one in told if one["level"] == 2) == sorted(over)
+    for time_ns, one in told:
+        assert one["timestamp"]["sec"] * 10**9 + one["timestamp"]["nsec"] == time_ns
+
+
+def test_all_is_in_the_order_of_time(recording: Path, tmp_path: Path) -> None:
+    """Packets, variables, figures and log: tools that look through a recording complain of others."""
+    assert run_text("record", PEERS / "peers.pcap", "--gvl", PEERS, "-w", tmp_path / "p.mcap").returncode == 0
+    for path in (recording, tmp_path / "p.mcap"):
+        with path.open("rb") as file:
+            times = [
+                message.log_time for _, _, message in NonSeekingReader(file).iter_messages(log_time_order=False)
+            ]  # fmt: skip
+        assert len(times) > 50
+        assert times == sorted(times)
+
+
+def test_of_a_plant_that_is_watched_causes_are_logged_when_they_are_seen(watched: list[dict[str, Any]]) -> None:
+    diary, said = Diary(), []
+    for scene in scenes_by_second(Inquiry([str(PLANT)], Project())):
+        for topic, text, time_ns in diary.entries(scene):
+            told = json.loads(text)
+            if topic == "/nvscope/log" and not told["name"].startswith("NV"):
+                said.append((time_ns, told))
     begun = [(int(line["at_ns"]), one["kind"], one["title"]) for line in watched for one in line["causes_new"]]
-    said = [(time_ns, told["name"], told["message"]) for time_ns, told in causes if told["level"] > 2]
-    assert len(said) == len(begun)
-    for (time_ns, kind, message), (at_ns, expected, title) in zip(said, begun, strict=True):
+    found = [(time_ns, told["name"], told["message"]) for time_ns, told in said if told["level"] > 2]
+    assert len(found) == len(begun)
+    for (time_ns, kind, message), (at_ns, expected, title) in zip(found, begun, strict=True):
         assert (time_ns, kind) == (at_ns, expected)
         assert message.startswith(title)
         assert ". Next: " in message
-    (over,) = (told for _, told in causes if told["message"].endswith("13.0 s: over"))
+    (over,) = (told for _, told in said if told["message"].endswith("13.0 s: over"))
     assert (over["level"], over["name"], over["file"]) == (2, "reader-silent", "udp/1202/3")
 
 

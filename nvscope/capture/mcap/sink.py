@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import time
+from bisect import bisect_right
 from collections.abc import Sequence
 from itertools import count
-from typing import Protocol, runtime_checkable
+from operator import itemgetter
+from typing import NamedTuple, Protocol, runtime_checkable
 
 from dissectors.batch import I64, PacketBatch
 from nvscope.capture.mcap.format_version import COMMENTS, FORMAT_VERSION, INTERFACES, RECORDING
@@ -15,14 +17,14 @@ from nvscope.capture.mcap.packets import ENCODING, MOST_BYTES, MOST_ROWS, SCHEMA
 from nvscope.capture.mcap.records import AttachedFile
 from nvscope.capture.mcap.writer import Chunk, McapWriter
 from nvscope.capture.output import FileSink
-from nvscope.capture.source import Attachment, Circumstances
+from nvscope.capture.source import Attachment, Circumstances, Sink
 from nvscope.errors import CaptureError
 from nvscope.schemas.schema_files import schema_text
 from nvscope.version import __version__
 
 
 @runtime_checkable
-class TopicSink(Protocol):
+class TopicSink(Sink, Protocol):
     """A sink that takes what other tools read, too: JSON messages by topic."""
 
     def topic(self, topic: str, title: str, schema: bytes) -> None:
@@ -30,14 +32,30 @@ class TopicSink(Protocol):
         ...
 
     def messages(self, topics: Sequence[str], texts: Sequence[bytes], numbers: I64, ts_ns: I64) -> None:
-        """Write messages: of which topics they are, what they say, their numbers and their times."""
+        """Write messages: of which topics they are, what they say, their numbers and their times.
+
+        They go in front of the packets that they are of, so that all is in the order of time.
+        """
         ...
+
+
+class _Message(NamedTuple):
+    """A message of a topic that waits to be written."""
+
+    time_ns: int
+    number: int
+    channel: int
+    text: bytes
+
+
+_time_of = itemgetter(0)
 
 
 class McapSink(FileSink):
     """Writes packets of any link types to an MCAP file, many to a message (``nvscope.capture.mcap.packets``).
 
-    Packets are gathered to chunks of ``MOST_ROWS`` packets or ``MOST_BYTES``; ``flush`` ends the one in hand. Names of
+    Packets are gathered to chunks of ``MOST_ROWS`` packets or ``MOST_BYTES``; ``flush`` ends the one in hand. Where
+    there are topics, a message of packets is a chunk of its own, behind that of the topics up to its time. Names of
     channels are metadata, as often as there are more of them. Where the disk is full, the file ends with the last whole
     chunk: room for its end is kept back.
     """
@@ -51,7 +69,7 @@ class McapSink(FileSink):
         self._chunk = Chunk()
         self._comments: dict[str, str] = {}
         self._topics: dict[str, int] = {}
-        self._topic_chunk = Chunk()
+        self._waiting: list[_Message] = []
         self._circumstances: Circumstances | None = None
         self._kept = KeptRoom(path) if self._output.is_regular else None
         self._writer = McapWriter(self._output, os.path.dirname(os.path.abspath(path)) if self._kept else None)
@@ -65,11 +83,13 @@ class McapSink(FileSink):
             return
         self._name_channels()
         for part in cut(batch):
+            if self._waiting and self._rows:
+                self._end_chunk()
             # How many packets were recorded before tells how many are missing where a file is damaged.
             before = self.packets + self._rows
             self._chunk.add(self._channel, before, int(part.ts_ns[-1]), int(part.ts_ns[0]), message(part))
             self._rows += len(part)
-            if self._rows >= MOST_ROWS or self._chunk.bytes >= MOST_BYTES:
+            if self._waiting or self._rows >= MOST_ROWS or self._chunk.bytes >= MOST_BYTES:
                 self._end_chunk()
 
     def comment(self, number: int, text: str) -> None:
@@ -92,12 +112,12 @@ class McapSink(FileSink):
         self._circumstances = circumstances
 
     def flush(self, *, to_disk: bool = False) -> None:
-        self._end_chunk()
+        self._end_chunk(whole=True)
         super().flush(to_disk=to_disk)
 
     def close(self) -> None:
         try:
-            self._end_chunk()
+            self._end_chunk(whole=True)
         finally:
             try:
                 if self._kept is not None:
@@ -114,27 +134,43 @@ class McapSink(FileSink):
         self._keep_room()
 
     def messages(self, topics: Sequence[str], texts: Sequence[bytes], numbers: I64, ts_ns: I64) -> None:
-        """Write messages: of which topics they are, what they say, their numbers and their times."""
-        channels, add = self._topics, self._topic_chunk.add
-        for topic, text, number, time_ns in zip(topics, texts, numbers.tolist(), ts_ns.tolist(), strict=True):
-            add(channels[topic], number, time_ns, time_ns, text)
-        if self._topic_chunk.bytes >= MOST_BYTES:
-            self._end_chunk()
+        channels = self._topics
+        columns = zip(ts_ns.tolist(), numbers.tolist(), topics, texts, strict=True)
+        self._waiting += [_Message(time_ns, number, channels[topic], text) for time_ns, number, topic, text in columns]
 
-    def _end_chunk(self) -> None:
-        """Write what was gathered, packets and topics apart: who reads packets passes over topics."""
+    def _end_chunk(self, *, whole: bool = False) -> None:
+        """Write what was gathered, packets and topics apart: who reads packets passes over topics.
+
+        Of topics, those up to the time of the packets; with ``whole``, all.
+        """
         chunk, rows = self._chunk, self._rows
-        topic_chunk = self._topic_chunk
         # What cannot be written is gone.
-        self._chunk, self._rows, self._topic_chunk = Chunk(), 0, Chunk()
+        self._chunk, self._rows = Chunk(), 0
         if self._comments:
             comments, self._comments = self._comments, {}
             self._writer.tell(COMMENTS, comments)
+        self._write_topics(chunk.last_ns if len(chunk) else None)
         self._writer.write(chunk)
         self.packets += rows
-        self._writer.write(topic_chunk)
-        if len(chunk) or len(topic_chunk):
+        if whole:
+            self._write_topics(None)
+        if len(chunk) or whole:
             self._keep_room()
+
+    def _write_topics(self, until_ns: int | None) -> None:
+        """Write the messages of topics up to a time, None for all."""
+        if not self._waiting:
+            return
+        self._waiting.sort(key=_time_of)
+        count = len(self._waiting) if until_ns is None else bisect_right(self._waiting, until_ns, key=_time_of)
+        ready, self._waiting = self._waiting[:count], self._waiting[count:]
+        chunk = Chunk()
+        for one in ready:
+            chunk.add(one.channel, one.number, one.time_ns, one.time_ns, one.text)
+            if chunk.bytes >= MOST_BYTES:
+                self._writer.write(chunk)
+                chunk = Chunk()
+        self._writer.write(chunk)
 
     def _keep_room(self) -> None:
         if self._kept is None:
