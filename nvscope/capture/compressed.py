@@ -6,10 +6,11 @@ moment, is passed on.
 
 from __future__ import annotations
 
+import threading
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from typing import Protocol
+from typing import Any, Protocol
 
 GZIP = "gzip"
 ZSTD = "zstd"
@@ -266,11 +267,23 @@ def _copied(data: bytes, target: memoryview) -> tuple[int, bool]:
     return count, len(data) > len(target)
 
 
+_OF_THREAD = threading.local()
+
+
+def _decompressor() -> Any:
+    """Return a decompressor that this thread uses again: to make one takes as long as to unpack a small chunk."""
+    import zstandard  # noqa: PLC0415
+
+    if not hasattr(_OF_THREAD, "zstd"):
+        _OF_THREAD.zstd = zstandard.ZstdDecompressor(max_window_size=_ZSTD_WINDOW_BYTES)
+    return _OF_THREAD.zstd
+
+
 def _unpack_zstd(data: bytes, target: memoryview) -> tuple[int, bool]:
     import zstandard  # noqa: PLC0415
 
     try:
-        reader = zstandard.ZstdDecompressor(max_window_size=_ZSTD_WINDOW_BYTES).stream_reader(data)
+        reader = _decompressor().stream_reader(data)
         count = 0
         while count < len(target) and (more := reader.readinto(target[count:])):
             count += more

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from nvscope.cli.terminal import echo
@@ -10,7 +11,7 @@ from nvscope.errors import NvscopeError, UsageError
 
 if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
-    from nvscope.capture.source import Attachment, Source
+    from nvscope.capture.source import Attachment, Source, SourceInfo
     from nvscope.record.frame_file import Comment
     from nvscope.view.display_filter import DisplayFilter
 
@@ -76,9 +77,25 @@ def write_frames(
     )  # fmt: skip
     if lost:
         echo(f"nvscope: {visible(path)}: {target.name} has no place for {visible('; '.join(lost))}.", err=True)
+    tell_of_one_file(source.infos, path)
     if not quiet:
         of = f" of {units.count(written.frames)}" if chosen is not None else ""
         echo(f"nvscope: {units.count(written.written)}{of} frames in {visible(path)}.", err=True)
+
+
+def tell_of_one_file(infos: Sequence[SourceInfo], path: str) -> None:
+    """Say on stderr where nobody captured between files that are one now: who reads that takes it for silence."""
+    from nvscope.capture.recordings import recordings
+    from nvscope.units import duration
+    from nvscope.view.escape import visible
+
+    found = recordings(infos)
+    if len(found) > 1:
+        longest_ns = max(behind.start_ns - before.end_ns for before, behind in pairwise(found))
+        echo(
+            f"nvscope: {visible(path)}: it cannot tell that these are {len(found)} recordings, with up to "
+            f"{duration(longest_ns)} between them in which nobody captured; convert each by itself.", err=True,
+        )  # fmt: skip
 
 
 def remarks_on(inquiry: Inquiry) -> list[Comment]:

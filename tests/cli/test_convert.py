@@ -96,6 +96,16 @@ def test_what_a_format_cannot_hold_is_told(tmp_path: Path) -> None:
     assert "attachments (press.gvl)" in told
 
 
+def test_that_nobody_captured_between_two_files_is_told(tmp_path: Path) -> None:
+    """In one file it looks as if everybody had been silent."""
+    day_ns = 86_400 * 10**9
+    monday = write(tmp_path / "a.pcap", steady(10))
+    tuesday = write(tmp_path / "b.pcap", [one._replace(ts_ns=one.ts_ns + day_ns) for one in steady(10)])
+    done = run_text("convert", monday, tuesday, "-w", tmp_path / "c.mcap")
+    assert (done.returncode, "2 recordings, with up to 1 d 00 h between them" in done.stderr) == (0, True)
+    assert "recordings" not in converted(monday, tmp_path / "d.mcap")
+
+
 def test_frames_that_a_format_cannot_hold_leave_nothing_behind(tmp_path: Path) -> None:
     done = run_text("convert", PLANT, PRESS, "-w", tmp_path / "x.pcap")
     assert done.returncode == 2
