@@ -13,7 +13,9 @@ LEAST_RATE, MOST_RATE = 0.1, 100.0
 _TICK_S, _SHORTEST_S = 0.05, 0.0001
 _GAP_NS = 1_000_000_000
 """A pause that is skipped lasts so long."""
-_MOST_BEHIND_S = 0.5
+_MOST_BEHIND_S, _BEHIND_FOR_S = 0.5, 2.0
+_LEAST_ROUND_S = 1.0
+"""What is repeated takes so long at least, or nobody could see it: what is left of that, it stands at the end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +66,9 @@ class Player:
         self._a_ns: int | None = None
         self._b_ns: int | None = None
         self._turns = self._changes = 0
-        self._stopped = self._at_end = self._is_behind = False
+        self._stopped = self._at_end = False
+        self._behind_s: float | None = None  # when it was behind the last time
+        self._round_s: float | None = None  # since when it goes on from the beginning of what is repeated
         self._at_ns: int | None = None
         self._frames = 0
         self._last_ns: int | None = None  # the time of the last packet
@@ -79,7 +83,7 @@ class Player:
         """Where the capture is."""
         with self._changed:
             return Place(
-                self._at_ns, self._frames, self._rate, self._paused, self._is_going, self._is_behind, self._at_end,
+                self._at_ns, self._frames, self._rate, self._paused, self._is_going, self._lags, self._at_end,
                 self._a_ns, self._b_ns, self._loops,
             )  # fmt: skip
 
@@ -96,6 +100,10 @@ class Player:
     def changes(self) -> int:
         """How often somebody wanted something else so far, or it came to where somebody wanted it."""
         return self._changes
+
+    @property
+    def _lags(self) -> bool:
+        return self._behind_s is not None and self._clock() - self._behind_s < _BEHIND_FOR_S
 
     def wait_for_change(self, changes: int, timeout_s: float) -> None:
         """Wait until there were more changes than so many."""
@@ -169,6 +177,7 @@ class Player:
 
     def _begin_again(self) -> None:
         self._turns += 1
+        self._round_s = None
         self._at_ns = self._last_ns = None
         self._frames = 0
         self._goal_ns = self._goal_frames = None
@@ -177,7 +186,6 @@ class Player:
     def _tell(self) -> None:
         """Tell all who wait that something has changed; time counts from where it is."""
         self._since_s = None
-        self._is_behind = False
         self._changes += 1
         self._changed.notify_all()
 
@@ -218,17 +226,17 @@ class Player:
         now_s = self._clock()
         if self._at_ns is None:
             self._at_ns = next_ns
+        self._round_s = now_s if self._round_s is None else self._round_s
         if self._since_s is None:
             self._since_s, self._since_ns = now_s, self._at_ns
         now_ns = self._since_ns + int((now_s - self._since_s) * 1e9 * self._rate)
         if (now_ns - self._at_ns) / 1e9 / self._rate > _MOST_BEHIND_S:
             # What is behind stays behind: nobody wants to be shown in a rush what a slow moment kept back.
             self._since_s, self._since_ns = now_s, self._at_ns + int(_TICK_S * 1e9 * self._rate)
-            now_ns, self._is_behind = self._since_ns, True
+            now_ns, self._behind_s = self._since_ns, now_s
         if self._b_ns is not None and self._a_ns is not None and now_ns >= self._b_ns:
             if self._at_ns >= self._b_ns:
-                self._go(self._a_ns)
-                self._tell()
+                self._begin_round()
                 return None
             return Turn(self._b_ns)
         if next_ns <= now_ns:
@@ -259,8 +267,23 @@ class Player:
             if turns != self._turns or self._stopped:
                 return
             self._goal_ns = self._goal_frames = None
-            if (self._loops or self._b_ns is not None) and self._frames and not self._paused:
-                self._go(self._first_ns)
-            else:
+            changes = self._changes
+            while self._is_repeated and turns == self._turns and changes == self._changes and not self._stopped:
+                self._begin_round()
+            if turns == self._turns:
                 self._at_end = True
+                self._tell()
+
+    @property
+    def _is_repeated(self) -> bool:
+        return (self._loops or self._b_ns is not None) and bool(self._frames) and not self._paused
+
+    def _begin_round(self) -> None:
+        """Begin again with what is repeated; or wait a while, where it has only just begun."""
+        now_s = self._clock()
+        left_s = 0.0 if self._round_s is None else self._round_s + _LEAST_ROUND_S - now_s
+        if left_s > 0:
+            self._sleep(self._changed, min(left_s, _LEAST_ROUND_S))
+        else:
+            self._go(self._first_ns)
             self._tell()

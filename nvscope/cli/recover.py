@@ -58,7 +58,7 @@ def recover(
         echo(f"nvscope: {count_of(found.packets, 'frame')}{topics} in {visible(write)}.", err=True)
         for line in _lost(found):
             echo(f"nvscope: {visible(source)}: {line}", err=True)
-    if found.damages or found.lost_packets:
+    if found.damages or found.lost_packets or found.lost_at_end_ns:
         raise typer.Exit(ExitCode.DATA_LOSS)
 
 
@@ -99,6 +99,8 @@ def _lost(found: Recovered) -> list[str]:
     if found.lost_packets:
         seconds = sum(max(behind - before, 0) for before, behind in found.gaps_ns)
         told.append(f"{count_of(found.lost_packets, 'frame')} lost within {duration(seconds)}.")
+    if found.lost_at_end_ns:
+        told.append(f"what came within the last {duration(found.lost_at_end_ns)} is lost.")
     if not found.is_complete:
         cut = "it ends with a whole record"
         if found.cut_bytes:

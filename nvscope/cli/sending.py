@@ -166,7 +166,7 @@ def tell_of_sent(
     elif not timing.sent:
         others = "frame of CAN" if target.is_can else "telegram over UDP"
         instead = "telegrams are sent with --to udp://…" if target.is_can else "frames of CAN are with --to can:…"
-        echo(f"nvscope: nothing was sent: no {others} is there; {instead}", err=True)
+        echo(f"nvscope: nothing was sent: no {others} is in the time that was asked for; {instead}.", err=True)
     else:
         told = f"nvscope: {count_of(timing.sent, noun)} sent"
         if timing.p50_ns is not None and timing.p99_ns is not None and timing.worst_ns is not None:
@@ -175,6 +175,8 @@ def tell_of_sent(
             )
             told += f"{duration(timing.p99_ns)} (p99), {duration(timing.worst_ns)} (worst)"
         echo(f"{told}.", err=True)
+    for remark in () if quiet else sender.remarks():
+        echo(f"nvscope: {visible(remark)}.", err=True)
     if not sender.cut:
         return ExitCode.GOOD
     echo(f"nvscope: {count_of(sender.cut, noun)} not captured whole, and not sent.", err=True)

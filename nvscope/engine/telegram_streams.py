@@ -14,9 +14,13 @@ OTHERS = 0
 
 
 class TelegramStreams:
-    """Numbers streams in the order in which they are met; those of one batch after the other are numbered alike."""
+    """Numbers streams in the order in which they are met; those of one batch after the other are numbered alike.
 
-    def __init__(self) -> None:
+    ``by_bus``: all frames of a CAN channel are one.
+    """
+
+    def __init__(self, *, by_bus: bool = False) -> None:
+        self._by_bus = by_bus
         self._described: Varieties | None = None
         self._of_variety = np.zeros(0, np.int64)
         self._numbers: dict[tuple[int, ...], int] = {}
@@ -43,7 +47,11 @@ class TelegramStreams:
         telegrams = varieties.telegrams_of(new[on_udp])
         of_telegram = np.cumsum(on_udp) - 1
         found = np.full(len(new), OTHERS)
-        for row in np.flatnonzero(carried.of_list | on_udp).tolist():
+        on_bus = (carried.carrier == Carrier.CAN) if self._by_bus else np.zeros(len(new), np.bool_)
+        for row in np.flatnonzero(on_bus).tolist():
+            key: tuple[int, ...] = (int(carried.carrier[row]), int(carried.port[row]))
+            found[row] = self._numbers.setdefault(key, len(self._numbers) + 1)
+        for row in np.flatnonzero((carried.of_list | on_udp) & ~on_bus).tolist():
             sender: tuple[int, ...] = (0, 0, 0)
             if on_udp[row]:
                 own = int(of_telegram[row])

@@ -242,11 +242,11 @@ class _Compiler(Terms):
         if name == "changed" and argument.data not in TESTS:
             value, subject = self._subject(name, argument, lambda: self._one_value(name, argument))
             return Changed(value.evaluate, subject)
-        test, subject = self._subject(name, argument, lambda: self.test(argument))
+        test, subject = self._subject(name, argument, lambda: self._truth(name, argument))
         return Edge(test, subject, rises=name != "fell", falls=name != "rose")
 
     def _held(self, word: object, argument: Node, length: Node) -> Test:
-        test, subject = self._subject(str(word).lower(), argument, lambda: self.test(argument))
+        test, subject = self._subject(str(word).lower(), argument, lambda: self._truth(str(word).lower(), argument))
         told = self._value(length)
         if isinstance(told, Typed):
             raise self._error("how long it has to be so is written out", told.span, "for example held(x, 2s)")
@@ -276,6 +276,16 @@ class _Compiler(Terms):
             return Typed(FieldType.DURATION, Age(carrying(value.evaluate, subject), subject), span, is_computed=True)
         test, subject = self._subject("age", node, lambda: self.test(node))
         return Typed(FieldType.DURATION, Age(test, subject), span, is_computed=True)
+
+    def _truth(self, word: str, node: Node) -> Test:
+        """Return the test that something is true; a value that is there says nothing of that."""
+        known = self._known(str(node.children[0])) if node.data == "name" else None
+        if node.data not in TESTS and not (known and known[1].test):
+            value = self._value(node)
+            if isinstance(value, Typed) and value.type is not FieldType.BOOL and not value.is_computed:
+                what = f"{word} is for what is true or false, and this is {WORDS[value.type]}"
+                raise self._error(what, value.span, f"compare it: {word}(x > 1); changed(x) is for values")
+        return self.test(node)
 
     def _one_value(self, word: str, node: Node) -> Typed:
         value = self._typed(node, f"{word} needs a field between its parentheses")

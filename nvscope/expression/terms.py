@@ -165,7 +165,7 @@ class Terms:
         parts = named.either or (name,)
         self.fields.update(dict.fromkeys(parts))
         evaluate = lambda operands: [operands[part] for part in parts]  # noqa: E731
-        return Typed(named.type, evaluate, span, len(parts), values=named.values, texts=named.texts)
+        return Typed(named.type, evaluate, span, len(parts), named.counts, named.values, named.texts)
 
     def _unknown(self, text: str, span: Span) -> ExpressionError:
         offered = list(islice((name for name, named in self._names.items() if not named.refused), MAX_NAMES))

@@ -74,7 +74,7 @@ class Named:
     ``values`` are names of its numbers, which may stand for them as texts; ``texts`` are the only ones that a field of
     texts has, empty where it may have any. ``test`` is the expression that the name
     stands for where it is no value: ``ip`` chooses the telegrams that have it. ``lasts``: a value holds until the next
-    one comes, where time is looked at.
+    one comes, where time is looked at. ``counts``: alone, it asks whether it is not 0.
     """
 
     type: FieldType
@@ -85,6 +85,7 @@ class Named:
     test: str = ""
     instead: str = ""
     lasts: bool = False
+    counts: bool = False
 
 
 NameTable = Mapping[str, Named]

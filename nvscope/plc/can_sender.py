@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from types import MappingProxyType, TracebackType
@@ -14,11 +14,13 @@ import numpy as np
 
 from dissectors.batch import PacketBatch
 from dissectors.can.frame import CanBatch, Fault, dissect_can
+from dissectors.can.pdo import channel_name
 from nvscope.capture.live.can.library import message_of, opened_to_send, reason
 from nvscope.capture.live.can.word import CanWord
 from nvscope.errors import CaptureError
 from nvscope.plc.pace import Pace
 from nvscope.plc.permission import is_own_bus, refuse_bus
+from nvscope.units import count_of
 
 OPEN_S = 20.0
 """How long a driver may take to open a bus, or to close it."""
@@ -54,7 +56,8 @@ class CanSender:
     def __init__(self, route: CanRoute, pace: Pace, is_stopped: Callable[[], bool] = lambda: False) -> None:
         self._route, self._pace, self._is_stopped = route, pace, is_stopped
         self._buses: dict[str, Any] = {}
-        self.cut = 0
+        self.cut = self._errors = self._others = 0
+        self._channels: dict[str, set[str]] = {}
         self.targets: dict[str, int] = {}
 
     def open(self) -> Self:
@@ -66,6 +69,8 @@ class CanSender:
     def send(self, packets: PacketBatch, channels: Sequence[str] = ()) -> None:
         """Send the frames of some packets; returns when the last one is sent, or somebody stops it."""
         frames = dissect_can(packets)
+        self._others += len(packets) - len(frames)
+        self._errors += int(np.count_nonzero(frames.error))
         frames = frames.take(~frames.error)
         whole = ~np.isin(frames.fault, _UNSENDABLE)
         self.cut += int(np.count_nonzero(~whole))
@@ -76,6 +81,7 @@ class CanSender:
             if not self._pace.wait_until(due_ns, self._is_stopped):
                 return
             word = words[channel] if channel < len(words) else self._route.word
+            self._channels.setdefault(word, set()).add(channel_name(channels, channel))
             self._send(word, frames, place)
             self._pace.was_sent(time.monotonic_ns() - due_ns)
             self.targets[word] = self.targets.get(word, 0) + 1
@@ -89,6 +95,20 @@ class CanSender:
                 next_step="look at the bus: another node has to acknowledge frames, at the same bit rate; CAN FD needs "
                 "a bus that knows it",
             ) from error  # fmt: skip
+
+    def remarks(self) -> Iterator[str]:
+        """Yield what a person should know of what was not sent, and of what was asked for in vain."""
+        if self._errors:
+            yield f"{count_of(self._errors, 'error frame')} left out: nobody sends such"
+        if self._others:
+            yield f"{count_of(self._others, 'other frame')} left out: frames of CAN alone are sent on a bus"
+        for word, names in self._channels.items():
+            if len(names) > 1:
+                yield f"frames of {', '.join(sorted(names))} went to one bus, {word}; --map CHANNEL=can:… parts them"
+        sent = set().union(*self._channels.values())
+        for name in self._route.words:
+            if name not in sent:
+                yield f"--map {name}=…: no frame was on a channel of this name"
 
     def close(self) -> None:
         """Close all buses."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ipaddress
 import socket
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType, TracebackType
 from typing import Self
@@ -18,6 +18,7 @@ from dissectors.netvar import PortRules, dissect
 from nvscope.errors import CaptureError
 from nvscope.plc.pace import Pace
 from nvscope.plc.permission import is_loopback, refuse_network
+from nvscope.units import count_of
 
 _MOST_SOCKETS = 256
 
@@ -65,7 +66,8 @@ class TelegramSender:
         self._route, self._pace, self._ports, self._is_stopped = route, pace, ports, is_stopped
         self._sockets: dict[tuple[str, str], socket.socket] = {}
         self._routes: dict[tuple[int, ...], tuple[socket.socket, tuple[str, int], str]] = {}
-        self.cut = 0
+        self.cut = self._others = 0
+        self._mapped: set[str] = set()
         self.targets: dict[str, int] = {}
 
     def send(self, packets: PacketBatch, channels: Sequence[str] = ()) -> None:
@@ -74,6 +76,7 @@ class TelegramSender:
         datagrams = telegrams.datagram
         whole = datagrams.captured_bytes >= datagrams.payload_bytes
         self.cut += int(np.count_nonzero(~whole))
+        self._others += len(packets) - len(whole)
         datagrams = datagrams.take(whole)
         columns = (
             packets.ts_ns[datagrams.row], datagrams.payload, datagrams.payload_bytes, datagrams.source_hi,
@@ -101,6 +104,7 @@ class TelegramSender:
         """Return the socket that a sender's telegrams go out by, and where they go, also in words."""
         source, destination = address.text(*ends[:2]), address.text(*ends[2:4])
         target = self._route.of(destination, ends[4])
+        self._mapped |= {destination, str(ends[4])}
         if not self._route.allow_network and not is_loopback(target[0]):
             raise refuse_network(target[0])
         own = _local(source) if is_loopback(target[0]) and ":" not in target[0] else ""
@@ -112,6 +116,15 @@ class TelegramSender:
                 self._sockets[key] = _opened(own, is_six=key[1] == "6")
         self._routes[ends] = self._sockets[key], target, f"{target[0]}:{target[1]}"
         return self._routes[ends]
+
+    def remarks(self) -> Iterator[str]:
+        """Yield what a person should know of what was not sent, and of what was asked for in vain."""
+        if self._others:
+            yield f"{count_of(self._others, 'other frame')} left out: telegrams alone are sent to a network"
+        for kind, names in (("--map", self._route.addresses), ("--port", map(str, self._route.ports))):
+            for name in names:
+                if name not in self._mapped:
+                    yield f"{kind} {name}=…: no telegram went there"
 
     def close(self) -> None:
         """Close all sockets."""

@@ -16,14 +16,14 @@ from nvscope.view.rows.frames import FrameRows
 class Edges:
     """Finds the frames at which a filter becomes true that was not true of the frame before.
 
-    That is the one before of the same stream, what is no telegram being one together; where the filter looks at
-    variables of several lists, the one before of all.
+    That is the one before of the same stream, what is no telegram being one together; where the filter asks for what
+    is of a bus, the one before on that, and where it looks at variables of several lists, the one before of all.
     """
 
     def __init__(self, chosen: MomentFilter) -> None:
         self._chosen = chosen
         self._choice = None if chosen.alone is None else PacketChoice(chosen.alone)
-        self._streams = TelegramStreams()
+        self._streams = TelegramStreams(by_bus=chosen.by_bus)
         self._last = np.zeros(1, np.bool_)
 
     def rows(self, told: Told) -> I64:

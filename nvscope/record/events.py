@@ -11,6 +11,7 @@ from nvscope.list_key import ListKey
 from nvscope.record.flight_recorder import slug_of
 from nvscope.tracker.figures import BY_NAME, Of
 from nvscope.tracker.frame_counts import STEPS
+from nvscope.units import list_key
 from nvscope.view.fields.shown_fields import CAUSE, FINDING
 from nvscope.view.moment_filter import MomentFilter
 
@@ -69,7 +70,7 @@ class EventsOfScenes:
                 cause = happened.causes[number]
                 if self._is_new(identity_of(cause)):
                     since_ns = at_ns if cause.since_ns is None else cause.since_ns
-                    yield since_ns, slug_of(cause.kind.name, [_identifier(key) for key in cause.lists]), cause.title
+                    yield since_ns, slug_of(cause.kind.name, [_name(key) for key in cause.lists]), cause.title
             return
         for number in sorted(findings):
             finding = scene.snapshot.findings[number]
@@ -83,5 +84,6 @@ class EventsOfScenes:
         return not known
 
 
-def _identifier(key: ListKey) -> int:
-    return key.identifier
+def _name(key: ListKey) -> str:
+    """Return what people call a list: 7, on CAN 0x181."""
+    return list_key(str(key)).rpartition("/")[2]

@@ -100,7 +100,7 @@ class FlightRecorder:
     def _take(self, told: Told) -> None:
         packets = told.packets
         place = 0
-        for time_ns, row, identifier in () if self._events is None else self._events.of(told):
+        for time_ns, row, name in () if self._events is None else self._events.of(told):
             if self._file is not None and time_ns <= self._file.until_ns:
                 self._happens(time_ns, self._file)
                 continue
@@ -108,7 +108,7 @@ class FlightRecorder:
                 self._write(packets[place:row])
                 place = row
                 self._close()
-            what = slug_of("trigger", [] if identifier is None else [identifier])
+            what = slug_of("trigger", [name] if name else [])
             if self._begin(time_ns, what, f"{self._trigger} became true"):
                 self._write(packets[:row])
                 place = row
@@ -239,6 +239,6 @@ class _EventFile:
         self._sink.close()
 
 
-def slug_of(kind: str, identifiers: Sequence[object]) -> str:
-    """Return what a cause is in the name of a file: its kind, and its lists."""
-    return "-".join([kind, *(f"list{identifier}" for identifier in identifiers)])
+def slug_of(kind: str, lists: Sequence[str]) -> str:
+    """Return what an event is in the name of a file: its kind, and its lists."""
+    return "-".join([kind, *(f"list{name}" for name in lists)])

@@ -17,6 +17,7 @@ from nvscope.errors import UsageError
 from nvscope.expression.words import Words
 from nvscope.record.edges import Edges
 from nvscope.tracker.frame_counts import FrameCounts, Parts
+from nvscope.units import cob_id
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.fields.frame_counts import FrameCountFields, is_late
 from nvscope.view.moment_filter import MomentFilter
@@ -24,11 +25,11 @@ from nvscope.view.rows.frames import FrameRows
 
 
 class FrameEvent(NamedTuple):
-    """When something happened, the row of the batch before which it did, and the identifier of its list, if any."""
+    """When something happened, the row of the batch before which it did, and what its list is called, "" for none."""
 
     time_ns: int
     row: int
-    identifier: int | None = None
+    name: str = ""
 
 
 class FrameEvents:
@@ -65,7 +66,7 @@ class FrameEvents:
             self._parts = self._counts.own
         packets = told.packets
         rows = self._edges.rows(told)
-        found = [FrameEvent(int(packets.ts_ns[row]), row, _identifier(told, row)) for row in rows.tolist()]
+        found = [FrameEvent(int(packets.ts_ns[row]), row, _list_of(told, row)) for row in rows.tolist()]
         if self._waits and len(self._counts.waited.frame):
             found = sorted([*found, *self._in_vain(told)], key=lambda event: (event.row, event.time_ns))
         return found
@@ -76,29 +77,29 @@ class FrameEvents:
         self._parts = self._counts.late
         waited, found = self._counts.waited, []
         for number, time_ns in zip(waited.frame.tolist(), waited.time_ns.tolist(), strict=True):
-            true, identifier = self._ask(told, number)
+            true, name = self._ask(told, number)
             if true:
-                found.append(FrameEvent(time_ns, int(np.searchsorted(latest_ns, time_ns, "right")), identifier))
+                found.append(FrameEvent(time_ns, int(np.searchsorted(latest_ns, time_ns, "right")), name))
         return found
 
-    def _ask(self, told: Told, number: int) -> tuple[bool, int | None]:
-        """Ask of a frame that came before, by its number: whether it is true, and the identifier of its list."""
+    def _ask(self, told: Told, number: int) -> tuple[bool, str]:
+        """Ask of a frame that came before, by its number: whether it is true, and what its list is called."""
         row = number - told.first_frame
         alone = told.packets[row : row + 1] if 0 <= row < len(told) else self.frame(number)
         if alone is None or self.chosen.alone is None:
-            return False, None
+            return False, ""
         recogniser = Recogniser(self._reading, told.pdos.names, by_stream=False)
         recogniser.go_on_behind(Before(number - 1, told.start_ns, int(alone.ts_ns[0])))
         for again in recogniser.tell(alone):
             if len(again.wanted) and self.chosen.alone(FrameRows.of(again, again.wanted)).any():
-                return True, _identifier(again, int(again.wanted[0]))
-        return False, None
+                return True, _list_of(again, int(again.wanted[0]))
+        return False, ""
 
 
-def _identifier(told: Told, row: int) -> int | None:
-    """Return the identifier of the list that a packet belongs to, None for none."""
-    variety = told.variety[row : row + 1]
-    carried = told.varieties.carried.take(variety)
-    if not (carried.of_list | (carried.carrier == Carrier.UDP))[0]:
-        return None
-    return int(carried.identifier[0]) & ~EXTENDED
+def _list_of(told: Told, row: int) -> str:
+    """Return what people call the list that a packet belongs to: 7, on CAN 0x181; "" for none."""
+    carried = told.varieties.carried.take(told.variety[row : row + 1])
+    number = int(carried.identifier[0])
+    if carried.carrier[0] == Carrier.UDP:
+        return str(number)
+    return cob_id(number & ~EXTENDED, extended=bool(number & EXTENDED)) if carried.of_list[0] else ""

@@ -193,9 +193,15 @@ class WatchApp(App[None], inherit_bindings=False):
                 self._show(self.scene)
         elif not self._draw_due:
             self._draw_due = True
-            self.set_timer(left_s, self.draw)
+            self.set_timer(left_s, self._draw_later)
+
+    def _draw_later(self) -> None:
+        self._draw_due = False  # a timer may be early: then there has to be another one
+        self.draw()
 
     def _show(self, scene: Scene) -> None:
+        if not self.query("#views"):
+            return  # the screen is being taken down
         self._drawn_s = time.monotonic()
         self.draws += 1
         self._look = Look.of(

@@ -14,14 +14,17 @@ from nvscope.view.fields.field import TelegramField
 from nvscope.view.fields.frame import FIELDS, expression_names, field_read
 from nvscope.view.rows.frames import FrameRows
 
+_OF_BUSES = ("bus.", "can.error", "can.flags.err")
+
 
 class MomentFilter:
     """Tells of which telegrams an expression is true that may have functions of time, and variables of several lists.
 
     ``alone`` is the display filter that it is where each telegram can be asked alone, None where it remembers: then it
     is asked of all telegrams in their order, each once, and variables hold their last value. ``by_stream`` is whether
-    telegrams of one stream follow each other, or, where variables last, all do. UsageError, with the place, where the
-    expression cannot be understood.
+    telegrams of one stream follow each other, or, where variables last, all do; ``by_bus``, whether all frames of a CAN
+    channel do, since it asks for what is of the bus. UsageError, with the place, where the expression cannot be
+    understood.
     """
 
     def __init__(self, text: str, fields: Mapping[str, TelegramField] = FIELDS) -> None:
@@ -34,6 +37,7 @@ class MomentFilter:
         if not self._expression.remembers and len(lasting) < 2:
             self.alone = DisplayFilter(text, fields)
         self.by_stream = self.alone is not None or not lasting
+        self.by_bus = any(field.name.startswith(_OF_BUSES) for field in self.named)
         self._lasting = Lasting()
 
     def in_order(self, rows: FrameRows, stream: I64) -> Bool:

@@ -93,6 +93,57 @@ def test_the_next_chunk_is_found_behind_bytes_that_are_gone(tmp_path: Path) -> N
         assert "10 frames lost within 1.1 s" in told
 
 
+def test_readers_find_the_next_chunk_too(tmp_path: Path) -> None:
+    packets = steady(40, 100_000_000)
+    whole = write(tmp_path / "x.mcap", *(packets[begin : begin + 10] for begin in range(0, 40, 10)), flushed=True)
+    content = whole.read_bytes()
+    chunks = [place for kind, place in places_of(content) if kind == Op.CHUNK]
+    for begin, gone in ((chunks[1] + 60, 20), (chunks[1], 5), (chunks[1] - 3, 60)):
+        (tmp_path / "y.mcap").write_bytes(content[:begin] + content[begin + gone :])
+        found = read(tmp_path / "y.mcap")
+        assert found.packets == packets[:10] + packets[20:]
+        assert found.info.truncation is not None
+        assert "; the rest is read" in found.info.truncation.message
+        done = run_text("packets", tmp_path / "y.mcap", "--all-frames")
+        assert (done.returncode, len(done.stdout.splitlines())) == (3, 30), done.stderr
+
+
+def test_topics_that_are_told_in_the_summary_alone_are_recovered(tmp_path: Path) -> None:
+    assert run_text("record", PEERS / "peers.pcap", "--gvl", PEERS, "-w", tmp_path / "x.mcap").returncode == 0
+    content = (tmp_path / "x.mcap").read_bytes()
+    before = messages_in(tmp_path / "x.mcap")
+    places = places_of(content)
+    channels = [place for kind, place in places[: len(places) // 2] if kind == Op.CHANNEL]
+    damaged = bytearray(content)
+    damaged[channels[2] : channels[2] + 3] = b"\0\0\0"
+    path, told = recovered(bytes(damaged), tmp_path, code=3)
+    assert messages_in(path) == before, told
+
+
+def test_messages_of_topics_that_nobody_tells_of_are_left_out_and_told(tmp_path: Path) -> None:
+    assert run_text("record", PEERS / "peers.pcap", "--gvl", PEERS, "-w", tmp_path / "x.mcap").returncode == 0
+    content = (tmp_path / "x.mcap").read_bytes()
+    places = places_of(content)
+    channels = [place for kind, place in places[: len(places) // 2] if kind == Op.CHANNEL]
+    end = next(place for kind, place in places if kind == Op.DATA_END)
+    damaged = bytearray(content[:end])
+    damaged[channels[2] : channels[2] + 3] = b"\0\0\0"
+    path, told = recovered(bytes(damaged), tmp_path, code=3)
+    assert messages_in(path)
+    assert "messages of topics that are not told any more" in told
+    assert "864 frames" in told
+
+
+def test_packets_that_are_lost_at_the_end_are_told_in_seconds(tmp_path: Path) -> None:
+    packets = steady(40, 100_000_000)
+    whole = write(tmp_path / "x.mcap", *(packets[begin : begin + 20] for begin in range(0, 40, 20)), flushed=True)
+    content = bytearray(whole.read_bytes())
+    chunks = [place for kind, place in places_of(bytes(content)) if kind == Op.CHUNK]
+    content[chunks[1] + 100] ^= 1
+    _, told = recovered(bytes(content), tmp_path, code=3)
+    assert "what came within the last 2.0 s is lost." in told
+
+
 def test_seconds_are_told_where_the_only_packets_are_lost(tmp_path: Path) -> None:
     content = bytearray(write(tmp_path / "x.mcap", steady(10, 100_000_000)).read_bytes())
     chunk = next(place for kind, place in places_of(bytes(content)) if kind == Op.CHUNK)

@@ -98,7 +98,9 @@ def test_every_telegram_comes_in_its_order_byte_by_byte() -> None:
     heard, told = replayed(PLANT, "--rate", "100")
     assert heard.payloads == payloads_of(PLANT)
     assert told.startswith("nvscope: 1206 telegrams sent to 127.0.0.1:")
-    assert re.search(r"late by \S+ \S+ \(p50\), \S+ \S+ \(p99\), \S+ \S+ \(worst\)\.$", told.strip())
+    told, others = told.splitlines()
+    assert re.search(r"late by \S+ \S+ \(p50\), \S+ \S+ \(p99\), \S+ \S+ \(worst\)\.$", told)
+    assert others == "nvscope: 6 other frames left out: telegrams alone are sent to a network."
 
 
 def test_malformed_ones_are_sent_as_they_are(tmp_path: Path) -> None:
@@ -213,6 +215,19 @@ def test_a_simulated_plant_sends_what_it_would_write(tmp_path: Path) -> None:
     assert (done.returncode, "is not this machine" in done.stderr) == (2, True)
     done = run_text("simulate", scenario, "--to", "udp://127.0.0.1", "-w", tmp_path / "y.pcap")
     assert (done.returncode, "writes nothing" in done.stderr, (tmp_path / "y.pcap").exists()) == (2, True, False)
+
+
+def test_what_was_mapped_in_vain_is_told(tmp_path: Path) -> None:
+    path = write(tmp_path / "x.pcap", frames(0))
+    with listener() as heard:
+        done = run_text(
+            "replay", path, "--to", "udp://127.0.0.1", "--port", f"1202={heard.port}", "--port", "77=78",
+            "--map", "1.2.3.4=127.0.0.1", "--map", "192.168.1.255=127.0.0.1",
+        )  # fmt: skip
+    assert done.stderr.splitlines()[1:] == [
+        "nvscope: --map 1.2.3.4=…: no telegram went there.", "nvscope: --port 77=…: no telegram went there.",
+    ]  # fmt: skip
+    assert len(heard.payloads) == 1
 
 
 def test_where_there_is_nothing_to_send_it_says_so() -> None:

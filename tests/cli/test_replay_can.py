@@ -94,6 +94,16 @@ def test_a_plant_comes_frame_by_frame_and_without_its_error_frames() -> None:
     assert done.returncode == 0, done.stderr
     assert got == expected
     assert len(got) > 1000
+    assert "1 error frame left out: nobody sends such" in done.stderr
+
+
+def test_two_channels_on_one_bus_and_what_was_mapped_in_vain_are_told(tmp_path: Path) -> None:
+    log = tmp_path / "x.log"
+    log.write_text("(1000.000000) can0 101#01\n(1000.010000) can1 102#02\n")
+    done = run_text("replay", log, "--to", "can:virtual:a", "--map", "can7=can:virtual:b")
+    assert done.returncode == 0, done.stderr
+    assert "frames of can0, can1 went to one bus, can:virtual:a; --map CHANNEL=can:… parts them." in done.stderr
+    assert "--map can7=…: no frame was on a channel of this name." in done.stderr
 
 
 def test_what_remote_frames_ask_for_comes_too(tmp_path: Path) -> None:

@@ -180,10 +180,30 @@ def test_who_waited_in_vain_is_asked_when_the_wait_is_over(tmp_path: Path) -> No
 
 
 def test_error_frames_of_a_bus(tmp_path: Path) -> None:
+    """Each one behind frames that are none: also where it is the same error as an hour ago."""
+    lines = []
+    for second in (0, 3600, 7200):
+        lines += [f"({1000 + second}.000000) can0 181#01", f"({1001 + second}.000000) can0 20000004#0001000000000000"]
+        lines += [f"({1002 + second}.000000) can0 181#02"]
+    log = tmp_path / "errors.log"
+    log.write_text("\n".join(lines) + "\n")
+    for number, trigger in enumerate(("bus.error_frames > 0", "bus.error_frames", "can.flags.err")):
+        files, told = flown(log, tmp_path / f"e{number}", "--trigger", trigger, "--pre", "100ms", "--post", "100ms")
+        assert (events_of(told), len(files)) == (3, 3), trigger
+    _, told = flown(log, tmp_path / "held", "--trigger", "held(bus.error_frames > 0, 30m)")
+    assert events_of(told) == 0
+
+
+def test_names_of_lists_on_can_are_those_that_people_use(tmp_path: Path) -> None:
     press = ROOT / "captures" / "can" / "press.log"
-    bus = json.loads(run_text("report", "--json", press).stdout)["buses"][0]
-    _, told = flown(press, tmp_path / "e", "--trigger", "bus.error_frames > 0", "--pre", "10ms", "--post", "10ms")
-    assert 0 < events_of(told) <= bus["errors"]["frames"]
+    definitions = ("--gvl", str(press.with_name("press.gvl")))
+    for number, trigger in enumerate(('cause.kind == "loss-of-list"', "can.id == 0x110")):
+        files, _ = flown(press, tmp_path / str(number), *definitions, "--trigger", trigger)
+        assert all("-list0x1" in path.name for path in files), files
+
+
+def test_a_figure_alone_asks_whether_it_counted_something(tmp_path: Path) -> None:
+    assert events_of(flown(PLANT, tmp_path / "e", "--trigger", "list.lost")[1]) == 2
 
 
 def test_functions_of_time_over_variables_of_two_lists(tmp_path: Path) -> None:

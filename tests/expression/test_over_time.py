@@ -215,6 +215,9 @@ def test_variables_of_several_lists_are_known_by_their_last_values() -> None:
 @pytest.mark.parametrize(
     ("text", "what"),
     [
+        ("rose(a)", "rose is for what is true or false, and this is a whole number"),
+        ("fell(text)", "fell is for what is true or false, and this is a text"),
+        ("held(v, 2s)", "held is for what is true or false, and this is a number"),
         ("held(a > 0, 0s)", "for more than 0 s"),
         ("held(a > 0, b)", "written out"),
         ('held(a > 0, "x")', "x"),

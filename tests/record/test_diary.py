@@ -81,14 +81,16 @@ def test_of_a_capture_causes_are_logged_at_the_times_at_which_they_began_and_wer
 
 def test_all_is_in_the_order_of_time(recording: Path, tmp_path: Path) -> None:
     """Packets, variables, figures and log: tools that look through a recording complain of others."""
-    assert run_text("record", PEERS / "peers.pcap", "--gvl", PEERS, "-w", tmp_path / "p.mcap").returncode == 0
-    for path in (recording, tmp_path / "p.mcap"):
+    both = [PRESS, PRESS.with_name("press.gvl"), PLANT]
+    for name, words in (("p", [PEERS / "peers.pcap", "--gvl", PEERS]), ("can", [PRESS]), ("both", both)):
+        assert run_text("record", *words, "-w", tmp_path / f"{name}.mcap").returncode == 0
+    for path in (recording, *tmp_path.glob("*.mcap")):
         with path.open("rb") as file:
             times = [
                 message.log_time for _, _, message in NonSeekingReader(file).iter_messages(log_time_order=False)
             ]  # fmt: skip
-        assert len(times) > 50
-        assert times == sorted(times)
+        assert len(times) > 20
+        assert times == sorted(times), path
 
 
 def test_of_a_plant_that_is_watched_causes_are_logged_when_they_are_seen(watched: list[dict[str, Any]]) -> None:

@@ -47,7 +47,7 @@ def cut(batches: tuple[PacketBatch, ...], sizes: list[int]) -> Iterator[PacketBa
             begin, number = begin + size, number + 1
 
 
-def events(name: str, trigger: str, sizes: list[int] | None = None) -> list[tuple[int, int | None]]:
+def events(name: str, trigger: str, sizes: list[int] | None = None) -> list[tuple[int, str]]:
     """Return when the events of a trigger happen, and in which list."""
     whole = batches_of(name)
     ring, found = FrameRing(), []
@@ -57,7 +57,7 @@ def events(name: str, trigger: str, sizes: list[int] | None = None) -> list[tupl
     )  # fmt: skip
     source = Batches(list(whole) if sizes is None else list(cut(whole, sizes)))
     for told in run(source, Reading(), [TrackerState()]):  # type: ignore[arg-type]
-        found += [(event.time_ns, event.identifier) for event in events.of(told)]
+        found += [(event.time_ns, event.name) for event in events.of(told)]
         ring.observe(told)
     return found
 

@@ -15,7 +15,7 @@ from nvscope.capture.mcap.format_version import COMMENTS, FORMAT_VERSION, INTERF
 from nvscope.capture.mcap.packets import ENCODING, LONGEST_NS
 from nvscope.capture.mcap.records import MAGIC, AttachedFile, Channel, ChunkHead, Damaged, Metadata, Op
 from nvscope.capture.mcap.unpacking import Packed, Unpacker, packets_of_message
-from nvscope.capture.mcap.walk import Place, place_at, places, summary_of
+from nvscope.capture.mcap.walk import Place, chunk_behind, is_record, place_at, places, record_at, summary_of
 from nvscope.capture.reader import ReadingSizes, WindowReader
 from nvscope.capture.source import Attachment, Truncation
 from nvscope.errors import UnreadableInput
@@ -46,6 +46,7 @@ class McapReader(WindowReader):
         self._damages = 0
         self._first_damage = 0
         self._complete = False
+        self._search_from = len(MAGIC)
         self._waiting: list[Packed] = []
         self._waiting_bytes = 0
         self._unpacker = Unpacker()
@@ -133,15 +134,23 @@ class McapReader(WindowReader):
             at += len(MAGIC) - self.position
         cut: Place | None = None
         while at < max(view.stop, view.start) and not self.finished:
-            place = place_at(data, at, view.end)
-            if (
-                place is None
-                or place.end > view.end
-                or (place.kind == Op.FOOTER and place.end + len(MAGIC) > view.end and not view.ends_file)
-            ):
-                cut = place or Place(0, at, at, at)
-                break
+            place = record_at(view.data, at, view.end)
+            if place is not None and place.kind == Op.FOOTER and not view.ends_file:
+                place = place if place.end + len(MAGIC) <= view.end else None
+            if place is None:
+                begin = (
+                    chunk_behind(data, max(self._search_from - view.origin, 0), view.end) if view.ends_file else None
+                )
+                if begin is None:
+                    cut = place_at(data, at, view.end) or Place(0, at, at, at)
+                    break
+                self._damage(view.origin + at, "there is no record where one should begin")
+                at = begin
+                self._search_from = view.origin + at + 1
+                continue
             yield from self._take(view, place)
+            # Where bytes are gone from a chunk, the next one begins in front of where this one seems to end.
+            self._search_from = view.origin + (place.content if place.kind == Op.CHUNK else place.begin + 1)
             at = place.end
             self.position = view.origin + at
             if place.kind == Op.FOOTER:
@@ -254,7 +263,7 @@ class McapReader(WindowReader):
 
     def _end(self, view: View, at: int, cut: Place | None) -> None:
         self.finished = True
-        if not self.progress.frames:
+        if not self.progress.frames and not self._damages and (cut is None or is_record(cut)):
             self.progress.topics = tuple(self.topics)
         left_out = self.progress.left_out
         if self._complete:
@@ -263,6 +272,8 @@ class McapReader(WindowReader):
             return
         what = f"the last record has only {view.end - cut.begin} bytes left of it" if cut else "it has no end"
         message = f"cut short: {what}"
+        if cut is not None and not is_record(cut):
+            message = f"damaged: the last {view.end - cut.begin} bytes are no record"
         if left_out:
             message += f"; before that, {left_out}"
         self.progress.truncation = Truncation(view.origin + at, message)

@@ -167,6 +167,14 @@ class ChunkHead(NamedTuple):
         return record(Op.CHUNK, content + text(self.compression) + struct.pack("<Q", len(packed)) + packed)
 
 
+def channels_of_chunk(index: bytes) -> list[int]:
+    """Return the channels of the messages of a chunk, given the content of its index."""
+    fields = _Fields(index)
+    fields.take("<QQQQ")
+    (size,) = fields.take("<I")
+    return [fields.take("<HQ")[0] for _ in range(min(size, len(index)) // 10)]
+
+
 class _Fields:
     """Takes one field behind the other out of the content of a record."""
 

@@ -11,16 +11,24 @@ import numpy as np
 from dissectors.batch import PAD_BYTES, U8
 from nvscope.capture.compressed import Unpackable, unpack_into
 from nvscope.capture.mcap.packets import ENCODING, LONGEST_NS, MOST_BYTES, packets_in
-from nvscope.capture.mcap.records import MAGIC, AttachedFile, Channel, ChunkHead, Damaged, Metadata, Op, Schema
+from nvscope.capture.mcap.records import (
+    MAGIC,
+    AttachedFile,
+    Channel,
+    ChunkHead,
+    Damaged,
+    Metadata,
+    Op,
+    Schema,
+    channels_of_chunk,
+)
 from nvscope.capture.mcap.unpacking import MESSAGE_HEAD_BYTES
-from nvscope.capture.mcap.walk import Place, chunk_behind, place_at, places
+from nvscope.capture.mcap.walk import Place, chunk_behind, place_at, places, record_at, summary_of
 from nvscope.capture.mcap.writer import Chunk, McapWriter
-from nvscope.units import duration
+from nvscope.units import count_of, duration
 
 _MOST_UNPACKED_BYTES = 256 << 20
 _MOST_WORDS = 1_000
-_KINDS = frozenset(Op) | frozenset(range(0x80, 0x100))
-"""Of other records no recording knows; those from 0x80 on are for whoever wants them."""
 
 
 @dataclass(slots=True)
@@ -31,7 +39,8 @@ class Recovered:
     between others; how many were in what is cut off at the end, nobody knows. ``gaps_ns`` are the times in which they
     are missing, as (last packet before, first behind). ``damages`` say where something was wrong. ``is_complete``: the
     file had the end of its data; if not, ``cut_bytes`` of it were behind the last whole record. ``lacks_summary``: what
-    stands behind that was cut off, which is made anew.
+    stands behind that was cut off, which is made anew. ``lost_at_end_ns``: so long behind the last packet there were
+    others, nobody knows how many.
     """
 
     packets: int = 0
@@ -42,6 +51,7 @@ class Recovered:
     is_complete: bool = False
     cut_bytes: int = 0
     lacks_summary: bool = False
+    lost_at_end_ns: int = 0
     last_ns: int | None = None
 
 
@@ -55,12 +65,16 @@ class Recovery:
         self._channels: dict[int, Channel] = {}
         self._chunk = Chunk()
         self._next_packet: int | None = None
-        self._doubtful: int | None = None  # where the content of the last record begins, if that is damaged
+        self._search_from = len(MAGIC)
+        self._spare_schemas: dict[int, Schema] = {}
+        self._spare_channels: dict[int, Channel] = {}
+        self._latest_ns = self._orphans = 0
         self.found = Recovered()
 
     def run(self) -> Recovered:
         """Write all of it, and return what there was."""
         at, end, found = len(MAGIC), len(self._data), self.found
+        self._look_at_summary()
         while not found.is_complete and (place := self._next(at)) is not None:
             at = place.end
             if place.kind == Op.DATA_END:
@@ -68,6 +82,10 @@ class Recovery:
             else:
                 self._take(place)
         self._write_single()
+        if self._orphans:
+            self._damaged(f"{count_of(self._orphans, 'message')} of topics that are not told any more")
+        if found.last_ns is not None and self._latest_ns > found.last_ns + LONGEST_NS:
+            found.lost_at_end_ns = self._latest_ns - found.last_ns
         if not found.is_complete:
             found.cut_bytes = end - at
         elif self._data[max(end - len(MAGIC), at) :].tobytes() != MAGIC:
@@ -75,17 +93,46 @@ class Recovery:
         self._writer.finish()
         return found
 
+    def _look_at_summary(self) -> None:
+        """Learn of topics, and up to when there were packets: it repeats what may be damaged in front of it."""
+        for place in summary_of(self._data, len(self._data), (Op.SCHEMA, Op.CHANNEL, Op.CHUNK_INDEX)):
+            try:
+                content = self._content(place)
+                if place.kind == Op.SCHEMA:
+                    self._spare_schemas.setdefault((one := Schema.of(content)).id, one)
+                elif place.kind == Op.CHANNEL:
+                    self._spare_channels.setdefault((two := Channel.of(content)).id, two)
+                elif any(self._holds_packets(number) for number in channels_of_chunk(content)):
+                    self._latest_ns = max(self._latest_ns, int.from_bytes(content[8:16], "little"))
+            except Damaged:
+                continue
+
+    def _holds_packets(self, number: int) -> bool:
+        channel = self._spare_channels.get(number)
+        return channel is not None and channel.encoding == ENCODING
+
+    def _knows(self, number: int) -> bool:
+        """Tell whether a channel is known; one that the summary alone tells of is written now."""
+        if number not in self._channels and (channel := self._spare_channels.get(number)) is not None:
+            schema = self._spare_schemas.get(channel.schema)
+            if schema is not None and self._schemas.setdefault(schema.id, schema) is schema:
+                self._writer.keep_schema(schema)
+            if not channel.schema or channel.schema in self._schemas:
+                self._channels[number] = channel
+                self._writer.keep_channel(channel)
+        return number in self._channels
+
     def _next(self, at: int) -> Place | None:
         """Return the record at a place; where there is none, the next chunk behind it, if there is one."""
-        place = place_at(self._data, at, len(self._data))
-        if place is not None and place.kind in _KINDS and place.end <= len(self._data):
-            return place
-        # Where bytes are gone from the record before, its end is not where it seems to be.
-        begin = chunk_behind(self._data, at + 1 if self._doubtful is None else self._doubtful, len(self._data))
-        if begin is None:
-            return None
-        self._damaged(f"offset {at}: {begin - at} bytes that are no record")
-        return place_at(self._data, begin, len(self._data))
+        end = len(self._data)
+        place = record_at(self._data, at, end)
+        if place is None and (begin := chunk_behind(self._data, self._search_from, end)) is not None:
+            self._damaged(f"offset {min(at, begin)}: there is no record where one should begin")
+            place = place_at(self._data, begin, end)
+        if place is not None:
+            # Where bytes are gone from a chunk, the next one begins in front of where this one seems to end.
+            self._search_from = place.content if place.kind == Op.CHUNK else place.begin + 1
+        return place
 
     def _end(self, place: Place) -> None:
         """Take that nothing follows, and whether all was as it was written."""
@@ -104,7 +151,6 @@ class Recovery:
 
     def _take(self, place: Place) -> None:
         size = place.end - place.content
-        self._doubtful = None
         try:
             if size > _MOST_UNPACKED_BYTES:
                 raise Damaged(f"a record with more than {_MOST_UNPACKED_BYTES >> 20} MB is left out")
@@ -120,7 +166,6 @@ class Recovery:
                 told = Metadata.of(self._content(place))
                 self._writer.tell(told.name, told.values)
         except (Damaged, Unpackable) as error:
-            self._doubtful = place.content
             self._damaged(f"offset {place.begin}: {error}")
 
     def _take_chunk(self, place: Place) -> None:
@@ -162,6 +207,9 @@ class Recovery:
                 raise Damaged("a message without its begin")
             number, sequence, log_ns, publish_ns = struct.unpack_from("<HIQQ", data.data, place.content)
             begin = place.content + MESSAGE_HEAD_BYTES
+            if not self._knows(number):
+                self._orphans += 1
+                return
             chunk.add(number, sequence, log_ns, publish_ns, data[begin : place.end].tobytes())
             channel_of = self._channels.get(number)
             if channel_of is None or channel_of.encoding != ENCODING:

@@ -149,7 +149,8 @@ class McapSink(FileSink):
         if self._comments:
             comments, self._comments = self._comments, {}
             self._writer.tell(COMMENTS, comments)
-        self._write_topics(chunk.last_ns if len(chunk) else None)
+        if len(chunk):
+            self._write_topics(chunk.last_ns)
         self._writer.write(chunk)
         self.packets += rows
         if whole:

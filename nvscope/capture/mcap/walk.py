@@ -18,6 +18,10 @@ _SEARCHED_BYTES = 1 << 20
 _HEAD_MOST_BYTES = 100
 
 
+_KINDS = frozenset(Op) | frozenset(range(0x80, 0x100))
+"""Of other records no recording knows; those from 0x80 on are for whoever wants them."""
+
+
 class Place(NamedTuple):
     """Where a record lies in a buffer, and where its content does."""
 
@@ -33,6 +37,17 @@ def place_at(data: U8, at: int, end: int) -> Place | None:
         return None
     kind, length = _HEAD.unpack_from(data.data, at)
     return Place(kind, at, at + HEAD_BYTES, at + HEAD_BYTES + length)
+
+
+def record_at(data: U8, at: int, end: int) -> Place | None:
+    """Return the record that begins at a place and is whole in front of the end; None where none can be there."""
+    place = place_at(data, at, end)
+    return place if place is not None and place.end <= end and is_record(place) else None
+
+
+def is_record(place: Place) -> bool:
+    """Tell whether it begins as a record does; one of which nothing but the begin is there may be any."""
+    return place.kind in _KINDS or place.end == place.begin
 
 
 def places(data: U8, at: int, end: int) -> Iterator[Place]:

@@ -80,7 +80,8 @@ class ProgramCommands:
 
     def _count_anew(self, _: str) -> None:
         if not self._app.feed.is_live or self._app.feed.player is not None:
-            self._app.notify("A capture is counted from its beginning; --from-time cuts it", timeout=3)
+            told = "" if self._app.feed.player is not None else "; --from-time cuts it"
+            self._app.notify(f"A capture is counted from its beginning{told}", timeout=3)
             return
         self._app.feed.reset()
         self._app.notify("Counted from now on", timeout=2)

@@ -73,7 +73,9 @@ class ReplayFeed:
                     scene = self._session.stop()
                 if self._turns != self._player.turns or self._player.place.is_going:
                     continue
-                if scene is not self._last:
+                # A session begins with a look at nothing, which is not where the capture is.
+                is_there = scene.snapshot.summary.capture.frames or not self._player.place.frames
+                if scene is not self._last and is_there:
                     self._last = scene
                     on_scene(scene)
                 took_s = time.monotonic() - began_s
@@ -108,6 +110,8 @@ class ReplayFeed:
         """Nothing: a capture is counted from its beginning."""
 
     def stop(self) -> list[SourceInfo]:
+        """End, and return what is known of the captures as a whole, if that is known."""
         self._stopping.set()
         self._player.stop()
-        return list(self._session.stop().snapshot.infos)
+        last = self._session.stop()
+        return list((self._whole or last).snapshot.infos)

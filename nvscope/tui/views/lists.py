@@ -8,6 +8,7 @@ from typing import Any
 from textual.app import ComposeResult
 
 from nvscope import units
+from nvscope.capture.source import any_live
 from nvscope.findings.kind import Severity
 from nvscope.tracker.summary import ListSummary
 from nvscope.tui.lines_view import LinesView
@@ -207,10 +208,11 @@ def _cells(look: Look, row: Mapping[str, Any], number: int, key: str) -> Iterato
 def _nothing_yet(look: Look, width: int) -> list[Line]:
     """Return what is said as long as there is no list, and what to check."""
     mark, told = headline(look.report)
+    goes_on = look.live and any_live(look.scene.snapshot.infos)
     if look.live and not look.report["capture"]["telegrams"]:
         told = "No telegram of network variables came yet"
     lines = wrap([Cell(f"{mark.text} ", mark.tone), Cell(told, Tone.STRONG)], width, hanging=2)
-    for step in content.advice(look.report) if not look.live else _LIVE_ADVICE:
+    for step in content.advice(look.report) if not goes_on else _LIVE_ADVICE:
         lines += [[], *wrap([Cell(f"- {step}")], width, 2, 4)]
     return lines
 

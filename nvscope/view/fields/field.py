@@ -33,7 +33,8 @@ class TelegramField:
     by nor written out, ``instead`` which can. ``beyond`` counts in rows the values that the column cannot hold.
     ``further``: a frame may have the field several times; these are the second, the third and so on, each of which
     exists only where the one before it does. ``sent_in`` says of a variable in which telegrams it is: where time is
-    looked at, its value lasts until they bring the next one.
+    looked at, its value lasts until they bring the next one. ``counts``: an
+    expression that names it alone asks whether it is not 0.
     """
 
     name: str
@@ -57,6 +58,7 @@ class TelegramField:
     beyond: Callable[[FrameRows], int] | None = None
     further: tuple[TelegramField, ...] = ()
     sent_in: frozenset[Any] = frozenset()
+    counts: bool = False
 
     @property
     def in_nanoseconds(self) -> bool:

@@ -235,6 +235,7 @@ class _Names(Words[Named]):
             refused=field.refused,
             instead=field.instead,
             lasts=bool(field.sent_in),
+            counts=field.counts,
         )
 
     def __iter__(self) -> Iterator[str]:

@@ -54,7 +54,7 @@ def _field(field: TelegramField, figure: str, of: Of, parts: Callable[[], Parts]
 
     return replace(
         field, type=FieldType.SIGNED, read=read, known=_BELONGS[of], constant=False, judged=False,
-        help=f"{field.help}; by this frame alone", texts=(),
+        help=f"{field.help}; by this frame alone", texts=(), counts=True,
     )  # fmt: skip
 
 
