@@ -119,13 +119,17 @@ class ListsView(View):
             self._happened.display = True
             self._happened.show(_nothing_yet(look, max(self.size.width - 1, _NARROWEST)))
             return
-        told: Sequence[Mapping[str, Any]] = [one for one in look.report["causes"] if severity_of(one) > Severity.NOTE]
+        every: Sequence[Mapping[str, Any]] = list(look.report["causes"])
+        number_of = {id(one): number for number, one in enumerate(every, 1)}
+        told = [one for one in every if severity_of(one) > Severity.NOTE]
         if (choice := look.choice) is not None and not choice.suspended and choice.lists is not None:
             told = [one for one in told if not one["lists"] or set(one["lists"]) & set(choice.lists)]
         key = self._table.key
         own = [one for one in told if key in one["lists"]] if self._table.row > 0 else []
         others = [one for one in told if one not in own]
-        lines = list(causes.lines([*own, *others], max(self.size.width - 1, _NARROWEST)))[1:] if told else []
+        shown, width = [*own, *others], max(self.size.width - 1, _NARROWEST)
+        # They keep the numbers that they have in the view of causes, and in reports.
+        lines = list(causes.lines(shown, width, numbers=[number_of[id(one)] for one in shown]))[1:] if told else []
         self._happened.display = bool(lines) and not self._alone
         self.set_class(not self._happened.display, "-well")
         self._happened.show(lines)

@@ -26,10 +26,15 @@ _BETWEEN = 5
 _NEXT = "Next  "
 
 
-def lines(causes: Sequence[Row], width: int, *, every: bool = False) -> Iterator[Line]:
-    """Yield the causes, of at most ``width`` columns; ``every`` one of them, with every fact."""
+def lines(
+    causes: Sequence[Row], width: int, *, every: bool = False, numbers: Sequence[int] | None = None
+) -> Iterator[Line]:  # fmt: skip
+    """Yield the causes, of at most ``width`` columns; ``every`` one of them, with every fact.
+
+    ``numbers`` are those that they have elsewhere, where they are in another order there.
+    """
     shown = causes if every else causes[:MOST_CAUSES]
-    for number, cause in enumerate(shown, 1):
+    for number, cause in zip(numbers or range(1, len(shown) + 1), shown, strict=False):
         yield []
         yield from lines_of(number, cause, width, every=every)
     if left := len(causes) - len(shown):
