@@ -15,12 +15,13 @@ import stat
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass
 from datetime import UTC, datetime
-from itertools import islice
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
 from nvscope.duration import format_duration, parse_duration
 from nvscope.errors import ConfigurationError
+from nvscope.toml_positions import Position, positions
 
 T = TypeVar("T")
 _MAX_ROWS = 10_000
@@ -28,6 +29,7 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _MAX_FILE_BYTES = 1_000_000
 _MOST_PARTS = 200
 _DEEP_KEY = re.compile(rf"""(?:[\w\-"' \t]*+\.){{{_MOST_PARTS + 1}}}""")
+_BARE = re.compile(r"[\w-]+")
 _POSITION = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)\Z")
 
 
@@ -35,35 +37,56 @@ _POSITION = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)\Z"
 class Place:
     """Where in which file a value stands: ``plant.toml``, ``loss[1].telegrams``.
 
-    ``last`` of the keys is by itself what stands in the ``text`` of the file; with both, errors name the line.
+    With the ``text`` of the file, errors name the line and the column of the key.
     """
 
     path: str
     keys: str = ""
-    last: str = dataclasses.field(default="", repr=False)
     text: str = dataclasses.field(default="", repr=False)
 
     def below(self, key: str | int) -> Place:
         """Return the place of a key of this table, or of an entry of this array."""
         if isinstance(key, int):
-            return Place(self.path, f"{self.keys}[{key}]", self.last, self.text)
-        return Place(self.path, f"{self.keys}.{key}" if self.keys else key, key, self.text)
+            return Place(self.path, f"{self.keys}[{key}]", self.text)
+        return Place(self.path, f"{self.keys}.{key}" if self.keys else key, self.text)
 
     def error(self, what: str, next_step: str = "") -> ConfigurationError:
         """Return the error that something is wrong here."""
         if not self.keys:
             return ConfigurationError(what, where=self.path, next_step=next_step)
-        line = self._line()
-        place = self.path if line is None else f"{self.path}, line {line}"
+        found = self.position
+        place = self.path if found is None else f"{self.path}, line {found.line}, column {found.column}"
         return ConfigurationError(what, where=f"{place}: {self.keys}", next_step=next_step)
 
-    def _line(self) -> int | None:
-        """Return the line of the last key, None where the text has it nowhere or more than once."""
-        name = re.escape(self.last.strip("\"'"))
-        key = rf"(?:^[ \t]*+|[{{,.]\s*+)[\"']?{name}[\"']?[ \t]*+="
-        header = rf"^[ \t]*+\[{{1,2}}(?:[^\]\r\n#]*[.\s])?[\"']?{name}[\"']?[ \t]*+\]"
-        found = list(islice(re.finditer(f"{key}|{header}", self.text, re.MULTILINE), 2))
-        return self.text.count("\n", 0, found[0].end()) + 1 if len(found) == 1 else None
+    @property
+    def position(self) -> Position | None:
+        """Where in the text the key is, or what it is in: a table within a line has no lines of its own."""
+        known, keys = _positions_in(self.text), self.keys
+        while keys:
+            if keys in known:
+                return known[keys]
+            keys = _INNERMOST.sub("", keys)
+        return None
+
+
+_INNERMOST = re.compile(r"""(?:\[\d+\]|\.?"[^"]*"|\.?[^."\[\]]*)\Z""")
+
+
+@lru_cache(4)
+def _positions_in(text: str) -> Mapping[str, Position]:
+    """Return where the keys of a file stand, by how places call them: with quotes around what has dots, or without."""
+    found: dict[str, Position] = {}
+    for path, position in positions(text).items():
+        for quote in ("", '"'):
+            keys = ""
+            for part in path:
+                if isinstance(part, int):
+                    keys += f"[{part}]"
+                else:
+                    name = part if _BARE.fullmatch(part) else f"{quote}{part}{quote}"
+                    keys = f"{keys}.{name}" if keys else name
+            found.setdefault(keys, position)
+    return found
 
 
 @dataclass(frozen=True, slots=True)

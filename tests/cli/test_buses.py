@@ -123,4 +123,4 @@ def test_a_key_of_a_bus_that_is_unknown_is_named_with_its_line(plant: Path) -> N
     (plant / "nvscope.toml").write_text("[buses.can0]\nbitrate = 1")
     done = nvscope(plant, "report", "plant.log")
     assert done.returncode != 0
-    assert "nvscope.toml, line 2: buses.can0.bitrate: unknown key 'bitrate'" in done.stderr
+    assert "nvscope.toml, line 2, column 1: buses.can0.bitrate: unknown key 'bitrate'" in done.stderr

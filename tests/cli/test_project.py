@@ -151,13 +151,14 @@ def test_what_is_wrong_is_said_with_its_place(plant: Path, tmp_path: Path) -> No
         done = nvscope(plant, *verb)
         assert (done.returncode, done.stdout) == (2, "")
         assert done.stderr == (
-            "nvscope: ../../nvscope.toml, line 2: limits.jiter_percent: unknown key 'jiter_percent'\n"
+            "nvscope: ../../nvscope.toml, line 2, column 1: limits.jiter_percent: unknown key 'jiter_percent'\n"
             "  The nearest known one is 'jitter_percent'; known are: acknowledgement, burst_percent, "
             "bus_load_percent, jitter_percent, late_percent, max_streams, mirrored_percent, stopped_percent.\n"
         )
     project.write_text('definitions = "no/*.gvl"')
     assert (
-        "nvscope.toml, line 1: definitions[0]: no file matches 'no/*.gvl'" in nvscope(plant, "report", CAPTURE).stderr
+        "nvscope.toml, line 1, column 1: definitions[0]: no file matches 'no/*.gvl'"
+        in nvscope(plant, "report", CAPTURE).stderr
     )
     missing = nvscope(plant, "report", CAPTURE, "--project", tmp_path / "missing.toml")
     assert missing.returncode == 2
