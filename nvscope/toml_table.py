@@ -17,6 +17,7 @@ from dataclasses import MISSING, dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 from nvscope.duration import format_duration, parse_duration
@@ -63,8 +64,9 @@ class Place:
         """Where in the text the key is, or what it is in: a table within a line has no lines of its own."""
         known, keys = _positions_in(self.text), self.keys
         while keys:
-            if keys in known:
-                return known[keys]
+            # Of an array of tables, its first one.
+            if (found := known.get(keys) or known.get(f"{keys}[0]")) is not None:
+                return found
             keys = _INNERMOST.sub("", keys)
         return None
 
@@ -91,11 +93,15 @@ def _positions_in(text: str) -> Mapping[str, Position]:
 
 @dataclass(frozen=True, slots=True)
 class ValueKind:
-    """What may stand behind a key: its name for people, and the function that reads it or raises."""
+    """What may stand behind a key: its name for people, and the function that reads it or raises.
+
+    ``schema`` says it in JSON Schema, for editors; empty where nobody asks for that.
+    """
 
     name: str
     read: Callable[[Any, Place], Any]
     table: type | None = None
+    schema: Mapping[str, Any] = dataclasses.field(default_factory=lambda: MappingProxyType({}), hash=False)
 
 
 def key(kind: ValueKind, text: str, *, default: Any = MISSING, name: str = "") -> Any:
@@ -304,7 +310,7 @@ def integer(low: int, high: int) -> ValueKind:
             raise place.error(f"{value} is out of range: {low} to {high}", f"Write a number from {low} to {high}.")
         return value
 
-    return ValueKind(f"whole number {low} to {high}", read)
+    return ValueKind(f"whole number {low} to {high}", read, schema={"type": "integer", "minimum": low, "maximum": high})
 
 
 def number(low: float, high: float) -> ValueKind:
@@ -317,7 +323,7 @@ def number(low: float, high: float) -> ValueKind:
             raise place.error(f"{value} is out of range: {low} to {high}", f"Write a number from {low} to {high}.")
         return float(value)
 
-    return ValueKind(f"number {low} to {high}", read)
+    return ValueKind(f"number {low} to {high}", read, schema={"type": "number", "minimum": low, "maximum": high})
 
 
 def choice(*words: str) -> ValueKind:
@@ -329,7 +335,7 @@ def choice(*words: str) -> ValueKind:
             raise place.error(f"'{text[:60]}' is none of the choices", nearest(text, words))
         return text
 
-    return ValueKind(" or ".join(f'"{word}"' for word in words), read)
+    return ValueKind(" or ".join(f'"{word}"' for word in words), read, schema={"enum": list(words)})
 
 
 def array(kind: ValueKind, *, single: bool = False) -> ValueKind:
@@ -344,7 +350,9 @@ def array(kind: ValueKind, *, single: bool = False) -> ValueKind:
             raise place.error(f"the array has {len(value)} entries, more than {_MAX_ROWS}")
         return tuple(kind.read(entry, place.below(index)) for index, entry in enumerate(value))
 
-    return ValueKind(f"{kind.name}, or an array of such" if single else f"array of {kind.name}", read)
+    several = {"type": "array", "items": dict(kind.schema)}
+    schema = {"anyOf": [dict(kind.schema), several]} if single else several
+    return ValueKind(f"{kind.name}, or an array of such" if single else f"array of {kind.name}", read, schema=schema)
 
 
 def mapping(kind: ValueKind) -> ValueKind:
@@ -368,9 +376,10 @@ def table_of(cls: type) -> ValueKind:
     return ValueKind("[{name}]", lambda value, place: read_table(cls, value, place), cls)
 
 
-TEXT = ValueKind("text", _text)
-FLAG = ValueKind("true or false", _flag)
-DURATION = ValueKind("duration", _duration)
-LENGTH = ValueKind("duration, not negative", _length)
-SPAN = ValueKind("duration above 0", _span)
+_A_TEXT = {"type": "string"}
+TEXT = ValueKind("text", _text, schema=_A_TEXT)
+FLAG = ValueKind("true or false", _flag, schema={"type": "boolean"})
+DURATION = ValueKind("duration", _duration, schema=_A_TEXT)
+LENGTH = ValueKind("duration, not negative", _length, schema=_A_TEXT)
+SPAN = ValueKind("duration above 0", _span, schema=_A_TEXT)
 MOMENT = ValueKind("date and time with offset", _moment)

@@ -32,6 +32,7 @@ KEYS = {
     "definition": ({"file", "origin", "shows"}, {"licence"}),
     "values": ({"file", "origin", "shows"}, {"licence"}),
     "scenario": ({"file", "origin", "shows"}, {"licence"}),
+    "rules": ({"file", "origin", "shows"}, {"licence"}),
 }
 TIMES_START_NS = 1_700_000_000_000_000_000
 MILLISECOND_NS = 1_000_000

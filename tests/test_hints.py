@@ -30,6 +30,8 @@ FILLED_IN = {
     "{definitions[0]}": "axis.gvl",
     "{' '.join(map(shlex.quote, files))}": "axis.gvl counters.gvl",
     "{_files_of(one)}": "a.pcap",
+    "{shlex.quote(paths[0])}": "a.pcap",
+    "{between}": "frame.number >= 3 && frame.number <= 9",
     "FILE.pcap": "new.pcap",
     "FILE": "a.pcap",
     "CODE": "NV201",

@@ -75,6 +75,10 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
             ("nvscope replay plant.pcapng --rate 10", "on the screen, ten times as fast as it was"),
             ("nvscope replay plant.pcapng --to udp://127.0.0.1", "to the programs of this machine"),
         ),
+        "check": (
+            ("nvscope check plant.pcapng --rules plant.rules.toml", "whether it keeps the rules of the file"),
+            ("nvscope check plant.pcapng --rules plant.rules.toml --json", "the verdicts for programs"),
+        ),
         "gvl layout": (("nvscope gvl layout plc", "what lies where in each telegram"),),
         "gvl lint": (("nvscope gvl lint plc", "what will not work, before it is sent"),),
         "gvl diff": (("nvscope gvl diff sender.gvl reader.gvl", "whether both sides mean the same"),),

@@ -20,6 +20,7 @@ VERBS = {
     "convert": "nvscope.cli.convert:convert",
     "recover": "nvscope.cli.recover:recover",
     "replay": "nvscope.cli.replay:replay",
+    "check": "nvscope.cli.check:check",
     "gvl": "nvscope.cli.gvl:app",
     "simulate": "nvscope.cli.simulate:simulate",
     "explain": "nvscope.cli.explain:explain",

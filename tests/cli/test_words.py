@@ -154,6 +154,7 @@ def test_examples_do_what_they_say(verb: str, tmp_path: Path) -> None:
     for side in ("sender", "reader"):
         shutil.copy(PEERS / "batch.gvl", tmp_path / f"{side}.gvl")
     shutil.copy(ROOT / "tests" / "scenarios" / "loss.toml", tmp_path / "plant.toml")
+    (tmp_path / "plant.rules.toml").write_text('[[rule]]\nid = "none-lost"\ncheck = "loss"\nseverity = "note"\n')
     if verb == "simulate":  # which keeps a capture that is there
         (tmp_path / "plant.pcapng").unlink()
     for line, _ in EXAMPLES[verb]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import nvscope.schemas
 from nvscope.tracker.figures import FIGURES
+from tests.schemas.check import check, rules
 from tests.schemas.definitions import difference, doctor, explain, fields, layout, lint
 from tests.schemas.packets import packets
 from tests.schemas.paths import Told, paths_of
@@ -33,10 +34,11 @@ SCHEMAS: Mapping[str, Callable[[], Schema]] = {
     "doctor": doctor,
     "truth": simulated_truth,
     "watch": watch,
+    "check": check,
 }
 
-BINARY: Mapping[str, Callable[[], Schema]] = {"packets": packets}
-"""Of what is no document, but bytes whose layout is described."""
+BINARY: Mapping[str, Callable[[], Schema]] = {"packets": packets, "rules": rules}
+"""Of what no command prints: bytes whose layout is described, and files that people write."""
 
 
 def path_of(name: str) -> Path:

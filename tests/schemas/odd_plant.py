@@ -46,6 +46,7 @@ def make_odd_plant(folder: Path) -> None:
         (folder / name).write_text(_GVL.format(declared=declared, protocol=protocol, identifier=told))
     (folder / "named.toml").write_text('definitions = ["eth.gvl"]\n[nodes]\n"10.0.0.1" = { name = "press" }\n')
     (folder / "empty.toml").write_text(_EMPTY_SCENARIO)
+    (folder / "odd.rules.toml").write_text('[[rule]]\nid = "gaps"\ncheck = "gap"\n')
     values = [_values(number) for number in range(_SENT)]
     frames = []
     for number, data in enumerate(values):

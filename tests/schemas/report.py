@@ -72,7 +72,7 @@ def report() -> Schema:
     found = document(
         "report", about,
         {
-            "capture": _capture(), "totals": _totals(),
+            "capture": capture(), "totals": _totals(),
             "causes": several(shared("cause"), "what happened: what is broken now, then by severity and weight"),
             "evidence_left_out": whole("events and frames without room: causes are told without them", 1),
             "lists": several({"oneOf": [shared("list"), shared("can_list")]}),
@@ -93,7 +93,7 @@ def report() -> Schema:
     return found | {"dependentRequired": {key: [other] for key, other in permutations(_OF_COMPARE)}, "$defs": parts}
 
 
-def _capture() -> Schema:
+def capture() -> Schema:
     formats = sorted({entry.name for entry in FORMATS})
     source = {"path": text(), "format": word(formats), "bytes": whole(), "frames": whole()}
     recording = {"start_ns": time(), "end_ns": time(), "first": text("its first file"), "last": text("its last file")}

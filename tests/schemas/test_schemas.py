@@ -107,6 +107,10 @@ def name_of(document: Mapping[str, Any]) -> str:
 
 
 UNSEEN = {
+    "check/capture.drops null": "what is captured where nobody counts drops",
+    "check/capture.drops_by null": "the same",
+    "check/capture.drops_by.queue integer": "what is captured live",
+    "check/capture.drops_by.ring integer": "the same",
     "report/capture.drops null": "what is captured where nobody counts drops",
     "report/capture.drops_by null": "the same",
     "report/capture.drops_by.queue integer": "what is captured live",

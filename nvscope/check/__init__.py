@@ -1,0 +1,1 @@
+"""Rules: what a team promises about its plant's communication, and whether captures keep it."""

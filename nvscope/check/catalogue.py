@@ -1,0 +1,14 @@
+"""The catalogue of checks: one table, of which rules, their schema, and what explains them come."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from nvscope.check.check import Check
+from nvscope.check.checks import counters, findings, presence
+
+CATALOGUE: Mapping[str, Check] = MappingProxyType(
+    {one.name: one for one in (*presence.CHECKS, *counters.CHECKS, *findings.CHECKS)}
+)
+"""All checks by name, in the order in which they are told."""

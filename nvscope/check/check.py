@@ -1,0 +1,77 @@
+"""Check: one kind of rule, as the catalogue has it; and what it is judged from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from nvscope.causes.cause import Cause
+from nvscope.check.first_frames import FirstFrames
+from nvscope.check.parameters import Parameter
+from nvscope.check.verdict import Judged
+from nvscope.definition.project import Project
+from nvscope.findings.finding import Finding
+from nvscope.list_key import ListKey
+from nvscope.tracker.counters import Scope
+from nvscope.tracker.figures import Of
+from nvscope.tracker.subjects import Subject
+from nvscope.tracker.summary import Summary
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What is known of captures when rules are judged.
+
+    ``summary`` and ``subjects`` are of the time behind the warm-up, which begins at ``since_ns`` and ends at
+    ``until_ns``; ``keys`` are the keys of lists by number. ``frames`` are those of the first events. ``drops`` is how
+    many packets the capture says it lost, ``truncated`` why it ends before its end, "" where it does not.
+    """
+
+    summary: Summary
+    subjects: Sequence[Subject]
+    keys: Mapping[int, ListKey]
+    names: Mapping[ListKey, str]
+    findings: Sequence[Finding]
+    causes: Sequence[Cause]
+    frames: FirstFrames
+    project: Project
+    since_ns: int | None = None
+    until_ns: int | None = None
+    drops: int = 0
+    truncated: str = ""
+
+    def scope_of(self, number: int) -> Scope:
+        """Return what the Counter of the first sender of a list counts."""
+        for entry in self.summary.lists:
+            if entry.number == number and entry.streams:
+                return self.summary.scopes.get(entry.streams[0].node, Scope.STREAM)
+        return Scope.STREAM
+
+    def of(self, kind: Of, lists: Collection[ListKey]) -> Iterator[Subject]:
+        """Yield the subjects of a kind that belong to some lists."""
+        return (
+            one for one in self.subjects if one.of is kind and one.list is not None and self.keys[one.list] in lists
+        )
+
+
+Judge = Callable[[Evidence, Collection[ListKey], Mapping[str, Any]], Iterator[Judged]]
+"""Given what is known, the lists that a rule is for and its parameters, yields a verdict for each subject."""
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One kind of rule: its name, what its subjects are, its parameters, and what breaks it.
+
+    ``worst`` says what is measured, ``fails`` when it is broken; ``example`` is what stands in a file behind
+    ``[[rule]]`` beside the id.
+    """
+
+    name: str
+    subject: str
+    help: str
+    worst: str
+    fails: str
+    example: str
+    judge: Judge
+    parameters: tuple[Parameter, ...] = field(default=())

@@ -1,0 +1,103 @@
+"""Checks of what the counters of a list tell: losses, duplicates, restarts, malformed telegrams."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from typing import Any
+
+from nvscope.check.check import Check, Evidence, Judge
+from nvscope.check.parameters import AMOUNT, RATIO, Parameter
+from nvscope.check.verdict import Judged, Verdict
+from nvscope.list_key import ListKey
+from nvscope.tracker.event_kinds import EventKind
+from nvscope.tracker.figures import Of
+from nvscope.tracker.frame_counts import STEPS
+from nvscope.tracker.subjects import Subject
+from nvscope.units import count_of
+
+_NOT_BELIEVED = "its counters are not believed: they say that more was lost than there was time to send"
+_OF_NETWORK = ("lost", "gaps", "longest_gap")
+"""What the capture itself may have lost."""
+
+
+def _figure(subject: Subject, name: str) -> float | None:
+    return subject.measured.counters.get(name)
+
+
+def _at_most(
+    known: Evidence, subject: Subject, figure: str, value: float | None, limit: float, unit: str
+) -> Judged:  # fmt: skip
+    """Return the verdict on a value of a list that may not be above a limit."""
+    assert subject.list is not None
+    key = known.keys[subject.list]
+    if value is None:
+        return Judged(Verdict.INCONCLUSIVE, key, reason=_NOT_BELIEVED, limit=limit, unit=unit)
+    if value <= limit:
+        return Judged(Verdict.PASS, key, worst=value, limit=limit, unit=unit)
+    verdict, reason = Verdict.FAIL, ""
+    if known.drops and figure in _OF_NETWORK:
+        verdict = Verdict.INCONCLUSIVE
+        reason = f"the capture itself lost {count_of(known.drops, 'frame')}: it may have been these"
+    frames = known.frames.of(kinds_of(figure), subject.list, known.scope_of(subject.list))
+    count = int(_figure(subject, "gaps" if figure in _OF_NETWORK else figure) or 0)
+    return Judged(
+        verdict, key, reason=reason, worst=value, limit=limit, unit=unit, count=count,
+        first_ns=frames[0][1] if frames else None, frames=tuple(frame for frame, _ in frames),
+    )  # fmt: skip
+
+
+def kinds_of(figure: str) -> tuple[EventKind, ...]:
+    """Return the kinds of events that a figure counts up by."""
+    return tuple(step.kind for step in STEPS[figure] if step.by > 0)
+
+
+def _loss(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
+    for subject in known.of(Of.LIST, lists):
+        lost, telegrams = _figure(subject, "lost"), subject.measured.telegrams
+        share = None if lost is None else lost / (lost + telegrams) if lost + telegrams else 0.0
+        yield _at_most(known, subject, "lost", share, told["max"], "ratio")
+
+
+def _counted(figure: str, unit: str) -> Judge:
+    def judge(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
+        for subject in known.of(Of.LIST, lists):
+            yield _at_most(known, subject, figure, _figure(subject, figure), told["max"], unit)
+
+    return judge
+
+
+def _number(what: str) -> tuple[Parameter, ...]:
+    return (Parameter("max", AMOUNT, f"so many {what} are allowed", 0),)
+
+
+CHECKS = (
+    Check(
+        "loss", "list", "Telegrams that were sent come.",
+        "share of telegrams that never came: lost / (lost + telegrams)", "it is above max",
+        'check = "loss"\nlist = "axis"\nmax = "0.1%"', _loss,
+        (Parameter("max", RATIO, "so large a share may be lost", 0.0),),
+    ),
+    Check(
+        "gap", "list", "No more telegrams in a row are lost than its readers can do without.",
+        "most telegrams missing in one place", "they are more than max",
+        'check = "gap"\nlist = "axis"\nmax = 1', _counted("longest_gap", "telegrams"), _number("telegrams in a row"),
+    ),
+    Check(
+        "duplicates", "list", "No telegram comes twice.", "telegrams that came again", "they are more than max",
+        'check = "duplicates"', _counted("duplicates", "telegrams"), _number("duplicates"),
+    ),
+    Check(
+        "overtaken", "list", "Telegrams come in the order in which they were sent.",
+        "telegrams that came after a later one", "they are more than max",
+        'check = "overtaken"', _counted("overtaken", "telegrams"), _number("overtaken telegrams"),
+    ),
+    Check(
+        "restarts", "list", "Senders run through.", "counters that began anew", "they are more than max",
+        'check = "restarts"\nmax = 0', _counted("restarts", "events"), _number("restarts"),
+    ),
+    Check(
+        "malformed", "list", "Telegrams are as the protocol has them.",
+        "telegrams too short, of a wrong Length or an unknown service", "they are more than max",
+        'check = "malformed"', _counted("malformed", "telegrams"), _number("malformed telegrams"),
+    ),
+)  # fmt: skip

@@ -1,0 +1,95 @@
+"""Checks of what a report says: its findings and causes; and whether a capture is good enough to be judged."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from typing import Any
+
+from nvscope.check.check import Check, Evidence
+from nvscope.check.parameters import AMOUNT, Parameter
+from nvscope.check.verdict import Judged, Verdict
+from nvscope.findings.kind import Severity
+from nvscope.list_key import ListKey
+from nvscope.toml_table import LENGTH, TEXT, array, choice
+from nvscope.tracker.event_kinds import FRAMES_KEPT
+from nvscope.units import duration
+
+_SEVERITY = choice(*(one.name.lower() for one in Severity))
+_MOST_NAMED = 3
+
+
+def _told(titles: list[str]) -> str:
+    more = f" and {len(titles) - _MOST_NAMED} more" if len(titles) > _MOST_NAMED else ""
+    return "; ".join(titles[:_MOST_NAMED]) + more
+
+
+def _findings(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
+    least, allowed = Severity.of(told["severity"]), set(told["allow"])
+    found = [
+        one for one in known.findings
+        if one.kind.severity >= least and not {one.code, one.kind.name} & allowed
+        and (not one.lists or {known.keys[number] for number in one.lists if number in known.keys} & set(lists))
+    ]  # fmt: skip
+    frames = sorted({frame for one in found for frame in one.frames})[:FRAMES_KEPT]
+    times = [one.first_ns for one in found if one.first_ns is not None]
+    yield Judged(
+        Verdict.FAIL if found else Verdict.PASS, reason=_told([f"{one.code} {one.kind.name}" for one in found]),
+        worst=len(found), limit=0, unit="findings", count=len(found), first_ns=min(times, default=None),
+        frames=tuple(frames),
+    )  # fmt: skip
+
+
+def _causes(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
+    least, allowed = Severity.of(told["severity"]), set(told["allow"])
+    found = [
+        one for one in known.causes
+        if one.severity >= least and one.kind.name not in allowed and (not one.lists or set(one.lists) & set(lists))
+    ]  # fmt: skip
+    times = [one.since_ns for one in found if one.since_ns is not None]
+    frames = sorted({frame for one in found for frame in one.frames})[:FRAMES_KEPT]
+    yield Judged(
+        Verdict.FAIL if found else Verdict.PASS, reason=_told([one.title for one in found]), worst=len(found), limit=0,
+        unit="causes", count=len(found), first_ns=min(times, default=None), frames=tuple(frames),
+    )  # fmt: skip
+
+
+def _quality(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
+    length_ns = 0 if known.since_ns is None or known.until_ns is None else known.until_ns - known.since_ns
+    broken = [f"it ends before its end: {known.truncated}"] if known.truncated else []
+    if known.drops > told["max_drops"]:
+        broken.append(f"it lost {known.drops} frames")
+    if length_ns < told["min_duration"]:
+        broken.append(f"it is {duration(length_ns)} long")
+    yield Judged(
+        Verdict.FAIL if broken else Verdict.PASS, reason="; ".join(broken), worst=known.drops, limit=told["max_drops"],
+        unit="frames",
+    )  # fmt: skip
+
+
+CHECKS = (
+    Check(
+        "findings", "capture", "A report has no findings but those that are allowed.", "findings", "there is one",
+        'check = "findings"\nseverity = "error"\nallow = ["NV502"]', _findings,
+        (
+            Parameter("severity", _SEVERITY, "from which on they count", "warning"),
+            Parameter("allow", array(TEXT, single=True), "codes or names of those that may be", ()),
+        ),
+    ),
+    Check(
+        "causes", "capture", "A report has no causes but those that are allowed.", "causes", "there is one",
+        'check = "causes"\nallow = ["node-restart"]', _causes,
+        (
+            Parameter("severity", _SEVERITY, "from which on they count", "warning"),
+            Parameter("allow", array(TEXT, single=True), "kinds of those that may be", ()),
+        ),
+    ),
+    Check(
+        "capture_quality", "capture", "The capture is good enough to be judged.", "frames that it lost",
+        "it lost more than max_drops, is shorter than min_duration, or ends before its end",
+        'check = "capture_quality"\nmin_duration = "30s"', _quality,
+        (
+            Parameter("max_drops", AMOUNT, "so many frames may be lost while capturing", 0),
+            Parameter("min_duration", LENGTH, "how long it has to be", 0),
+        ),
+    ),
+)  # fmt: skip

@@ -1,0 +1,114 @@
+"""Checks of who is there: lists that come, lists that must not, and who sends them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from typing import Any
+
+from nvscope.check.check import Check, Evidence
+from nvscope.check.parameters import Parameter
+from nvscope.check.verdict import Judged, Verdict
+from nvscope.list_key import ListKey
+from nvscope.toml_table import LENGTH, TEXT, array
+from nvscope.tracker.figures import Of
+
+_SECOND_NS = 1_000_000_000
+_TOO_SHORT = "the capture is shorter than the rule needs"
+
+
+def _first_ns(known: Evidence) -> Mapping[ListKey, int]:
+    """Return when each list came the first time, behind the warm-up or before."""
+    found = {one.key: min(stream.first_ns for stream in one.streams) for one in known.summary.lists if one.streams}
+    return found | {
+        one.key: min(stream.first_ns for stream in one.streams) for one in known.summary.can.lists if one.streams
+    }
+
+
+def _present(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
+    first, within_ns = _first_ns(known), told["within"]
+    limit_s = None if within_ns is None else within_ns / _SECOND_NS
+    for key in sorted(lists):
+        came_ns = first.get(key)
+        took_ns = None if came_ns is None or known.since_ns is None else max(came_ns - known.since_ns, 0)
+        verdict, reason = Verdict.FAIL, "" if came_ns is not None else "it never came"
+        if took_ns is not None and (within_ns is None or took_ns <= within_ns):
+            verdict = Verdict.PASS
+        elif _is_too_short(known, within_ns):
+            verdict, reason = Verdict.INCONCLUSIVE, _TOO_SHORT
+        worst_s = None if took_ns is None else took_ns / _SECOND_NS
+        yield Judged(verdict, key, reason=reason, worst=worst_s, limit=limit_s, unit="s", first_ns=came_ns)
+
+
+def _is_too_short(known: Evidence, within_ns: int | None) -> bool:
+    if known.since_ns is None or known.until_ns is None:
+        return True
+    return within_ns is not None and known.until_ns - known.since_ns < within_ns
+
+
+def _absent(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
+    first = _first_ns(known)
+    came = {known.keys[one.list]: one.measured.telegrams for one in known.of(Of.LIST, lists) if one.list is not None}
+    for key in sorted(lists):
+        telegrams = came.get(key, 0)
+        verdict = Verdict.FAIL if telegrams else Verdict.PASS
+        yield Judged(
+            verdict, key, worst=telegrams, limit=0, unit="telegrams", count=telegrams,
+            first_ns=first.get(key) if telegrams else None,
+        )  # fmt: skip
+
+
+def _single_sender(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
+    named = set(told["senders"])
+    for entry in known.summary.lists:
+        if entry.key not in lists:
+            continue
+        senders = [known.summary.addresses[node] for node in entry.senders]
+        strangers = (
+            [one for one in senders if not {one, known.project.node_names.get(one, one)} & named] if named else []
+        )
+        fails = len(senders) > 1 or bool(strangers)
+        reason = f"{', '.join(senders)} send it" if len(senders) > 1 else ""
+        if strangers:
+            reason = f"{', '.join(strangers)} sends it, and is not named"
+        yield Judged(
+            Verdict.FAIL if fails else Verdict.PASS, entry.key, reason=reason, worst=len(senders), limit=1,
+            unit="senders", count=len(senders) if fails else 0,
+        )  # fmt: skip
+
+
+def _known_nodes(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
+    named = set(told["nodes"]) or set(known.project.node_names)
+    if not named:
+        yield Judged(Verdict.INCONCLUSIVE, reason="no node is named, neither by the rule nor by the project")
+        return
+    sending = dict.fromkeys(node for entry in known.summary.lists if entry.key in lists for node in entry.senders)
+    addresses = [known.summary.addresses[node] for node in sending]
+    strangers = [one for one in addresses if not {one, known.project.node_names.get(one, one)} & named]
+    yield Judged(
+        Verdict.FAIL if strangers else Verdict.PASS, reason=f"not named: {', '.join(strangers)}" if strangers else "",
+        worst=len(strangers), limit=0, unit="nodes", count=len(strangers),
+    )  # fmt: skip
+
+
+CHECKS = (
+    Check(
+        "present", "list", "A list is sent.", "time of its first telegram", "none came until then",
+        'check = "present"\nlist = "axis"\nwithin = "2s"', _present,
+        (Parameter("within", LENGTH, "by when its first telegram has to be there; else at all", None),),
+    ),
+    Check(
+        "absent", "list", "A list is not sent.", "its telegrams", "there is one", 'check = "absent"\nlist = "old"',
+        _absent,
+    ),
+    Check(
+        "single_sender", "list", "One node sends a list, and no other one.", "how many nodes send it",
+        "there are several, or one that is not named",
+        'check = "single_sender"\nlist = "axis"\nsenders = ["press-1"]', _single_sender,
+        (Parameter("senders", array(TEXT, single=True), "addresses or names of nodes that may; else any one", ()),),
+    ),
+    Check(
+        "known_nodes", "capture", "Nobody sends who is not known.", "nodes that send and are not named", "there is one",
+        'check = "known_nodes"\nnodes = ["192.168.1.10", "press-2"]', _known_nodes,
+        (Parameter("nodes", array(TEXT, single=True), "addresses or names; else those of the project", ()),),
+    ),
+)  # fmt: skip

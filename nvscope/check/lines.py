@@ -1,0 +1,142 @@
+"""Verdicts for people: failed rules first, with worst value, limit, margin and where it broke; passes in a line."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from collections.abc import Iterator, Sequence
+
+from nvscope import units
+from nvscope.check.run import Checked, Decided
+from nvscope.check.verdict import Judged, Verdict
+from nvscope.view.escape import visible
+from nvscope.view.lines.plant.strips import MARKS
+from nvscope.view.lines.table import Cell, Line, Tone, wrap
+from nvscope.view.lines.text_width import display_width, shorten
+
+_SYMBOLS = {
+    Verdict.FAIL: Cell("✗", Tone.ERROR),
+    Verdict.INCONCLUSIVE: Cell("?", Tone.WARNING),
+    Verdict.PASS: Cell("●", Tone.GOOD),
+}
+_MOST_SUBJECTS = 5
+_LONGEST_ID, _LEAST_STRIP, _LONGEST_STRIP = 28, 10, 60
+_AROUND = 4
+_GAP = "   "
+
+
+def value_in_words(value: float | None, unit: str) -> str:
+    """Return a value with its unit: ``199.8 ms``, ``0.3 %``, ``2 telegrams``."""
+    if value is None:
+        return "-"
+    if unit == "s":
+        return units.duration(round(value * 1_000_000_000))
+    if unit == "ratio":
+        return units.load(100 * value)
+    number = units.count(int(value)) if float(value).is_integer() else f"{value:g}"
+    return f"{number} {unit.removesuffix('s') if value == 1 else unit}" if unit else number
+
+
+def lines(found: Checked, files: Sequence[str], paths: Sequence[str], width: int) -> Iterator[Line]:
+    """Yield all that people want to know, in at most ``width`` columns; ``files`` are the rules, ``paths`` captures."""
+    yield from wrap(_headline(found, files, paths), width, hanging=2)
+    broken = [one for verdict in (Verdict.FAIL, Verdict.INCONCLUSIVE) for one in found.of(verdict)]
+    column = min(max((display_width(visible(one.rule.id)) for one in broken), default=0), _LONGEST_ID) + 2
+    for decided in broken:
+        yield []
+        yield from _rule(found, decided, paths, column, width)
+    if passed := found.of(Verdict.PASS):
+        yield []
+        yield from wrap(_passed(passed), width, hanging=2)
+
+
+def _headline(found: Checked, files: Sequence[str], paths: Sequence[str]) -> Line:
+    every, failed, open_ = len(found.decided), len(found.of(Verdict.FAIL)), len(found.of(Verdict.INCONCLUSIVE))
+    rules = units.count_of(every, "rule")
+    if failed:
+        mark, told = _SYMBOLS[Verdict.FAIL], f"{units.count(failed)} of {rules} failed"
+        told += f", {units.count(open_)} could not be decided" if open_ else ""
+    elif open_:
+        mark, told = _SYMBOLS[Verdict.INCONCLUSIVE], f"{units.count(open_)} of {rules} could not be decided"
+    else:
+        mark, told = _SYMBOLS[Verdict.PASS], f"{rules} passed"
+    summary = found.scene.snapshot.summary
+    parts = [told, *(visible(os.path.basename(one)) for one in files[:2]), *(visible(one) for one in paths[:2])]
+    if summary.start_ns is not None and summary.end_ns is not None:
+        parts.append(units.duration(summary.end_ns - summary.start_ns))
+    return [mark, Cell(" "), Cell(parts[0], Tone.STRONG), Cell("".join(f" · {one}" for one in parts[1:]))]
+
+
+def _rule(found: Checked, decided: Decided, paths: Sequence[str], column: int, width: int) -> Iterator[Line]:
+    name = shorten(visible(decided.rule.id), column - 2)
+    symbol = _SYMBOLS[decided.verdict]
+    shown = [one for one in decided.subjects if one.verdict is decided.verdict]
+    for number, judged in enumerate(shown[:_MOST_SUBJECTS]):
+        head = f"{name:<{column}}" if not number else " " * column
+        told = [symbol if not number else Cell(" "), Cell(" "), Cell(head, Tone.STRONG), *_told(found, judged)]
+        yield from wrap(told, width, hanging=column + 2)
+        yield from _where(found, judged, paths, column + 2, width)
+    if len(shown) > _MOST_SUBJECTS:
+        yield [Cell(" " * (column + 2)), Cell(f"{len(shown) - _MOST_SUBJECTS} more: --json has all", Tone.FAINT)]
+    if decided.rule.description:
+        yield from wrap([Cell(visible(decided.rule.description), Tone.FAINT)], width, column + 2, column + 2)
+
+
+def _told(found: Checked, judged: Judged) -> Iterator[Cell]:
+    parts = []
+    if judged.list is not None:
+        name = found.names.get(judged.list)
+        short = units.list_key(str(judged.list)).rpartition("/")[2]
+        parts.append(f"list {short}{f' {visible(name)}' if name else ''}")
+    if judged.worst is not None:
+        parts.append(f"worst {value_in_words(judged.worst, judged.unit)}")
+    if judged.limit is not None:
+        parts.append(f"limit {value_in_words(judged.limit, judged.unit)}")
+    if judged.margin_percent is not None:
+        parts.append(f"margin {margin(judged)}")
+    if judged.reason:
+        parts.append(visible(judged.reason))
+    if judged.count > 1 and judged.worst != judged.count:
+        parts.append(f"{units.count(judged.count)} times")
+    yield Cell(_GAP.join(parts))
+
+
+def margin(judged: Judged) -> str:
+    """Return how far the worst value is from the limit, in percent of that."""
+    percent = judged.margin_percent
+    return "-" if percent is None else f"{'−' if percent < 0 else ''}{units.count(round(abs(percent)))} %"
+
+
+def _where(found: Checked, judged: Judged, paths: Sequence[str], indent: int, width: int) -> Iterator[Line]:
+    """Yield where in time it broke: a strip of the list, the first frame, and the command that shows it."""
+    if judged.first_ns is None or judged.verdict is Verdict.PASS:
+        return
+    start_ns = found.scene.snapshot.summary.start_ns or 0
+    at = f"first at {units.duration(judged.first_ns - start_ns)}"
+    at += f", frame {units.count(judged.frames[0])}" if judged.frames else ""
+    chronicle, key = found.scene.chronicle, str(judged.list)
+    room = min(width - indent - display_width(at) - len(_GAP), _LONGEST_STRIP)
+    strip = ""
+    if chronicle is not None and judged.list is not None and key in chronicle.numbers and room >= _LEAST_STRIP:
+        strip = "".join(MARKS[mark][0] for mark in chronicle.strips([key], room)[0]) + _GAP
+    yield [Cell(" " * indent), Cell(strip), Cell(at)]
+    if judged.frames and len(paths) == 1:
+        first = judged.frames[0]
+        between = f"frame.number >= {max(first - _AROUND, 1)} && frame.number <= {first + _AROUND}"
+        command = f"nvscope packets {shlex.quote(paths[0])} -Y '{between}'"
+        yield [Cell(" " * indent), Cell(visible(command), Tone.FAINT)]
+
+
+def _passed(passed: Sequence[Decided]) -> Line:
+    told = f"{units.count(len(passed))} passed"
+    subjects = [(decided, one) for decided in passed for one in decided.subjects]
+    measured = [(one.margin_percent, decided, one) for decided, one in subjects if one.margin_percent is not None]
+    cells = [_SYMBOLS[Verdict.PASS], Cell(" "), Cell(told, Tone.STRONG)]
+    if not measured:
+        return cells
+    _, decided, tightest = min(measured, key=lambda one: one[0])
+    worst, limit = value_in_words(tightest.worst, tightest.unit), value_in_words(tightest.limit, tightest.unit)
+    return [
+        *cells,
+        Cell(f"; the tightest is {visible(decided.rule.id)}: worst {worst} of {limit}, margin {margin(tightest)}"),
+    ]

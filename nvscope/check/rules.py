@@ -1,0 +1,183 @@
+"""Rule files: all that stands in them, or all that is wrong with them, each mistake with its place."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from nvscope.check.catalogue import CATALOGUE
+from nvscope.check.check import Check
+from nvscope.check.parameters import NAME, REQUIRED
+from nvscope.errors import ConfigurationError, UsageError
+from nvscope.toml_table import FLAG, LENGTH, TEXT, Place, ValueKind, array, choice, nearest, read_toml
+
+SCHEMA = "nvscope.rules/1"
+"""The schema of a rule file, for editors."""
+
+SEVERITIES = ("error", "warning", "note")
+MOST_RULES = 10_000
+_MOST_INCLUDED = 100
+
+COMMON: Mapping[str, tuple[ValueKind, str, Any]] = {
+    "id": (TEXT, "what it is called everywhere; no two rules are called alike", REQUIRED),
+    "check": (choice(*CATALOGUE), "what is checked: one of the catalogue", REQUIRED),
+    "list": (array(NAME, single=True), "lists by name, identifier, key, or a pattern of these; else every list", ()),
+    "severity": (choice(*SEVERITIES), "an error fails the build; the others are shown", None),
+    "description": (TEXT, "why it is so", ""),
+    "optional": (FLAG, "where it is for nothing that is there, it is kept", False),
+}
+"""The keys that every rule has: what may stand there, what it says, and what it is where it is left out."""
+
+DEFAULTS: Mapping[str, tuple[ValueKind, str, Any]] = {
+    "warmup": (LENGTH, "nothing is judged before: starts of plants are noisy", 0),
+    "severity": (choice(*SEVERITIES), "of rules that do not say theirs", "error"),
+}
+"""The keys of ``[defaults]``."""
+
+_TABLES = ("defaults", "rule", "include")
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """One rule: what it is called, its check with its parameters, the lists it is for, and where it stands."""
+
+    id: str
+    check: Check
+    parameters: Mapping[str, Any]
+    lists: Sequence[str]
+    severity: str
+    description: str
+    optional: bool
+    path: str
+    line: int
+
+
+@dataclass(slots=True)
+class Rules:
+    """All rules of files, in their order, and for how long nothing is judged."""
+
+    rules: list[Rule] = field(default_factory=list)
+    warmup_ns: int = 0
+
+
+class Mistakes(UsageError):
+    """All that is wrong with rule files, in the order of the files."""
+
+    def __init__(self, mistakes: Sequence[ConfigurationError]) -> None:
+        super().__init__(f"{len(mistakes)} mistakes in rules" if len(mistakes) > 1 else "a mistake in rules")
+        self.mistakes = mistakes
+
+
+def read_rules(paths: Sequence[str]) -> Rules:
+    """Return the rules of files; Mistakes with all that is wrong with them, and where none of them has a rule."""
+    reader = _Reader()
+    for path in paths:
+        reader.read(path)
+    if not reader.found.rules and not reader.mistakes:
+        where = paths[0] if paths else ""
+        reader.mistakes.append(
+            ConfigurationError("there is no rule in it", where=where, next_step="a rule begins with [[rule]]")
+        )
+    if reader.mistakes:
+        raise Mistakes(reader.mistakes)
+    return reader.found
+
+
+class _Reader:
+    """Reads files one after the other, and keeps on where something is wrong."""
+
+    def __init__(self) -> None:
+        self.found = Rules()
+        self.mistakes: list[ConfigurationError] = []
+        self._places: dict[str, str] = {}
+        self._read: set[str] = set()
+
+    def read(self, path: str) -> None:
+        real = os.path.realpath(path)
+        if real in self._read or len(self._read) >= _MOST_INCLUDED:
+            return
+        self._read.add(real)
+        read = self._tried(lambda: read_toml(path))
+        if read is None:
+            return
+        document, place = read
+        for name in document:
+            if name not in _TABLES:
+                self._note(place.below(name).error(f"unknown key '{name}'", nearest(name, list(_TABLES))))
+        for name in self._tried(lambda: _INCLUDE.read(document.get("include", []), place.below("include"))) or ():
+            self.read(str(Path(path).parent / name))
+        defaults = self._keys(document.get("defaults", {}), place.below("defaults"), DEFAULTS)
+        self.found.warmup_ns = max(self.found.warmup_ns, defaults.get("warmup", 0))
+        rules = document.get("rule", [])
+        if not isinstance(rules, list):
+            self._note(place.below("rule").error("rules are an array of tables", "begin each with [[rule]]"))
+            return
+        for number, table in enumerate(rules[:MOST_RULES]):
+            self._rule(table, place.below("rule").below(number), defaults.get("severity", "error"))
+
+    def _rule(self, table: Any, place: Place, severity: str) -> None:
+        if not isinstance(table, Mapping):
+            self._note(place.error("a table is expected", "begin each rule with [[rule]]"))
+            return
+        before = len(self.mistakes)
+        known = self._keys({key: value for key, value in table.items() if key in COMMON}, place, COMMON)
+        check = CATALOGUE.get(str(table.get("check", "")))
+        own: Mapping[str, Any] = {}
+        if check is not None:
+            others = {key: value for key, value in table.items() if key not in COMMON}
+            kinds = {one.name: (one.kind, one.help, one.default) for one in check.parameters}
+            own = self._keys(others, place, kinds, [*kinds, *COMMON])
+        if (name := known.get("id")) is not None:
+            first = self._places.setdefault(name, f"{place.path}, line {place.position.line if place.position else 0}")
+            position = place.below("id").position
+            if first != f"{place.path}, line {place.position.line if place.position else 0}" and position:
+                self._note(
+                    place.below("id").error(f"'{name}' is the id of another rule: {first}", "Give one another id.")
+                )
+        if len(self.mistakes) > before or check is None:
+            return
+        self.found.rules.append(
+            Rule(
+                known["id"], check, own, known["list"], known["severity"] or severity, known["description"],
+                known["optional"], place.path, place.position.line if place.position else 0,
+            )
+        )  # fmt: skip
+
+    def _keys(
+        self, table: Any, place: Place, kinds: Mapping[str, tuple[ValueKind, str, Any]],
+        names: Sequence[str] | None = None,
+    ) -> dict[str, Any]:  # fmt: skip
+        """Return what stands in a table, with defaults; what is wrong with it is noted, each key by itself."""
+        if not isinstance(table, Mapping):
+            self._note(place.error("a table is expected"))
+            return {}
+        found: dict[str, Any] = {}
+        for name in table:
+            if name not in kinds:
+                self._note(place.below(name).error(f"unknown key '{name}'", nearest(name, list(names or kinds))))
+        for name, (kind, text, default) in kinds.items():
+            if name in table:
+                value = self._tried(lambda name=name, kind=kind: kind.read(table[name], place.below(name)))  # type: ignore[misc]
+                if value is not None:
+                    found[name] = value
+            elif default is REQUIRED:
+                self._note(place.error(f"the key '{name}' is missing", f"{name}: {text}"))
+            else:
+                found[name] = default
+        return found
+
+    def _tried(self, read: Callable[[], Any]) -> Any:
+        try:
+            return read()
+        except ConfigurationError as error:
+            self._note(error)
+            return None
+
+    def _note(self, error: ConfigurationError) -> None:
+        self.mistakes.append(error)
+
+
+_INCLUDE = array(TEXT, single=True)

@@ -1,0 +1,65 @@
+"""What comes of a rule: for each of its subjects whether it is kept, the worst value, its limit, and how far apart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+from nvscope.list_key import ListKey
+
+
+class Verdict(Enum):
+    """Whether a rule is kept; that of several subjects is the first one of these that one of them has."""
+
+    FAIL = "fail"
+    INCONCLUSIVE = "inconclusive"
+    PASS = "pass"
+
+
+_WORST_FIRST = tuple(Verdict)
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """One subject of a rule, as far as it is one: a list, a stream of it, a node, or the capture.
+
+    ``worst`` is the value that is nearest to the ``limit`` or farthest beyond it, in the ``unit`` of the check;
+    ``above``: what is above the limit breaks the rule, else what is below. None where nothing was measured, or there is
+    no limit. ``reason`` is why it is inconclusive, or what broke it. ``frames`` are the first ten of ``count``.
+    """
+
+    verdict: Verdict
+    list: ListKey | None = None
+    node: str | None = None
+    subindex: int | None = None
+    reason: str = ""
+    worst: float | None = None
+    limit: float | None = None
+    above: bool = True
+    unit: str = ""
+    count: int = 0
+    first_ns: int | None = None
+    frames: Sequence[int] = ()
+
+    @property
+    def margin(self) -> float | None:
+        """How far the worst value is from the limit; below 0 where that is broken."""
+        if self.worst is None or self.limit is None:
+            return None
+        return self.limit - self.worst if self.above else self.worst - self.limit
+
+    @property
+    def margin_percent(self) -> float | None:
+        """The margin in percent of the limit; None where that is 0."""
+        return None if self.margin is None or not self.limit else 100 * self.margin / abs(self.limit)
+
+
+def worst_of(judged: Sequence[Judged]) -> Verdict:
+    """Return the verdict of a rule; without a subject it is inconclusive."""
+    return worst_of_rules([one.verdict for one in judged])
+
+
+def worst_of_rules(verdicts: Sequence[Verdict]) -> Verdict:
+    """Return the verdict of several; without any it is inconclusive."""
+    return next((verdict for verdict in _WORST_FIRST if verdict in verdicts), Verdict.INCONCLUSIVE)

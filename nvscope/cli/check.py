@@ -1,0 +1,141 @@
+"""``nvscope check``: whether captures keep the rules that a team has written down."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from nvscope.cli.definitions import GvlOption, ProjectOption, flaws_told_first, project_of
+from nvscope.cli.encodings import as_data
+from nvscope.cli.live import LiveOptions, captured, with_live_options
+from nvscope.cli.named_files import named_files
+from nvscope.cli.sources import (
+    ChannelMapOption,
+    DecodeOption,
+    FromTimeOption,
+    ReadOption,
+    SourcesArgument,
+    ToTimeOption,
+    asked_range,
+    port_rules,
+    tell_of_losses,
+    with_channels,
+)
+from nvscope.cli.terminal import ColourOption, colour_wanted, echo, width
+from nvscope.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from nvscope.check.rules import Rules
+    from nvscope.check.run import Checked
+    from nvscope.definition.project import Project
+
+_SUFFIX = ".rules.toml"
+
+
+@with_live_options
+def check(
+    live: LiveOptions,
+    sources: SourcesArgument = None,
+    read: ReadOption = None,
+    rules: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--rules", metavar="FILE", show_default=False,
+            help="Rules; also several. Without it: every *.rules.toml beside the project file, or here.",
+        ),
+    ] = None,
+    fail_on: Annotated[
+        Literal["error", "warning", "inconclusive", "never"],
+        typer.Option(
+            "--fail-on",
+            help="What fails a build: broken rules of severity error, of warning too, also rules that could not be "
+            "decided, or nothing.",
+        ),
+    ] = "error",
+    as_json: Annotated[bool, typer.Option("--json", help="For programs (nvscope.check/1).")] = False,
+    gvl: GvlOption = None,
+    project: ProjectOption = None,
+    decode: DecodeOption = None,
+    channel_map: ChannelMapOption = None,
+    from_time: FromTimeOption = None,
+    to_time: ToTimeOption = None,
+    utc: Annotated[bool, typer.Option("--utc", help="Take --from-time and --to-time as UTC.")] = False,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress bar.")] = False,
+    colour: ColourOption = "auto",
+) -> None:  # fmt: skip
+    """Judge rules on captures: each is kept, broken, or could not be decided, with the worst value and its margin.
+
+    Exits with 1 where a rule of severity error is broken, else with 3 where one could not be decided, as when nothing
+    was there to be judged: a build is never green because nothing was recorded. All mistakes in rules are told at once.
+    """
+    files_named = named_files(sources, read, gvl, live.interfaces)
+    paths, gvl = files_named.captures, files_named.definitions
+    ports = port_rules(decode)
+    asked = asked_range(from_time, to_time, utc=utc)
+    plant = with_channels(project_of(project, gvl, paths), channel_map)
+    files = list(rules) if rules else _found(plant)
+    told = _read(files)
+
+    from nvscope.analysis.inquiry import Inquiry
+    from nvscope.check.run import checked
+    from nvscope.cli.memory import keep_freed_memory
+    from nvscope.cli.progress import watching
+
+    inquiry = Inquiry(captured(paths, live, plant, ports), plant, ports, watch=watching(quiet=quiet), asked=asked)
+    if inquiry.paths:
+        keep_freed_memory()
+    with flaws_told_first(plant.definition):
+        found = checked(inquiry, told)
+    if as_json:
+        from nvscope.check.document import document
+        from nvscope.report import json
+
+        as_data()
+        echo(json.render(document(found)), nl=False)
+    else:
+        from nvscope.check.lines import lines
+        from nvscope.report.ansi import paint
+
+        shown = colour_wanted(colour)
+        echo(paint(lines(found, files, inquiry.paths, width()), colour=shown), nl=False, color=shown)
+    unread = tell_of_losses(found.infos)
+    if code := exit_code(found, fail_on) or unread:
+        raise typer.Exit(code)
+
+
+def exit_code(found: Checked, fail_on: str) -> ExitCode:
+    """Return what a build is told: 1 for a broken rule that counts, else 3 for one that could not be decided."""
+    from nvscope.check.verdict import Verdict
+
+    if fail_on == "never":
+        return ExitCode.GOOD
+    counted = {"error", "warning"} if fail_on == "warning" else {"error"}
+    rules = [one for one in found.decided if one.rule.severity in counted]
+    if any(one.verdict is Verdict.FAIL for one in rules):
+        return ExitCode.ASSERTION_FAILED
+    if any(one.verdict is Verdict.INCONCLUSIVE for one in rules):
+        return ExitCode.ASSERTION_FAILED if fail_on == "inconclusive" else ExitCode.DATA_LOSS
+    return ExitCode.GOOD
+
+
+def _found(plant: Project) -> list[str]:
+    folder = Path(plant.path).parent if plant.path else Path()
+    found = sorted(str(one) for one in folder.glob(f"*{_SUFFIX}"))
+    if not found:
+        raise UsageError("no rules are named, and none are beside the project", next_step="add --rules FILE.rules.toml")
+    return found
+
+
+def _read(files: Sequence[str]) -> Rules:
+    """Return the rules of files; each mistake in them is told, then it ends."""
+    from nvscope.check.rules import Mistakes, read_rules
+
+    try:
+        return read_rules(files)
+    except Mistakes as error:
+        for one in error.mistakes:
+            echo(f"nvscope: {one}", err=True)
+        raise typer.Exit(ExitCode.USAGE) from None

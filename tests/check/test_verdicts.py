@@ -1,0 +1,182 @@
+"""Rules on captures: each check kept, broken and not to be decided; exit codes; the same input, the same output."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from nvscope.capture.open import open_sink, open_source
+from nvscope.capture.source import Circumstances
+from tests.capture.mcap.recordings import Packet, write
+from tests.oracle.builders import data_frame, telegram
+from tests.program import run_text
+from tests.schemas.validation import mistakes_in
+
+ROOT = Path(__file__).parents[2]
+PLANT = ROOT / "captures" / "plant.pcapng.gz"
+RULES = ROOT / "captures" / "plant.rules.toml"
+SCENARIOS = ROOT / "tests" / "scenarios"
+BEGIN_NS = 1_790_000_000 * 10**9
+
+
+def ruled(tmp_path: Path, *rules: str, defaults: str = "") -> Path:
+    path = tmp_path / "x.rules.toml"
+    texts = [f'[[rule]]\nid = "r{number}"\n{rule}\n' for number, rule in enumerate(rules)]
+    path.write_text(f"[defaults]\n{defaults}\n" + "\n".join(texts))
+    return path
+
+
+def judged(capture: Path, rules: Path, *options: str) -> dict[str, Any]:
+    """Return what is told as data; it is valid."""
+    done = run_text("check", capture, "--rules", rules, "--json", *options)
+    assert done.returncode in (0, 1, 3), done.stderr
+    found: dict[str, Any] = json.loads(done.stdout)
+    assert mistakes_in(found) == []
+    return found
+
+
+def verdicts(capture: Path, tmp_path: Path, *rules: str, defaults: str = "") -> list[str]:
+    return [one["verdict"] for one in judged(capture, ruled(tmp_path, *rules, defaults=defaults))["rules"]]
+
+
+def sent(tmp_path: Path, counters: list[int], *, nodes: tuple[str, ...] = ("10.0.0.1",)) -> Path:
+    """Return a capture of a list that each node sends with these counters, ten a second."""
+    found = []
+    for number, counter in enumerate(counters):
+        for node in nodes:
+            payload = telegram(list_id=7, counter=counter, data=b"\1\2")
+            one = data_frame(BEGIN_NS + number * 10**8, node, "10.0.0.255", payload)
+            found.append(Packet(one.data, one.original, one.ts_ns, one.link))
+    return write(tmp_path / "x.pcap", found)
+
+
+STEADY = list(range(1, 101))
+
+
+@pytest.mark.parametrize(
+    ("counters", "rule", "verdict", "worst"),
+    [
+        (STEADY, 'check = "loss"', "pass", 0.0),
+        ([one for one in STEADY if one != 50], 'check = "loss"', "fail", 0.01),
+        ([one for one in STEADY if one != 50], 'check = "loss"\nmax = "1%"', "pass", 0.01),
+        ([one for one in STEADY if not 50 <= one <= 52], 'check = "gap"\nmax = 2', "fail", 3),
+        ([one for one in STEADY if not 50 <= one <= 52], 'check = "gap"\nmax = 3', "pass", 3),
+        ([*STEADY[:50], 50, *STEADY[50:]], 'check = "duplicates"', "fail", 1),
+        ([*STEADY[:50], 52, 51, *STEADY[52:]], 'check = "overtaken"', "fail", 1),
+        ([*STEADY[:50], *STEADY[:50]], 'check = "restarts"', "fail", 1),
+        ([*STEADY[:50], *STEADY[:50]], 'check = "restarts"\nmax = 1', "pass", 1),
+        (STEADY, 'check = "malformed"', "pass", 0),
+        (STEADY, 'check = "absent"\nlist = 7', "fail", 100),
+        (STEADY, 'check = "absent"\nlist = 8', "pass", None),
+        (STEADY, 'check = "absent"\nlist = "axis"', "inconclusive", None),
+        (STEADY, 'check = "present"\nlist = 7', "pass", 0),
+        (STEADY, 'check = "present"\nlist = 8', "inconclusive", None),
+        (STEADY, 'check = "single_sender"', "pass", 1),
+        (STEADY, 'check = "single_sender"\nsenders = "10.0.0.2"', "fail", 1),
+        (STEADY, 'check = "known_nodes"\nnodes = ["10.0.0.1"]', "pass", 0),
+        (STEADY, 'check = "known_nodes"\nnodes = ["10.0.0.2"]', "fail", 1),
+        (STEADY, 'check = "known_nodes"', "inconclusive", None),
+        (STEADY, 'check = "capture_quality"\nmin_duration = "5s"', "pass", 0),
+        (STEADY, 'check = "capture_quality"\nmin_duration = "1min"', "fail", 0),
+        (STEADY, 'check = "causes"', "pass", 0),
+        (STEADY, 'check = "loss"\nlist = "8"', "inconclusive", None),
+        (STEADY, 'check = "loss"\nlist = "8"\noptional = true', "inconclusive", None),
+    ],
+)
+def test_a_check(counters: list[int], rule: str, verdict: str, worst: float | None, tmp_path: Path) -> None:
+    found = judged(sent(tmp_path, counters), ruled(tmp_path, rule))
+    (one,) = found["rules"]
+    assert (one["verdict"], one["subjects"][0]["worst"]) == (verdict, worst)
+    assert found["verdict"] == verdict
+
+
+def test_what_was_before_the_warm_up_does_not_count(tmp_path: Path) -> None:
+    counters = [one for one in STEADY if one not in (5, 50)]
+    capture = sent(tmp_path, counters)
+    for warmup, count, frames in (("0s", 2, [5, 49]), ("2s", 1, [49])):
+        found = judged(capture, ruled(tmp_path, 'check = "loss"', defaults=f'warmup = "{warmup}"'))
+        (subject,) = found["rules"][0]["subjects"]
+        assert (subject["count"], subject["frames"]) == (count, frames)
+
+
+def test_what_the_capture_itself_lost_breaks_no_rule(tmp_path: Path) -> None:
+    capture = sent(tmp_path, [one for one in STEADY if one != 50])
+    with open_sink(str(tmp_path / "dropped.mcap")) as sink:
+        sink.describe(Circumstances(drops=0))
+        for part in open_source([str(capture)]):
+            sink.write(part)
+        sink.describe(Circumstances(drops=1))
+    found = judged(tmp_path / "dropped.mcap", ruled(tmp_path, 'check = "loss"', 'check = "restarts"'))
+    loss, restarts = found["rules"]
+    assert (loss["verdict"], restarts["verdict"]) == ("inconclusive", "pass")
+    assert loss["subjects"][0]["reason"] == "the capture itself lost 1 frame: it may have been these"
+    (quality,) = judged(tmp_path / "dropped.mcap", ruled(tmp_path, 'check = "capture_quality"'))["rules"]
+    assert quality["verdict"] == "fail"
+
+
+def test_two_senders_of_a_list(tmp_path: Path) -> None:
+    capture = sent(tmp_path, STEADY, nodes=("10.0.0.1", "10.0.0.2"))
+    (one,) = judged(capture, ruled(tmp_path, 'check = "single_sender"'))["rules"]
+    assert (one["verdict"], one["subjects"][0]["reason"]) == ("fail", "10.0.0.1, 10.0.0.2 send it")
+
+
+def test_the_plant_is_judged_as_its_example_says() -> None:
+    found = judged(PLANT, RULES)
+    assert {one["id"]: one["verdict"] for one in found["rules"]} == {
+        "axis-complete": "fail", "axis-in-a-row": "pass", "axis-sender": "fail", "no-restart": "fail",
+        "all-there": "pass", "no-old-list": "pass", "readable": "pass", "recorded-well": "pass",
+    }  # fmt: skip
+    loss = found["rules"][0]["subjects"][0]
+    assert (loss["list"], loss["frames"], loss["count"]) == ("udp/1202/7", [278, 544], 2)
+    assert found["rules"][0]["line"] == 5
+
+
+def test_exit_codes(tmp_path: Path) -> None:
+    lossy = sent(tmp_path, [one for one in STEADY if one != 50])
+    nothing = write(tmp_path / "nothing.pcap", [])
+    good, bad, open_ = 'check = "restarts"', 'check = "loss"', 'check = "loss"\nlist = "99"'
+    mild = 'check = "loss"\nseverity = "warning"'
+    for capture, rules, fail_on, code in (
+        (lossy, [good], "error", 0),
+        (lossy, [good, bad], "error", 1),
+        (lossy, [good, open_], "error", 3),
+        (lossy, [bad, open_], "error", 1),
+        (lossy, [mild], "error", 0),
+        (lossy, [mild], "warning", 1),
+        (lossy, [open_], "inconclusive", 1),
+        (lossy, [bad, open_], "never", 0),
+        (nothing, [good, bad], "error", 3),
+    ):
+        done = run_text("check", capture, "--rules", ruled(tmp_path, *rules), "--fail-on", fail_on)
+        assert done.returncode == code, (rules, fail_on, done.stdout, done.stderr)
+
+
+def test_mistakes_in_rules_end_it_before_anything_is_judged(tmp_path: Path) -> None:
+    rules = tmp_path / "x.rules.toml"
+    rules.write_text('[[rule]]\nid = "a"\ncheck = "los"\n[[rule]]\ncheck = "gap"\n')
+    done = run_text("check", PLANT, "--rules", rules)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert f"{rules}, line 3, column 1: rule[0].check" in done.stderr
+    assert f"{rules}, line 4, column 3: rule[1]: the key 'id' is missing" in done.stderr
+
+
+def test_rules_are_found_beside_the_project(tmp_path: Path) -> None:
+    ruled(tmp_path, 'check = "restarts"')
+    done = run_text("check", PLANT, cwd=tmp_path)
+    assert (done.returncode, "r0" in done.stdout) == (1, True), done.stderr
+    (tmp_path / "x.rules.toml").unlink()
+    done = run_text("check", PLANT, cwd=tmp_path)
+    assert (done.returncode, "no rules are named" in done.stderr) == (2, True)
+
+
+def test_the_same_input_gives_the_same_output() -> None:
+    first, second = (run_text("check", PLANT, "--rules", RULES).stdout for _ in range(2))
+    assert first == second
+    told = " ".join(first.split())
+    assert told.startswith("✗ 3 of 8 rules failed · plant.rules.toml · ")
+    assert " · 29.9 s " in told
+    assert told.endswith("the tightest is axis-in-a-row: worst 1 telegram of 1 telegram, margin 0 %")
+    assert "first at 7.0 s, frame 278" in told

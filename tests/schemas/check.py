@@ -1,0 +1,93 @@
+"""The schemas of rules and of what comes of them: ``nvscope.rules/1`` and ``nvscope.check/1``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from nvscope.check.catalogue import CATALOGUE
+from nvscope.check.parameters import REQUIRED
+from nvscope.check.rules import COMMON, DEFAULTS, SEVERITIES
+from nvscope.check.verdict import Verdict
+from nvscope.toml_table import ValueKind
+from tests.schemas.report import capture
+from tests.schemas.shapes import (
+    LIST_KEY,
+    Schema,
+    document,
+    headed,
+    maybe,
+    number,
+    record,
+    several,
+    text,
+    time,
+    unknown,
+    whole,
+    word,
+)
+
+
+def check() -> Schema:
+    """Return the schema of ``check --json``."""
+    verdict = word([one.value for one in Verdict])
+    subject = {
+        "list": maybe(LIST_KEY),
+        "node": unknown("no check has subjects that are nodes yet"),
+        "subindex": unknown("the same of streams"),
+        "variable": unknown("the same of variables"),
+        "channel": unknown("the same of CAN channels"),
+        "verdict": verdict,
+        "reason": text("why it is so, where the numbers do not say it"),
+        "worst": maybe(number("the value nearest to the limit, or farthest beyond it, in the unit")),
+        "limit": maybe(number()),
+        "margin": maybe(number("how far the worst value is from the limit; negative: broken")),
+        "margin_percent": maybe(number("the same in percent of the limit; null where that is 0")),
+        "unit": word(("ratio", "telegrams", "events", "s", "senders", "nodes", "findings", "causes", "frames", "")),
+        "count": whole("how often it was broken"),
+        "first_ns": maybe(time("when it was broken first, or when what was looked for came")),
+        "frames": several(whole("", 1), "the first ten"),
+        "frames_cut": whole("how many more there are"),
+    }
+    rule = {
+        "id": text(), "check": word(CATALOGUE), "severity": word(SEVERITIES), "verdict": verdict,
+        "description": text(), "file": text(), "line": whole(),
+        "subjects": several(record(subject), "as lists are"),
+    }  # fmt: skip
+    return document(
+        "check", "`nvscope check --json`: whether captures keep the rules of a team, each with its margin",
+        {
+            "capture": capture(), "verdict": verdict,
+            "counts": record({one.value: whole() for one in Verdict}),
+            "rules": several(record(rule), "in the order of their files"),
+        },
+    )  # fmt: skip
+
+
+def rules() -> Schema:
+    """Return the schema of a rule file, as editors read it."""
+    of_rules = []
+    for one in CATALOGUE.values():
+        keys = {name: _key(*told) for name, told in COMMON.items() if name != "check"}
+        own = {told.name: _key(told.kind, told.help, told.default) for told in one.parameters}
+        required = ["id", "check", *(told.name for told in one.parameters if told.default is REQUIRED)]
+        properties = {"check": {"const": one.name, "description": one.help}, **keys, **own}
+        left_out = [key for key in properties if key not in required]
+        of_rules.append(
+            record(properties, left_out) | {"title": one.name, "description": f"{one.help} Fails when {one.fails}."}
+        )
+    schema = record(
+        {
+            "include": {"type": ["string", "array"], "items": {"type": "string"}},
+            "defaults": record({name: _key(*told) for name, told in DEFAULTS.items()}, DEFAULTS),
+            "rule": several({"anyOf": of_rules}),
+        },
+        ["include", "defaults", "rule"],
+    )
+    return headed("rules", "a file of rules for `nvscope check`, as editors check it", schema)
+
+
+def _key(kind: ValueKind, told: str, default: Any) -> Schema:
+    assert kind.schema, kind.name
+    schema: Mapping[str, Any] = kind.schema
+    return {**schema, "description": f"{told} ({kind.name})"}
