@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from nvscope.check.check import Check
-from nvscope.check.checks import counters, findings, presence
+from nvscope.check.checks import counters, findings, presence, timing
 
 CATALOGUE: Mapping[str, Check] = MappingProxyType(
-    {one.name: one for one in (*presence.CHECKS, *counters.CHECKS, *findings.CHECKS)}
+    {one.name: one for one in (*timing.CHECKS, *presence.CHECKS, *counters.CHECKS, *findings.CHECKS)}
 )
 """All checks by name, in the order in which they are told."""

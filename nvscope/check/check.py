@@ -11,6 +11,7 @@ from nvscope.check.first_frames import FirstFrames
 from nvscope.check.parameters import Parameter
 from nvscope.check.verdict import Judged
 from nvscope.definition.project import Project
+from nvscope.engine.run import Observer
 from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey
 from nvscope.tracker.counters import Scope
@@ -41,6 +42,11 @@ class Evidence:
     drops: int = 0
     truncated: str = ""
 
+    def node(self, number: int | None) -> str | None:
+        """Return the address of a node, None for none, as on CAN."""
+        known = self.summary.addresses
+        return known[number] if number is not None and 0 <= number < len(known) else None
+
     def scope_of(self, number: int) -> Scope:
         """Return what the Counter of the first sender of a list counts."""
         for entry in self.summary.lists:
@@ -55,6 +61,17 @@ class Evidence:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What is known before captures are read: the intervals that lists should have, and since when rules are judged."""
+
+    nominal_ns: Mapping[ListKey, int]
+    since_ns: int | None = None
+
+
+Watch = Callable[[Setting, Mapping[str, Any]], Observer]
+"""Given what is known and the parameters of a rule, makes what watches captures for it."""
+
 Judge = Callable[[Evidence, Collection[ListKey], Mapping[str, Any]], Iterator[Judged]]
 """Given what is known, the lists that a rule is for and its parameters, yields a verdict for each subject."""
 
@@ -64,7 +81,8 @@ class Check:
     """One kind of rule: its name, what its subjects are, its parameters, and what breaks it.
 
     ``worst`` says what is measured, ``fails`` when it is broken; ``example`` is what stands in a file behind
-    ``[[rule]]`` beside the id.
+    ``[[rule]]`` beside the id. ``watch`` makes an observer for a rule whose figures nobody counts otherwise; the judge
+    finds it under "watched" beside the parameters.
     """
 
     name: str
@@ -75,3 +93,4 @@ class Check:
     example: str
     judge: Judge
     parameters: tuple[Parameter, ...] = field(default=())
+    watch: Watch | None = None

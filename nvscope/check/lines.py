@@ -72,9 +72,11 @@ def _rule(found: Checked, decided: Decided, paths: Sequence[str], column: int, w
     symbol = _SYMBOLS[decided.verdict]
     shown = [one for one in decided.subjects if one.verdict is decided.verdict]
     for number, judged in enumerate(shown[:_MOST_SUBJECTS]):
-        head = f"{name:<{column}}" if not number else " " * column
-        told = [symbol if not number else Cell(" "), Cell(" "), Cell(head, Tone.STRONG), *_told(found, judged)]
-        yield from wrap(told, width, hanging=column + 2)
+        if not number:
+            told = [symbol, Cell(" "), Cell(f"{name:<{column}}", Tone.STRONG), *_told(found, judged)]
+            yield from wrap(told, width, hanging=column + 2)
+        else:
+            yield from wrap(list(_told(found, judged)), width, column + 2, column + 2)
         yield from _where(found, judged, paths, column + 2, width)
     if len(shown) > _MOST_SUBJECTS:
         yield [Cell(" " * (column + 2)), Cell(f"{len(shown) - _MOST_SUBJECTS} more: --json has all", Tone.FAINT)]
@@ -87,7 +89,9 @@ def _told(found: Checked, judged: Judged) -> Iterator[Cell]:
     if judged.list is not None:
         name = found.names.get(judged.list)
         short = units.list_key(str(judged.list)).rpartition("/")[2]
-        parts.append(f"list {short}{f' {visible(name)}' if name else ''}")
+        sender = "" if judged.node is None else f", {judged.node}"
+        part = f", SubIndex {judged.subindex}" if judged.subindex else ""
+        parts.append(f"list {short}{f' {visible(name)}' if name else ''}{sender}{part}")
     if judged.worst is not None:
         parts.append(f"worst {value_in_words(judged.worst, judged.unit)}")
     if judged.limit is not None:

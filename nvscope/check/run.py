@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.analysis.watching import Scene, Watched, Watching
 from nvscope.capture.source import FileSource, Source, SourceInfo
-from nvscope.check.check import Evidence
+from nvscope.check.check import Evidence, Setting
 from nvscope.check.first_frames import FirstFrames
 from nvscope.check.lists import chosen
 from nvscope.check.rules import Rule, Rules
@@ -56,12 +57,19 @@ def checked(inquiry: Inquiry, rules: Rules, source: Source | None = None) -> Che
     since_ns = _begin_ns(source, rules.warmup_ns)
     frames = FirstFrames(since_ns)
     windows = Windows(_FOREVER_NS, since_ns, listeners=(frames,))
-    watched = Watched(inquiry, windows.cut(source), Watching(_RING_BYTES, others=[windows]), overdue=False)
+    setting = Setting(inquiry.project.definition.nominal_intervals_ns(), since_ns)
+    watchers = [rule.check.watch and rule.check.watch(setting, rule.parameters) for rule in rules.rules]
+    others = [windows, *(one for one in watchers if one is not None)]
+    watched = Watched(inquiry, windows.cut(source), Watching(_RING_BYTES, others=others), overdue=False)
     for _ in inquiry.run(watched.source, watched.observers):
         pass
     scene = watched.look()
     evidence, names = _evidence(inquiry, scene, windows, frames, since_ns)
-    return Checked([_decided(rule, evidence) for rule in rules.rules], scene, names)
+    decided = [
+        _decided(rule, evidence, {**rule.parameters, "watched": one})
+        for rule, one in zip(rules.rules, watchers, strict=True)
+    ]
+    return Checked(decided, scene, names)
 
 
 def _begin_ns(source: Source, warmup_ns: int) -> int | None:
@@ -95,10 +103,10 @@ def _evidence(
     return evidence, names
 
 
-def _decided(rule: Rule, known: Evidence) -> Decided:
+def _decided(rule: Rule, known: Evidence, told: Mapping[str, Any]) -> Decided:
     keys = dict.fromkeys((*known.keys.values(), *(key for key in known.names if key.port)))
     lists, unknown = chosen(rule.lists, keys, known.names)
-    judged = list(rule.check.judge(known, lists, rule.parameters)) if lists or not rule.lists else []
+    judged = list(rule.check.judge(known, lists, told)) if lists or not rule.lists else []
     for name in unknown:
         # What has to be absent is, as long as it is told by what is on the wire and not by a name.
         is_fine = rule.check.name == "absent" and _ON_THE_WIRE.fullmatch(name) is not None

@@ -7,11 +7,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from nvscope.capture.open import open_sink, open_source
 from nvscope.capture.source import Circumstances
+from nvscope.check.watchers import IntervalWatcher
 from tests.capture.mcap.recordings import Packet, write
+from tests.laws import examples
 from tests.oracle.builders import data_frame, telegram
+from tests.packets import batch_of, observed
 from tests.program import run_text
 from tests.schemas.validation import mistakes_in
 
@@ -93,6 +98,91 @@ def test_a_check(counters: list[int], rule: str, verdict: str, worst: float | No
     assert found["verdict"] == verdict
 
 
+def at(tmp_path: Path, times_ms: list[int], *, index: int = 7) -> Path:
+    """Return a capture of a list that is sent at these times."""
+    found = []
+    for number, time_ms in enumerate(times_ms):
+        payload = telegram(list_id=index, counter=number + 1, data=b"\1\2")
+        one = data_frame(BEGIN_NS + time_ms * 10**6, "10.0.0.1", "10.0.0.255", payload)
+        found.append(Packet(one.data, one.original, one.ts_ns, one.link))
+    return write(tmp_path / "x.pcap", found)
+
+
+EVERY_100 = [100 * number for number in range(101)]
+ONE_LATE = [one + 130 * (one >= 5000) for one in EVERY_100]
+ONE_EARLY = [one - 70 * (one == 5000) for one in EVERY_100]
+STOPPED = [one for one in EVERY_100 if one <= 6000]
+
+
+@pytest.mark.parametrize(
+    ("times_ms", "rule", "verdict", "worst", "limit", "frames"),
+    [
+        (EVERY_100, 'check = "cycle"\ninterval = "100ms"', "pass", 0.1, 0.12, []),
+        (ONE_LATE, 'check = "cycle"\ninterval = "100ms"', "fail", 0.23, 0.12, [51]),
+        (ONE_LATE, 'check = "cycle"\ninterval = "100ms"\nexceptions = "1%"', "pass", 0.23, 0.12, [51]),
+        (ONE_LATE, 'check = "cycle"\ninterval = "100ms"\ntolerance = "130%"', "pass", 0.23, 0.23, []),
+        (ONE_EARLY, 'check = "cycle"\ninterval = "100ms"\ntolerance = "50%"', "fail", 0.03, 0.05, [51, 52]),
+        (EVERY_100[:5], 'check = "cycle"\ninterval = "100ms"', "inconclusive", 0.1, 0.12, []),
+        (EVERY_100, 'check = "min_gap"\nmin = "100ms"', "pass", 0.1, 0.1, []),
+        (ONE_EARLY, 'check = "min_gap"\nmin = "50ms"', "fail", 0.03, 0.05, []),
+        (EVERY_100, 'check = "jitter"\nmax = "1ms"', "pass", 0.0, 0.001, []),
+        (EVERY_100, 'check = "silence"\nlist = 7\nmax = "150ms"', "pass", 0.1, 0.15, []),
+        (ONE_LATE, 'check = "silence"\nlist = 7\nmax = "150ms"', "fail", 0.23, 0.15, [51]),
+    ],
+)  # fmt: skip
+def test_a_check_of_time(
+    times_ms: list[int], rule: str, verdict: str, worst: float, limit: float, frames: list[int], tmp_path: Path
+) -> None:
+    (one,) = judged(at(tmp_path, times_ms), ruled(tmp_path, rule))["rules"]
+    (subject,) = one["subjects"]
+    assert (one["verdict"], subject["frames"]) == (verdict, frames)
+    assert (subject["worst"], subject["limit"]) == pytest.approx((worst, limit))
+
+
+def test_a_cycle_without_an_interval_cannot_be_judged(tmp_path: Path) -> None:
+    (one,) = judged(at(tmp_path, EVERY_100), ruled(tmp_path, 'check = "cycle"'))["rules"]
+    assert (one["verdict"], "give its definition" in one["subjects"][0]["reason"]) == ("inconclusive", True)
+
+
+def test_a_silence_lasts_until_the_end_of_the_capture(tmp_path: Path) -> None:
+    """Another list goes on: only so it is known that the one has stopped."""
+    one, other = at(tmp_path, STOPPED).rename(tmp_path / "one.pcap"), at(tmp_path, EVERY_100, index=8)
+    rules = ruled(tmp_path, 'check = "silence"\nlist = 7\nmax = "1s"', 'check = "silence"\nlist = 8\nmax = "1s"')
+    done = run_text("check", one, other, "--rules", rules, "--json")
+    stopped, goes_on = json.loads(done.stdout)["rules"]
+    assert (stopped["verdict"], goes_on["verdict"]) == ("fail", "pass")
+    (subject,) = stopped["subjects"]
+    assert (subject["worst"], subject["first_ns"]) == (4.0, str(BEGIN_NS + 6 * 10**9))
+
+
+@examples(40)
+@given(
+    st.lists(st.integers(1, 400), min_size=6, max_size=60),
+    st.integers(50, 300),
+    st.sampled_from([0.0, 0.1, 0.5, 1.0]),
+    st.lists(st.sampled_from([1, 2, 5, 17]), min_size=1, max_size=5),
+)
+def test_intervals_are_counted_one_by_one(
+    steps_ms: list[int], wanted_ms: int, tolerance: float, sizes: list[int]
+) -> None:  # fmt: skip
+    times = [sum(steps_ms[:number]) for number in range(len(steps_ms) + 1)]
+    frames = []
+    for number, time_ms in enumerate(times):
+        payload = telegram(list_id=7, counter=number + 1, data=b"\1\2")
+        frames.append(data_frame(BEGIN_NS + time_ms * 10**6, "10.0.0.1", "10.0.0.255", payload))
+    whole, batches, begin = batch_of(frames), [], 0
+    while begin < len(whole):
+        size = sizes[len(batches) % len(sizes)]
+        batches.append(whole[begin : begin + size])
+        begin += size
+    watcher = observed(IntervalWatcher(lambda _: wanted_ms * 10**6, tolerance), batches)
+    (found,) = watcher.streams
+    outside = [number for number, step in enumerate(steps_ms) if abs(step - wanted_ms) > wanted_ms * tolerance]
+    assert (found.count, found.outside) == (len(steps_ms), len(outside))
+    assert abs(found.worst_ns - wanted_ms * 10**6) == max(abs(one - wanted_ms) for one in steps_ms) * 10**6
+    assert found.frames == [number + 2 for number in outside[:10]]
+
+
 def test_what_was_before_the_warm_up_does_not_count(tmp_path: Path) -> None:
     counters = [one for one in STEADY if one not in (5, 50)]
     capture = sent(tmp_path, counters)
@@ -128,6 +218,7 @@ def test_the_plant_is_judged_as_its_example_says() -> None:
     assert {one["id"]: one["verdict"] for one in found["rules"]} == {
         "axis-complete": "fail", "axis-in-a-row": "pass", "axis-sender": "fail", "no-restart": "fail",
         "all-there": "pass", "no-old-list": "pass", "readable": "pass", "recorded-well": "pass",
+        "axis-cycle": "fail", "nobody-silent": "fail",
     }  # fmt: skip
     loss = found["rules"][0]["subjects"][0]
     assert (loss["list"], loss["frames"], loss["count"]) == ("udp/1202/7", [278, 544], 2)
@@ -176,7 +267,9 @@ def test_the_same_input_gives_the_same_output() -> None:
     first, second = (run_text("check", PLANT, "--rules", RULES).stdout for _ in range(2))
     assert first == second
     told = " ".join(first.split())
-    assert told.startswith("✗ 3 of 8 rules failed · plant.rules.toml · ")
+    assert told.startswith("✗ 5 of 10 rules failed · plant.rules.toml · ")
     assert " · 29.9 s " in told
     assert told.endswith("the tightest is axis-in-a-row: worst 1 telegram of 1 telegram, margin 0 %")
     assert "first at 7.0 s, frame 278" in told
+    # What belongs to a rule stands below its first line.
+    assert all(line.startswith((" ", "✗", "●")) for line in first.splitlines() if line)

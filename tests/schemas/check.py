@@ -13,6 +13,7 @@ from nvscope.toml_table import ValueKind
 from tests.schemas.report import capture
 from tests.schemas.shapes import (
     LIST_KEY,
+    SUBINDEX,
     Schema,
     document,
     headed,
@@ -33,9 +34,9 @@ def check() -> Schema:
     verdict = word([one.value for one in Verdict])
     subject = {
         "list": maybe(LIST_KEY),
-        "node": unknown("no check has subjects that are nodes yet"),
-        "subindex": unknown("the same of streams"),
-        "variable": unknown("the same of variables"),
+        "node": maybe(text("address of the sender, where it is a stream")),
+        "subindex": maybe(SUBINDEX | {"description": "of the stream"}),
+        "variable": unknown("no check has subjects that are variables yet"),
         "channel": unknown("the same of CAN channels"),
         "verdict": verdict,
         "reason": text("why it is so, where the numbers do not say it"),

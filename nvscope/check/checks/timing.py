@@ -1,0 +1,152 @@
+"""Checks of time: intervals, jitter, bursts, silences."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from typing import Any
+
+from nvscope.check.check import Check, Evidence, Setting
+from nvscope.check.parameters import PERCENT_OR_TIME, RATIO, REQUIRED, Parameter
+from nvscope.check.verdict import Judged, Verdict
+from nvscope.check.watchers import IntervalWatcher, SilenceWatcher, StreamIntervals
+from nvscope.list_key import ListKey
+from nvscope.toml_table import SPAN
+from nvscope.tracker.figures import Of
+from nvscope.tracker.subjects import Subject
+from nvscope.units import count_of
+
+_SECOND_NS = 1_000_000_000
+_LEAST_INTERVALS = 5
+_TOO_FEW = "fewer than 5 intervals: the capture is shorter than the rule needs"
+_NO_NOMINAL = "nobody says at which interval it is sent: tell it, or give its definition"
+
+
+def _watch_cycle(setting: Setting, told: Mapping[str, Any]) -> IntervalWatcher:
+    interval_ns, nominal = told["interval"], setting.nominal_ns
+
+    def wanted_ns(key: ListKey) -> int | None:
+        return interval_ns or nominal.get(key) or nominal.get(key.on_any_channel)
+
+    return IntervalWatcher(wanted_ns, told["tolerance"], setting.since_ns)
+
+
+def _cycle(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
+    watcher: IntervalWatcher = told["watched"]
+    judged = set()
+    for one in watcher.streams:
+        if one.key in lists:
+            judged.add(one.key)
+            yield _of_stream(known, one, told)
+    for key in sorted(set(lists) - judged):
+        yield Judged(Verdict.INCONCLUSIVE, key, reason=_NO_NOMINAL if not told["interval"] else _TOO_FEW)
+
+
+def _of_stream(known: Evidence, one: StreamIntervals, told: Mapping[str, Any]) -> Judged:
+    room_ns = one.wanted_ns * told["tolerance"]
+    late = one.worst_ns is None or one.worst_ns >= one.wanted_ns
+    limit_s = (one.wanted_ns + room_ns if late else one.wanted_ns - room_ns) / _SECOND_NS
+    verdict, reason = Verdict.PASS, ""
+    if one.count < _LEAST_INTERVALS:
+        verdict, reason = Verdict.INCONCLUSIVE, _TOO_FEW
+    elif one.outside > told["exceptions"] * one.count:
+        verdict = Verdict.FAIL
+        if known.drops:
+            verdict = Verdict.INCONCLUSIVE
+            reason = f"the capture itself lost {count_of(known.drops, 'frame')}: intervals may be two"
+    elif one.outside:
+        reason = f"{one.outside} of {one.count} intervals lie outside, as is allowed"
+    return Judged(
+        verdict, one.key, known.node(one.node), one.subindex, reason=reason,
+        worst=None if one.worst_ns is None else one.worst_ns / _SECOND_NS, limit=limit_s, above=late, unit="s",
+        count=one.outside, first_ns=one.first_ns, frames=tuple(one.frames),
+    )  # fmt: skip
+
+
+def _named(known: Evidence, subject: Subject) -> tuple[ListKey, str | None, int | None]:
+    assert subject.list is not None
+    return known.keys[subject.list], known.node(subject.node), subject.subindex
+
+
+def _jitter(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
+    most = told["max"]
+    for subject in known.of(Of.STREAM, lists):
+        intervals = subject.measured.intervals
+        where = _named(known, subject)
+        if intervals is None or intervals.count < _LEAST_INTERVALS or intervals.p99 is None or intervals.p50 is None:
+            yield Judged(Verdict.INCONCLUSIVE, *where, reason=_TOO_FEW)
+            continue
+        spread_ns = intervals.p99 - intervals.p50
+        if isinstance(most, float):
+            if not intervals.nominal:
+                yield Judged(Verdict.INCONCLUSIVE, *where, reason=_NO_NOMINAL)
+                continue
+            worst, limit, unit = spread_ns / intervals.nominal, most, "ratio"
+        else:
+            worst, limit, unit = spread_ns / _SECOND_NS, most / _SECOND_NS, "s"
+        yield Judged(Verdict.FAIL if worst > limit else Verdict.PASS, *where, worst=worst, limit=limit, unit=unit)
+
+
+def _min_gap(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
+    for subject in known.of(Of.STREAM, lists):
+        intervals = subject.measured.intervals
+        where = _named(known, subject)
+        if intervals is None or intervals.minimum is None:
+            yield Judged(Verdict.INCONCLUSIVE, *where, reason=_TOO_FEW)
+            continue
+        worst, limit = intervals.minimum / _SECOND_NS, told["min"] / _SECOND_NS
+        yield Judged(
+            Verdict.FAIL if worst < limit else Verdict.PASS, *where, worst=worst, limit=limit, above=False, unit="s"
+        )  # fmt: skip
+
+
+def _silence(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
+    watcher: SilenceWatcher = told["watched"]
+    limit = told["max"] / _SECOND_NS
+    if known.since_ns is None or known.until_ns is None:
+        return
+    found = watcher.of(lists, known.until_ns)
+    for key in sorted(lists):
+        silence = found.get(key)
+        if silence is None:
+            yield Judged(Verdict.INCONCLUSIVE, key, reason="it never came", limit=limit, unit="s")
+            continue
+        worst = silence.longest_ns / _SECOND_NS
+        fails = silence.longest_ns > told["max"]
+        yield Judged(
+            Verdict.FAIL if fails else Verdict.PASS, key, worst=worst, limit=limit, unit="s", count=int(fails),
+            first_ns=silence.begin_ns if fails else None,
+            frames=(silence.frame,) if fails and silence.frame is not None else (),
+        )  # fmt: skip
+
+
+CHECKS = (
+    Check(
+        "cycle", "stream", "Telegrams come at their interval.", "the interval that is farthest from it",
+        "more than exceptions of the intervals lie outside",
+        'check = "cycle"\nlist = "axis"\ninterval = "50ms"\ntolerance = "20%"', _cycle,
+        (
+            Parameter("interval", SPAN, "the interval; else that of the definition", None),
+            Parameter("tolerance", RATIO, "by how much of it one may differ", 0.2),
+            Parameter("exceptions", RATIO, "so large a share of them may lie outside", 0.0),
+        ),
+        _watch_cycle,
+    ),
+    Check(
+        "jitter", "stream", "Intervals are alike.", "how far the 99th percentile is from the median",
+        "it is more than max, a share of the nominal interval or a time",
+        'check = "jitter"\nlist = "axis"\nmax = "10%"', _jitter,
+        (Parameter("max", PERCENT_OR_TIME, "so much they may differ", REQUIRED),),
+    ),
+    Check(
+        "min_gap", "stream", "Telegrams do not come faster than readers can take them.", "the shortest interval",
+        "it is shorter than min", 'check = "min_gap"\nlist = "recipe"\nmin = "10ms"', _min_gap,
+        (Parameter("min", SPAN, "so long it has to be at least", REQUIRED),),
+    ),
+    Check(
+        "silence", "list", "A list does not fall silent.",
+        "the longest time without a telegram of it, up to the end of the capture", "it is longer than max",
+        'check = "silence"\nlist = "axis"\nmax = "1s"', _silence,
+        (Parameter("max", SPAN, "so long it may be", REQUIRED),),
+        lambda setting, _: SilenceWatcher(setting.since_ns),
+    ),
+)  # fmt: skip
