@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-import shlex
 from collections.abc import Iterator, Sequence
 
 from nvscope import units
 from nvscope.check.run import Checked, Decided
 from nvscope.check.verdict import Judged, Verdict
+from nvscope.check.words import command, margin, measures, shown, subject, value_in_words, when
 from nvscope.view.escape import visible
 from nvscope.view.lines.plant.strips import MARKS
 from nvscope.view.lines.table import Cell, Line, Tone, wrap
@@ -21,20 +21,7 @@ _SYMBOLS = {
 }
 _MOST_SUBJECTS = 5
 _LONGEST_ID, _LEAST_STRIP, _LONGEST_STRIP = 28, 10, 60
-_AROUND = 4
 _GAP = "   "
-
-
-def value_in_words(value: float | None, unit: str) -> str:
-    """Return a value with its unit: ``199.8 ms``, ``0.3 %``, ``2 telegrams``."""
-    if value is None:
-        return "-"
-    if unit == "s":
-        return units.duration(round(value * 1_000_000_000))
-    if unit == "ratio":
-        return units.load(100 * value)
-    number = units.count(int(value)) if float(value).is_integer() else f"{value:g}"
-    return f"{number} {unit.removesuffix('s') if value == 1 else unit}" if unit else number
 
 
 def lines(found: Checked, files: Sequence[str], paths: Sequence[str], width: int) -> Iterator[Line]:
@@ -70,65 +57,37 @@ def _headline(found: Checked, files: Sequence[str], paths: Sequence[str]) -> Lin
 def _rule(found: Checked, decided: Decided, paths: Sequence[str], column: int, width: int) -> Iterator[Line]:
     name = shorten(visible(decided.rule.id), column - 2)
     symbol = _SYMBOLS[decided.verdict]
-    shown = [one for one in decided.subjects if one.verdict is decided.verdict]
-    for number, judged in enumerate(shown[:_MOST_SUBJECTS]):
+    broken = shown(decided)
+    for number, judged in enumerate(broken[:_MOST_SUBJECTS]):
         if not number:
             told = [symbol, Cell(" "), Cell(f"{name:<{column}}", Tone.STRONG), *_told(found, judged)]
             yield from wrap(told, width, hanging=column + 2)
         else:
             yield from wrap(list(_told(found, judged)), width, column + 2, column + 2)
         yield from _where(found, judged, paths, column + 2, width)
-    if len(shown) > _MOST_SUBJECTS:
-        yield [Cell(" " * (column + 2)), Cell(f"{len(shown) - _MOST_SUBJECTS} more: --json has all", Tone.FAINT)]
+    if len(broken) > _MOST_SUBJECTS:
+        yield [Cell(" " * (column + 2)), Cell(f"{len(broken) - _MOST_SUBJECTS} more: --json has all", Tone.FAINT)]
     if decided.rule.description:
         yield from wrap([Cell(visible(decided.rule.description), Tone.FAINT)], width, column + 2, column + 2)
 
 
 def _told(found: Checked, judged: Judged) -> Iterator[Cell]:
-    parts = []
-    if judged.list is not None:
-        name = found.names.get(judged.list)
-        short = units.list_key(str(judged.list)).rpartition("/")[2]
-        sender = "" if judged.node is None else f", {judged.node}"
-        part = f", SubIndex {judged.subindex}" if judged.subindex else ""
-        parts.append(f"list {short}{f' {visible(name)}' if name else ''}{sender}{part}")
-    if judged.worst is not None:
-        parts.append(f"worst {value_in_words(judged.worst, judged.unit)}")
-    if judged.limit is not None:
-        parts.append(f"limit {value_in_words(judged.limit, judged.unit)}")
-    if judged.margin_percent is not None:
-        parts.append(f"margin {margin(judged)}")
-    if judged.reason:
-        parts.append(visible(judged.reason))
-    if judged.count > 1 and judged.worst != judged.count:
-        parts.append(f"{units.count(judged.count)} times")
-    yield Cell(_GAP.join(parts))
-
-
-def margin(judged: Judged) -> str:
-    """Return how far the worst value is from the limit, in percent of that."""
-    percent = judged.margin_percent
-    return "-" if percent is None else f"{'−' if percent < 0 else ''}{units.count(round(abs(percent)))} %"
+    yield Cell(_GAP.join(filter(None, [subject(found, judged), *measures(judged)])))
 
 
 def _where(found: Checked, judged: Judged, paths: Sequence[str], indent: int, width: int) -> Iterator[Line]:
     """Yield where in time it broke: a strip of the list, the first frame, and the command that shows it."""
-    if judged.first_ns is None or judged.verdict is Verdict.PASS:
+    at = when(found, judged)
+    if not at:
         return
-    start_ns = found.scene.snapshot.summary.start_ns or 0
-    at = f"first at {units.duration(judged.first_ns - start_ns)}"
-    at += f", frame {units.count(judged.frames[0])}" if judged.frames else ""
     chronicle, key = found.scene.chronicle, str(judged.list)
     room = min(width - indent - display_width(at) - len(_GAP), _LONGEST_STRIP)
     strip = ""
     if chronicle is not None and judged.list is not None and key in chronicle.numbers and room >= _LEAST_STRIP:
         strip = "".join(MARKS[mark][0] for mark in chronicle.strips([key], room)[0]) + _GAP
     yield [Cell(" " * indent), Cell(strip), Cell(at)]
-    if judged.frames and len(paths) == 1:
-        first = judged.frames[0]
-        between = f"frame.number >= {max(first - _AROUND, 1)} && frame.number <= {first + _AROUND}"
-        command = f"nvscope packets {shlex.quote(paths[0])} -Y '{between}'"
-        yield [Cell(" " * indent), Cell(visible(command), Tone.FAINT)]
+    if shows := command(judged, paths):
+        yield [Cell(" " * indent), Cell(shows, Tone.FAINT)]
 
 
 def _passed(passed: Sequence[Decided]) -> Line:

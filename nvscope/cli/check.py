@@ -15,6 +15,7 @@ from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
     ChannelMapOption,
     DecodeOption,
+    ForceOption,
     FromTimeOption,
     ReadOption,
     SourcesArgument,
@@ -56,6 +57,15 @@ def check(
         ),
     ] = "error",
     as_json: Annotated[bool, typer.Option("--json", help="For programs (nvscope.check/1).")] = False,
+    as_markdown: Annotated[bool, typer.Option("--md", help="As Markdown, for a pull request.")] = False,
+    as_annotations: Annotated[
+        bool, typer.Option("--github", help="As annotations of a GitHub workflow, beside what people read.")
+    ] = False,
+    junit: Annotated[
+        str | None,
+        typer.Option("--junit", metavar="FILE", help="Write JUnit's XML for build servers, too.", show_default=False),
+    ] = None,
+    force: ForceOption = False,
     gvl: GvlOption = None,
     project: ProjectOption = None,
     decode: DecodeOption = None,
@@ -71,6 +81,8 @@ def check(
     Exits with 1 where a rule of severity error is broken, else with 3 where one could not be decided, as when nothing
     was there to be judged: a build is never green because nothing was recorded. All mistakes in rules are told at once.
     """
+    if as_json and (as_markdown or as_annotations):
+        raise UsageError("--json is for programs, --md and --github are for people", next_step="leave one of them out")
     files_named = named_files(sources, read, gvl, live.interfaces)
     paths, gvl = files_named.captures, files_named.definitions
     ports = port_rules(decode)
@@ -89,7 +101,18 @@ def check(
         keep_freed_memory()
     with flaws_told_first(plant.definition):
         found = checked(inquiry, told)
-    if as_json:
+    if junit is not None:
+        _write_junit(found, junit, inquiry.paths, files, fail_on, force=force)
+    if as_annotations:
+        from nvscope.check.github import annotation_lines
+
+        for line in annotation_lines(found):
+            echo(line)
+    if as_markdown:
+        from nvscope.check.markdown import markdown
+
+        echo("\n".join(markdown(found, inquiry.paths)))
+    elif as_json:
         from nvscope.check.document import document
         from nvscope.report import json
 
@@ -104,6 +127,20 @@ def check(
     unread = tell_of_losses(found.infos)
     if code := exit_code(found, fail_on) or unread:
         raise typer.Exit(code)
+
+
+def _write_junit(
+    found: Checked, path: str, captures: Sequence[str], rules: Sequence[str], fail_on: str, *, force: bool
+) -> None:  # fmt: skip
+    from nvscope.check.junit import junit
+    from nvscope.whole_files import Existing, WholeFiles
+
+    files = WholeFiles([*captures, *rules], force=force)
+    try:
+        files.write(path, junit(found, captures, inconclusive_fails=fail_on == "inconclusive"), Existing.REPLACED)
+        files.publish()
+    finally:
+        files.discard()
 
 
 def exit_code(found: Checked, fail_on: str) -> ExitCode:

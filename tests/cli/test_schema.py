@@ -38,7 +38,7 @@ def test_a_schema_is_printed_by_any_of_its_names(name: str) -> None:
     ("wrong", "told"),
     [
         ("repot", "perhaps report\n"),
-        ("nvscope.reports/1", "perhaps report\n"),
+        ("nvscope.reports/1", "perhaps report, rules\n"),
         ("nvscope.report/1", "perhaps report\n"),
         ("reports.json", "perhaps report\n"),
         ("zzz", f"there are: {', '.join(sorted([*SCHEMAS, *BINARY]))}\n"),

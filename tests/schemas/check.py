@@ -85,7 +85,7 @@ def rules() -> Schema:
         },
         ["include", "defaults", "rule"],
     )
-    return headed("rules", "a file of rules for `nvscope check`, as editors check it", schema)
+    return headed("rules", "`nvscope check --rules`: a file of rules, as editors check it", schema)
 
 
 def _key(kind: ValueKind, told: str, default: Any) -> Schema:

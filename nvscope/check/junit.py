@@ -1,0 +1,55 @@
+"""Verdicts for build servers: JUnit's XML, a suite a file of rules, a case a rule."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import groupby
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+from nvscope.check.run import Checked, Decided
+from nvscope.check.verdict import Verdict
+from nvscope.check.words import command, sentence, shown
+from nvscope.view.escape import visible
+
+_MOST_SUBJECTS = 50
+
+
+def junit(found: Checked, paths: Sequence[str], *, inconclusive_fails: bool = False) -> bytes:
+    """Return the document; with ``inconclusive_fails`` what could not be decided is a failure, else it is skipped."""
+    root = Element("testsuites", name="nvscope check")
+    for path, group in groupby(found.decided, key=lambda one: one.rule.path):
+        rules = list(group)
+        failed = [one for one in rules if _fails(one, inconclusive_fails)]
+        skipped = [one for one in rules if one.verdict is Verdict.INCONCLUSIVE and one not in failed]
+        suite = SubElement(
+            root, "testsuite", name=visible(path), tests=str(len(rules)), failures=str(len(failed)), errors="0",
+            skipped=str(len(skipped)), time="0",
+        )  # fmt: skip
+        for decided in rules:
+            rule = decided.rule
+            case = SubElement(
+                suite, "testcase", name=visible(rule.id), classname=f"nvscope.{rule.check.name}", time="0"
+            )
+            if decided in failed:
+                text = _text(found, decided, paths)
+                SubElement(case, "failure", message=text[0], type=decided.verdict.value).text = "\n".join(text)
+            elif decided in skipped:
+                SubElement(case, "skipped", message=_text(found, decided, paths)[0])
+    indent(root)
+    content: bytes = tostring(root, encoding="utf-8", xml_declaration=True)
+    return content + b"\n"
+
+
+def _fails(decided: Decided, inconclusive_fails: bool) -> bool:
+    return decided.verdict is Verdict.FAIL or (inconclusive_fails and decided.verdict is Verdict.INCONCLUSIVE)
+
+
+def _text(found: Checked, decided: Decided, paths: Sequence[str]) -> list[str]:
+    """Return what a person needs, first in a line; then where each subject broke the rule, and what shows it."""
+    subjects = shown(decided)[:_MOST_SUBJECTS]
+    lines = [sentence(found, subjects[0])]
+    for judged in subjects:
+        lines += [sentence(found, judged), *filter(None, [command(judged, paths)])]
+    if decided.rule.description:
+        lines.append(visible(decided.rule.description))
+    return list(dict.fromkeys(lines))

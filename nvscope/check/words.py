@@ -1,0 +1,86 @@
+"""What is said of a verdict, in the same words wherever it is said."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+
+from nvscope import units
+from nvscope.check.run import Checked, Decided
+from nvscope.check.verdict import Judged, Verdict
+from nvscope.view.escape import visible
+
+_AROUND = 4
+
+
+def value_in_words(value: float | None, unit: str) -> str:
+    """Return a value with its unit: ``199.8 ms``, ``0.3 %``, ``2 telegrams``."""
+    if value is None:
+        return "-"
+    if unit == "s":
+        return units.duration(round(value * 1_000_000_000))
+    if unit == "ratio":
+        return units.load(100 * value)
+    number = units.count(int(value)) if float(value).is_integer() else f"{value:g}"
+    return f"{number} {unit.removesuffix('s') if value == 1 else unit}" if unit else number
+
+
+def margin(judged: Judged) -> str:
+    """Return how far the worst value is from the limit, in percent of that."""
+    percent = judged.margin_percent
+    return "-" if percent is None else f"{'−' if percent < 0 else ''}{units.count(round(abs(percent)))} %"
+
+
+def subject(found: Checked, judged: Judged) -> str:
+    """Return what it is about: ``list 7 axis, 192.168.1.10``; "" where that is the capture."""
+    if judged.list is None:
+        return ""
+    name = found.names.get(judged.list)
+    short = units.list_key(str(judged.list)).rpartition("/")[2]
+    sender = "" if judged.node is None else f", {judged.node}"
+    part = f", SubIndex {judged.subindex}" if judged.subindex else ""
+    return f"list {short}{f' {visible(name)}' if name else ''}{sender}{part}"
+
+
+def measures(judged: Judged) -> list[str]:
+    """Return worst value, limit, margin and reason, as far as there are such."""
+    parts = []
+    if judged.worst is not None:
+        parts.append(f"worst {value_in_words(judged.worst, judged.unit)}")
+    if judged.limit is not None:
+        parts.append(f"limit {value_in_words(judged.limit, judged.unit)}")
+    if judged.margin_percent is not None:
+        parts.append(f"margin {margin(judged)}")
+    if judged.reason:
+        parts.append(visible(judged.reason))
+    if judged.count > 1 and judged.worst != judged.count:
+        parts.append(f"{units.count(judged.count)} times")
+    return parts
+
+
+def when(found: Checked, judged: Judged) -> str:
+    """Return when it was broken first: ``first at 7.0 s, frame 278``; "" where nobody knows."""
+    start_ns = found.scene.snapshot.summary.start_ns
+    if judged.first_ns is None or start_ns is None or judged.verdict is Verdict.PASS:
+        return ""
+    at = f"first at {units.duration(judged.first_ns - start_ns)}"
+    return at + (f", frame {units.count(judged.frames[0])}" if judged.frames else "")
+
+
+def command(judged: Judged, paths: Sequence[str]) -> str:
+    """Return the command that shows where it was broken first; "" where nobody knows, or several files are one."""
+    if not judged.frames or judged.verdict is Verdict.PASS or len(paths) != 1:
+        return ""
+    first = judged.frames[0]
+    between = f"frame.number >= {max(first - _AROUND, 1)} && frame.number <= {first + _AROUND}"
+    return visible(f"nvscope packets {shlex.quote(paths[0])} -Y '{between}'")
+
+
+def sentence(found: Checked, judged: Judged) -> str:
+    """Return all of it in a line."""
+    return ", ".join(filter(None, [subject(found, judged), *measures(judged), when(found, judged)]))
+
+
+def shown(decided: Decided) -> list[Judged]:
+    """Return the subjects that have the verdict of their rule."""
+    return [one for one in decided.subjects if one.verdict is decided.verdict]
