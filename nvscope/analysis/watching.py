@@ -12,6 +12,7 @@ from nvscope.analysis.inquiry import Analysis, Inquiry
 from nvscope.analysis.snapshot import Snapshot, snapshot
 from nvscope.capture.by_second import BySecond
 from nvscope.capture.source import Source, any_live
+from nvscope.engine.events import Listeners
 from nvscope.engine.ring import RING_BYTES, FrameRing, Recent, RecentSource
 from nvscope.engine.run import Observer
 from nvscope.engine.session import Session
@@ -95,13 +96,14 @@ class Watching:
     """How a source is watched: ``ring_bytes`` are kept of the last frames, ``others`` observe too.
 
     ``node_names`` are those that are shown, None for those of the project. ``clock`` tells the moments of causes, None
-    for the time since the beginning.
+    for the time since the beginning. ``listeners`` hear of the events of the state.
     """
 
     ring_bytes: int = RING_BYTES
     node_names: Mapping[str, str] | None = None
     others: Sequence[Observer] = ()
     clock: Callable[[int], str] | None = None
+    listeners: Listeners = ()
 
 
 USUAL = Watching()
@@ -120,11 +122,16 @@ class Watched:
         self.inquiry, self._overdue, self._names = inquiry, overdue, how.node_names
         self._clock = how.clock
         self._witness = Witness(live=any_live(source.infos))
-        self._state = inquiry.state(values=True, listeners=(self._witness,))
+        self._state = inquiry.state(values=True, listeners=(self._witness, *how.listeners))
         self._ring, self._pace = FrameRing(how.ring_bytes), Pace()
         self._reset = False
         self._base: Counted | None = None
         self.observers: list[Observer] = [self._state, self._witness, self._ring, self._pace, *how.others]
+
+    @property
+    def state(self) -> TrackerState:
+        """What was counted so far."""
+        return self._state
 
     def reset(self) -> None:
         """Count from the next look on, and leave out what is over by then; for any thread."""

@@ -6,9 +6,32 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from nvscope.check.check import Check
-from nvscope.check.checks import counters, findings, presence, timing
+from nvscope.check.checks import (
+    answers,
+    buses,
+    counters,
+    expressions,
+    findings,
+    presence,
+    shapes,
+    timing,
+    variables,
+)
 
 CATALOGUE: Mapping[str, Check] = MappingProxyType(
-    {one.name: one for one in (*timing.CHECKS, *presence.CHECKS, *counters.CHECKS, *findings.CHECKS)}
+    {
+        one.name: one
+        for one in (
+            *timing.CHECKS,
+            *presence.CHECKS,
+            *counters.CHECKS,
+            *answers.CHECKS,
+            *shapes.CHECKS,
+            *variables.CHECKS,
+            *expressions.CHECKS,
+            *findings.CHECKS,
+            *buses.CHECKS,
+        )
+    }
 )
 """All checks by name, in the order in which they are told."""

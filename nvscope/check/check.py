@@ -7,17 +7,21 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from nvscope.causes.cause import Cause
+from nvscope.check.asked_rows import AskedRows
 from nvscope.check.first_frames import FirstFrames
 from nvscope.check.parameters import Parameter
 from nvscope.check.verdict import Judged
+from nvscope.definition.layouts import Layouts
 from nvscope.definition.project import Project
 from nvscope.engine.run import Observer
+from nvscope.expression.words import Words
 from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.figures import Of
 from nvscope.tracker.subjects import Subject
 from nvscope.tracker.summary import Summary
+from nvscope.view.fields.field import TelegramField
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,10 +41,17 @@ class Evidence:
     causes: Sequence[Cause]
     frames: FirstFrames
     project: Project
+    cycles: Callable[[Sequence[int]], tuple[int, int, int] | None]
+    matching: Callable[[str], Sequence[Finding | Cause]]
     since_ns: int | None = None
     until_ns: int | None = None
     drops: int = 0
     truncated: str = ""
+
+    @property
+    def clock_steps_ns(self) -> Sequence[int]:
+        """When the clock of the capture stepped back."""
+        return [time_ns for time_ns, _ in self.frames.clock_steps]
 
     def node(self, number: int | None) -> str | None:
         """Return the address of a node, None for none, as on CAN."""
@@ -63,10 +74,22 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """What is known before captures are read: the intervals that lists should have, and since when rules are judged."""
+    """What is known before captures are read, and what a rule says of whatever it checks.
+
+    ``nominal_ns`` are the intervals that lists should have; rules are judged since ``since_ns``, None for the first
+    frame. ``fields`` are what expressions may name, ``layouts`` where variables are, None without definitions, and
+    ``names`` what lists are called. ``rows`` makes telegrams to be looked at one by one. Of the rule: the ``lists`` it
+    is for, () for all, and the expression ``when`` it is judged, "" for always.
+    """
 
     nominal_ns: Mapping[ListKey, int]
+    fields: Words[TelegramField]
+    rows: AskedRows
+    names: Mapping[ListKey, str]
+    layouts: Layouts | None = None
     since_ns: int | None = None
+    lists: tuple[str, ...] = ()
+    when: str = ""
 
 
 Watch = Callable[[Setting, Mapping[str, Any]], Observer]
@@ -82,7 +105,8 @@ class Check:
 
     ``worst`` says what is measured, ``fails`` when it is broken; ``example`` is what stands in a file behind
     ``[[rule]]`` beside the id. ``watch`` makes an observer for a rule whose figures nobody counts otherwise; the judge
-    finds it under "watched" beside the parameters.
+    finds it under "watched" beside the parameters. ``by_moment``: it looks at telegrams one by one, so that it can be
+    judged only ``when`` something is so. ``needs_definitions``: without any, it cannot be judged.
     """
 
     name: str
@@ -94,3 +118,5 @@ class Check:
     judge: Judge
     parameters: tuple[Parameter, ...] = field(default=())
     watch: Watch | None = None
+    by_moment: bool = False
+    needs_definitions: bool = False

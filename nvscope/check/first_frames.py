@@ -5,33 +5,45 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 
+import numpy as np
+
 from nvscope.engine.events import EventBatch
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_kinds import FRAMES_KEPT, EventKind
 
 _STREAM = int(Scope.STREAM)
+_MOST_STEPS = 10_000
 
 
 class FirstFrames:
-    """A listener that keeps the first frames of each kind of event, list and node, and when the first one was.
+    """A listener that keeps the first frames of each kind of event and list, and how long the longest of them took.
 
-    ``since_ns``: what was before does not count.
+    ``since_ns``: what was before does not count. ``clock_steps`` are when the clock stepped back, and how far, in ns.
     """
 
     def __init__(self, since_ns: int | None = None) -> None:
         self._since_ns = since_ns
         self._frames: dict[tuple[int, int, int], list[tuple[int, int]]] = defaultdict(list)
+        self._longest_ns: dict[tuple[int, int], int] = {}
+        self.clock_steps: list[tuple[int, int]] = []
 
     def hear(self, events: EventBatch) -> None:
         """Take events of any kind."""
         if not isinstance(events.kind, EventKind):
             return
+        if self._since_ns is not None:
+            events = events.take(np.flatnonzero(events.time_ns >= self._since_ns))
+        if events.kind is EventKind.STEP_BACK:
+            room = _MOST_STEPS - len(self.clock_steps)
+            self.clock_steps += list(zip(events.time_ns.tolist(), events.amount.tolist(), strict=True))[:room]
+            return
         scope = _STREAM if events.scope is None else int(events.scope)
-        columns = (events.list.tolist(), events.frame.tolist(), events.time_ns.tolist())
-        for number, frame, time_ns in zip(*columns, strict=True):
-            if self._since_ns is not None and time_ns < self._since_ns:
-                continue
-            kept = self._frames[int(events.kind), number, min(scope, int(Scope.NODE_TELEGRAM))]
+        took_ns = events.time_ns - events.since_ns
+        columns = (events.list.tolist(), events.frame.tolist(), events.time_ns.tolist(), took_ns.tolist())
+        for number, frame, time_ns, took in zip(*columns, strict=True):
+            place = int(events.kind), number
+            self._longest_ns[place] = max(took, self._longest_ns.get(place, 0))
+            kept = self._frames[*place, min(scope, int(Scope.NODE_TELEGRAM))]
             kept.append((frame, time_ns))
             if len(kept) > FRAMES_KEPT:
                 kept.sort()
@@ -42,3 +54,7 @@ class FirstFrames:
         own = min(int(scope), int(Scope.NODE_TELEGRAM))
         found = [one for kind in kinds for one in self._frames.get((int(kind), number, own), ())]
         return sorted(set(found))[:FRAMES_KEPT]
+
+    def longest_ns(self, kind: EventKind, number: int) -> int | None:
+        """Return how long the longest event of a kind and list took, from since when it waited; None without any."""
+        return self._longest_ns.get((int(kind), number))

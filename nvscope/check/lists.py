@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from fnmatch import fnmatchcase
 
+from nvscope.check.patterns import fits
 from nvscope.list_key import ListKey
 from nvscope.units import list_key
 
@@ -24,11 +24,11 @@ def chosen(
     keys = list(known)
     if not wanted:
         return keys, []
-    called = {key: [one.lower() for one in names_of(key, names)] for key in keys}
+    called = {key: names_of(key, names) for key in keys}
     found: dict[ListKey, None] = {}
     unknown = []
     for pattern in wanted:
-        own = [key for key in keys if any(fnmatchcase(name, pattern.lower()) for name in called[key])]
+        own = [key for key in keys if any(fits(pattern, name) for name in called[key])]
         found.update(dict.fromkeys(own))
         if not own:
             unknown.append(pattern)

@@ -3,16 +3,28 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from nvscope.duration import parse_duration
-from nvscope.toml_table import TEXT, Place, ValueKind
+from nvscope.errors import UsageError
+from nvscope.toml_table import TEXT, Place, ValueKind, array, number
 
 _PERCENT = re.compile(r"\s*([0-9]{1,9}(?:\.[0-9]{1,9})?)\s*%\s*")
 
 REQUIRED = object()
 """In place of the default of a parameter that has to be told."""
+
+
+class Unfit(UsageError):
+    """What stands behind a ``key`` of a rule, or an ``expression`` in it, does not fit what there is."""
+
+    def __init__(
+        self, what: str, key: str = "", *, expression: str = "", next_step: str = "", excerpt: Sequence[str] = ()
+    ) -> None:  # fmt: skip
+        super().__init__(what, next_step=next_step, excerpt=excerpt)
+        self.key, self.expression = key, expression
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,3 +75,34 @@ _PERCENT_SCHEMA = {"type": "string", "pattern": r"^\s*[0-9]+(\.[0-9]+)?\s*%\s*$"
 RATIO = ValueKind("share in percent", _ratio, schema=_PERCENT_SCHEMA)
 AMOUNT = ValueKind("whole number, not negative", _amount, schema={"type": "integer", "minimum": 0})
 PERCENT_OR_TIME = ValueKind("share in percent, or a time", _percent_or_time, schema={"type": "string"})
+
+
+def _expression(value: Any, place: Place) -> str:
+    text = str(TEXT.read(value, place))
+    if not text.strip():
+        raise place.error("an expression is expected", 'Write a text, such as "var.mode == 3".')
+    return text
+
+
+def _value(value: Any, place: Place) -> int | float | str | bool:
+    if not isinstance(value, int | float | str | bool):
+        raise place.error("a number, a text, true or false is expected")
+    return value
+
+
+def _number_or_time(value: Any, place: Place) -> float:
+    """Return a number as it is, a time in seconds."""
+    if isinstance(value, str):
+        try:
+            return parse_duration(value) / 1_000_000_000
+        except ValueError:
+            raise place.error(f"'{value[:40]}' is neither a number nor a time", 'Write 3.5 or "50ms".') from None
+    read = float(NUMBER.read(value, place))
+    return value if isinstance(value, int) else read
+
+
+EXPRESSION = ValueKind("expression", _expression, schema={"type": "string", "minLength": 1})
+EXPRESSIONS = array(EXPRESSION)
+NUMBER = number(-1e308, 1e308)
+NUMBER_OR_TIME = ValueKind("number, or a time", _number_or_time, schema={"type": ["number", "string"]})
+VALUE = ValueKind("number, text, true or false", _value, schema={"type": ["number", "string", "boolean"]})

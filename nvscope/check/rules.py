@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 
 from nvscope.check.catalogue import CATALOGUE
 from nvscope.check.check import Check
-from nvscope.check.parameters import NAME, REQUIRED
+from nvscope.check.parameters import EXPRESSION, EXPRESSIONS, NAME, REQUIRED, Unfit
 from nvscope.errors import ConfigurationError, UsageError
 from nvscope.toml_table import FLAG, LENGTH, TEXT, Place, ValueKind, array, choice, nearest, read_toml
 
@@ -28,6 +29,7 @@ COMMON: Mapping[str, tuple[ValueKind, str, Any]] = {
     "severity": (choice(*SEVERITIES), "an error fails the build; the others are shown", None),
     "description": (TEXT, "why it is so", ""),
     "optional": (FLAG, "where it is for nothing that is there, it is kept", False),
+    "when": (EXPRESSION, "it is judged only while this holds; of checks that look at telegrams one by one", ""),
 }
 """The keys that every rule has: what may stand there, what it says, and what it is where it is left out."""
 
@@ -38,6 +40,7 @@ DEFAULTS: Mapping[str, tuple[ValueKind, str, Any]] = {
 """The keys of ``[defaults]``."""
 
 _TABLES = ("defaults", "rule", "include")
+_VARIABLE = re.compile(r"\bvar\.", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +54,42 @@ class Rule:
     severity: str
     description: str
     optional: bool
-    path: str
-    line: int
+    when: str
+    place: Place = field(repr=False)
+
+    @property
+    def path(self) -> str:
+        return self.place.path
+
+    @property
+    def line(self) -> int:
+        """The line in which it begins, 0 where that is not known."""
+        return self.place.position.line if self.place.position else 0
+
+    @property
+    def expressions(self) -> Mapping[str, str]:
+        """All expressions in it, by where they stand below it."""
+        found = {"when": self.when} if self.when else {}
+        for one in self.check.parameters:
+            value = self.parameters.get(one.name)
+            if one.kind is EXPRESSION and value is not None:
+                found[one.name] = value
+            elif one.kind is EXPRESSIONS and value is not None:
+                found |= {f"{one.name}[{number}]": text for number, text in enumerate(value)}
+        return found
+
+    @property
+    def names_variables(self) -> bool:
+        """Whether its expressions name variables."""
+        return any(_VARIABLE.search(text) for text in self.expressions.values())
+
+    def mistake(self, error: UsageError, key: str = "") -> ConfigurationError:
+        """Return an error about a key of it, or about what its check makes of that, with its place."""
+        if not key and isinstance(error, Unfit):
+            key = error.key or next((one for one, text in self.expressions.items() if text == error.expression), "")
+        where = Place(self.place.path, f"{self.place.keys}.{key}" if key else self.place.keys, self.place.text)
+        told = where.error(error.what, error.next_step)
+        return ConfigurationError(told.what, where=told.where, next_step=told.next_step, excerpt=error.excerpt)
 
 
 @dataclass(slots=True)
@@ -130,6 +167,14 @@ class _Reader:
             others = {key: value for key, value in table.items() if key not in COMMON}
             kinds = {one.name: (one.kind, one.help, one.default) for one in check.parameters}
             own = self._keys(others, place, kinds, [*kinds, *COMMON])
+            if known.get("when") and not check.by_moment:
+                timed = ", ".join(name for name, one in CATALOGUE.items() if one.by_moment)
+                self._note(
+                    place.below("when").error(
+                        f"{check.name} counts over all of the time, and is not judged only at times",
+                        f"These are: {timed}.",
+                    )
+                )
         if (name := known.get("id")) is not None:
             first = self._places.setdefault(name, f"{place.path}, line {place.position.line if place.position else 0}")
             position = place.below("id").position
@@ -142,7 +187,7 @@ class _Reader:
         self.found.rules.append(
             Rule(
                 known["id"], check, own, known["list"], known["severity"] or severity, known["description"],
-                known["optional"], place.path, place.position.line if place.position else 0,
+                known["optional"], known["when"], place,
             )
         )  # fmt: skip
 

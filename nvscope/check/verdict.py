@@ -22,17 +22,20 @@ _WORST_FIRST = tuple(Verdict)
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """One subject of a rule, as far as it is one: a list, a stream of it, a node, or the capture.
+    """One subject of a rule, as far as it is one: a list, a stream or a variable of it, a CAN channel, the capture.
 
     ``worst`` is the value that is nearest to the ``limit`` or farthest beyond it, in the ``unit`` of the check;
     ``above``: what is above the limit breaks the rule, else what is below. None where nothing was measured, or there is
     no limit. ``reason`` is why it is inconclusive, or what broke it. ``frames`` are the first ten of ``count``.
+    ``vacuous``: it is inconclusive because there was nothing to judge.
     """
 
     verdict: Verdict
     list: ListKey | None = None
     node: str | None = None
     subindex: int | None = None
+    variable: str | None = None
+    channel: str | None = None
     reason: str = ""
     worst: float | None = None
     limit: float | None = None
@@ -41,6 +44,7 @@ class Judged:
     count: int = 0
     first_ns: int | None = None
     frames: Sequence[int] = ()
+    vacuous: bool = False
 
     @property
     def margin(self) -> float | None:

@@ -33,13 +33,16 @@ def margin(judged: Judged) -> str:
 
 def subject(found: Checked, judged: Judged) -> str:
     """Return what it is about: ``list 7 axis, 192.168.1.10``; "" where that is the capture."""
+    if judged.channel is not None:
+        return f"channel {visible(judged.channel)}"
     if judged.list is None:
-        return ""
+        return visible(judged.variable or "")
     name = found.names.get(judged.list)
     short = units.list_key(str(judged.list)).rpartition("/")[2]
     sender = "" if judged.node is None else f", {judged.node}"
     part = f", SubIndex {judged.subindex}" if judged.subindex else ""
-    return f"list {short}{f' {visible(name)}' if name else ''}{sender}{part}"
+    variable = f", {visible(judged.variable)}" if judged.variable else ""
+    return f"list {short}{f' {visible(name)}' if name else ''}{sender}{part}{variable}"
 
 
 def measures(judged: Judged) -> list[str]:

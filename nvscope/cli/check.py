@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -99,7 +100,7 @@ def check(
     inquiry = Inquiry(captured(paths, live, plant, ports), plant, ports, watch=watching(quiet=quiet), asked=asked)
     if inquiry.paths:
         keep_freed_memory()
-    with flaws_told_first(plant.definition):
+    with flaws_told_first(plant.definition), _each_mistake_told():
         found = checked(inquiry, told)
     if junit is not None:
         _write_junit(found, junit, inquiry.paths, files, fail_on, force=force)
@@ -168,10 +169,19 @@ def _found(plant: Project) -> list[str]:
 
 def _read(files: Sequence[str]) -> Rules:
     """Return the rules of files; each mistake in them is told, then it ends."""
-    from nvscope.check.rules import Mistakes, read_rules
+    from nvscope.check.rules import read_rules
+
+    with _each_mistake_told():
+        return read_rules(files)
+
+
+@contextmanager
+def _each_mistake_told() -> Iterator[None]:
+    """Tell all mistakes in rules that come up, and end with them."""
+    from nvscope.check.rules import Mistakes
 
     try:
-        return read_rules(files)
+        yield
     except Mistakes as error:
         for one in error.mistakes:
             echo(f"nvscope: {one}", err=True)

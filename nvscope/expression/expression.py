@@ -37,12 +37,20 @@ _RELATIONS = {"comparison", "member", "stranger", "contains", "matches"}
 
 @dataclass(frozen=True, slots=True)
 class Expression:
-    """A compiled expression. ``fields`` are the names of the fields that it may read, in the order they occur."""
+    """A compiled expression. ``fields`` are the names of the fields that it may read, in the order they occur.
+
+    ``remembers``: it has functions of time. ``momentary``: some of them are true at the moment of a change, and so
+    each moment at which the whole is true is one by itself. ``ages``: what it says changes as time passes, also where
+    nothing of what it names comes. ``lasting`` are the fields whose values last.
+    """
 
     text: str
     fields: tuple[str, ...]
     test: Test
     remembers: bool = False
+    momentary: bool = False
+    ages: bool = False
+    lasting: tuple[str, ...] = ()
 
     def mask(self, read: Read, moments: Moments | None = None) -> Bool:
         """Return in which telegrams the expression holds; ``read`` gives a field's column and where it exists.
@@ -51,6 +59,14 @@ class Expression:
         ``moments`` are needed by one that ``remembers``.
         """
         return self.test(Operands(read, moments))
+
+    def told(self, read: Read, moments: Moments | None = None) -> tuple[Bool, Bool | None]:
+        """Return in which telegrams it holds, and of which that can be told at all; None: of all.
+
+        It can, where all is known that lasts, and something of the rest.
+        """
+        operands = Operands(read, moments)
+        return self.test(operands), Subject(self.fields, self.lasting).known(operands)
 
 
 def compile_expression(text: str, names: NameTable, *, over_time: bool = False) -> Expression:
@@ -61,7 +77,9 @@ def compile_expression(text: str, names: NameTable, *, over_time: bool = False) 
     """
     compiler = _Compiler(text, names, over_time=over_time)
     test = compiler.test(parse(text))
-    return Expression(text, tuple(compiler.fields), test, compiler.remembers)
+    fields = tuple(compiler.fields)
+    lasting = tuple(name for name in fields if names[name].lasts)
+    return Expression(text, fields, test, compiler.remembers, compiler.momentary, compiler.ages, lasting)
 
 
 class _Compiler(Terms):
@@ -70,7 +88,7 @@ class _Compiler(Terms):
     def __init__(self, text: str, names: NameTable, *, over_time: bool) -> None:
         super().__init__(text, names)
         self._over_time = over_time
-        self.remembers = False
+        self.remembers = self.momentary = self.ages = False
 
     def test(self, node: Node) -> Test:
         """Return the test that a tree is; a value becomes the test whether it exists, is true, or is not 0."""
@@ -239,6 +257,7 @@ class _Compiler(Terms):
 
     def _change(self, word: object, argument: Node) -> Test:
         name = str(word).lower()
+        self.momentary = True
         if name == "changed" and argument.data not in TESTS:
             value, subject = self._subject(name, argument, lambda: self._one_value(name, argument))
             return Changed(value.evaluate, subject)
@@ -246,6 +265,7 @@ class _Compiler(Terms):
         return Edge(test, subject, rises=name != "fell", falls=name != "rose")
 
     def _held(self, word: object, argument: Node, length: Node) -> Test:
+        self.ages = True
         test, subject = self._subject(str(word).lower(), argument, lambda: self._truth(str(word).lower(), argument))
         told = self._value(length)
         if isinstance(told, Typed):
@@ -269,6 +289,7 @@ class _Compiler(Terms):
 
     def _age(self, word: object, argument: object, *, span: Span) -> Typed:
         node = cast("Node", argument)
+        self.ages = True
         name = str(node.children[0]) if node.data == "name" else ""
         known = self._known(name) if name else None
         if known is not None and not known[1].test:

@@ -66,6 +66,11 @@ class Windows:
         self._before = Counted.of(self._state)
         self._closed: deque[tuple[int, int, Counted]] = deque()
 
+    @property
+    def state(self) -> TrackerState:
+        """What was counted so far, in all windows and before them."""
+        return self._state
+
     def cut(self, source: Source) -> Source:
         """Return a source with its batches cut at the edges; the times that it says have passed, too."""
         return _Cut(source, self)

@@ -21,16 +21,18 @@ class MomentFilter:
     """Tells of which telegrams an expression is true that may have functions of time, and variables of several lists.
 
     ``alone`` is the display filter that it is where each telegram can be asked alone, None where it remembers: then it
-    is asked of all telegrams in their order, each once, and variables hold their last value. ``by_stream`` is whether
-    telegrams of one stream follow each other, or, where variables last, all do; ``by_bus``, whether all frames of a CAN
-    channel do, since it asks for what is of the bus. UsageError, with the place, where the expression cannot be
-    understood.
+    is asked of all telegrams in their order, each once, and variables hold their last value. ``momentary``, ``ages``
+    and ``remembers`` are as of ``Expression``. ``by_stream`` is whether telegrams of one stream follow each other, or,
+    where variables last, all do; ``by_bus``, whether all frames of a CAN channel do, since it asks for what is of the
+    bus. UsageError, with the place, where the expression cannot be understood.
     """
 
     def __init__(self, text: str, fields: Mapping[str, TelegramField] = FIELDS) -> None:
         self.text = text
         self._fields = fields
         self._expression = compile_expression(text, expression_names(fields), over_time=True)
+        self.momentary, self.ages = self._expression.momentary, self._expression.ages
+        self.remembers = self._expression.remembers
         self.named = [field_read(name, fields) for name in self._expression.fields]
         lasting = {field.sent_in for field in self.named if field.sent_in}
         self.alone: DisplayFilter | None = None
@@ -42,6 +44,10 @@ class MomentFilter:
 
     def in_order(self, rows: FrameRows, stream: I64) -> Bool:
         """Tell of which rows, which follow those asked before, it is true; ``stream`` are the numbers of theirs."""
+        return self.told(rows, stream)[0]
+
+    def told(self, rows: FrameRows, stream: I64) -> tuple[Bool, Bool | None]:
+        """Tell as ``in_order``, and of which rows that can be told at all; None: of all."""
         carried: dict[str, Bool] = {}
 
         def raw(name: str) -> tuple[TelegramField, Column, Bool | None]:
@@ -58,4 +64,4 @@ class MomentFilter:
             field, column, known = raw(name)
             return self._lasting.filled(name, column, known) if field.sent_in else (column, known)
 
-        return self._expression.mask(read, Moments(rows.ts_ns, stream, carries))
+        return self._expression.told(read, Moments(rows.ts_ns, stream, carries))

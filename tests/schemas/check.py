@@ -23,7 +23,6 @@ from tests.schemas.shapes import (
     several,
     text,
     time,
-    unknown,
     whole,
     word,
 )
@@ -36,15 +35,20 @@ def check() -> Schema:
         "list": maybe(LIST_KEY),
         "node": maybe(text("address of the sender, where it is a stream")),
         "subindex": maybe(SUBINDEX | {"description": "of the stream"}),
-        "variable": unknown("no check has subjects that are variables yet"),
-        "channel": unknown("the same of CAN channels"),
+        "variable": maybe(text("name of the variable; of a pair, of both")),
+        "channel": maybe(text("the CAN channel")),
         "verdict": verdict,
         "reason": text("why it is so, where the numbers do not say it"),
         "worst": maybe(number("the value nearest to the limit, or farthest beyond it, in the unit")),
         "limit": maybe(number()),
         "margin": maybe(number("how far the worst value is from the limit; negative: broken")),
         "margin_percent": maybe(number("the same in percent of the limit; null where that is 0")),
-        "unit": word(("ratio", "telegrams", "events", "s", "senders", "nodes", "findings", "causes", "frames", "")),
+        "unit": word(
+            (
+                "ratio", "telegrams", "events", "s", "senders", "nodes", "findings", "causes", "frames", "per second",
+                "s per second", "",
+            )
+        ),
         "count": whole("how often it was broken"),
         "first_ns": maybe(time("when it was broken first, or when what was looked for came")),
         "frames": several(whole("", 1), "the first ten"),

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 from nvscope.check.check import Check, Evidence
 from nvscope.check.parameters import AMOUNT, Parameter
 from nvscope.check.verdict import Judged, Verdict
+from nvscope.findings.finding import Finding
 from nvscope.findings.kind import Severity
 from nvscope.list_key import ListKey
 from nvscope.toml_table import LENGTH, TEXT, array, choice
@@ -23,12 +24,33 @@ def _told(titles: list[str]) -> str:
     return "; ".join(titles[:_MOST_NAMED]) + more
 
 
+def _lists_of(known: Evidence, finding: Finding) -> set[ListKey]:
+    """Return the lists that a finding is about; none where it is about the capture, or a channel."""
+    if finding.key is not None:
+        return {finding.key}
+    numbers = finding.lists if finding.list_number is None else (finding.list_number,)
+    return {known.keys[number] for number in numbers if number in known.keys}
+
+
+def _concerns(
+    known: Evidence, about: set[ListKey], nodes: Iterable[int], lists: Collection[ListKey], told: Mapping[str, Any]
+) -> bool:  # fmt: skip
+    """Tell whether what is about some lists and nodes is what a rule is for; without any told, everything is."""
+    if told["list_named"] and not about & set(lists):
+        return False
+    if not told["node"]:
+        return True
+    named = set(told["node"])
+    addresses = [address for one in nodes if (address := known.node(one)) is not None]
+    return any({one, known.project.node_names.get(one, one)} & named for one in addresses)
+
+
 def _findings(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
     least, allowed = Severity.of(told["severity"]), set(told["allow"])
     found = [
         one for one in known.findings
         if one.kind.severity >= least and not {one.code, one.kind.name} & allowed
-        and (not one.lists or {known.keys[number] for number in one.lists if number in known.keys} & set(lists))
+        and _concerns(known, _lists_of(known, one), set() if one.node is None else {one.node}, lists, told)
     ]  # fmt: skip
     frames = sorted({frame for one in found for frame in one.frames})[:FRAMES_KEPT]
     times = [one.first_ns for one in found if one.first_ns is not None]
@@ -43,7 +65,8 @@ def _causes(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]
     least, allowed = Severity.of(told["severity"]), set(told["allow"])
     found = [
         one for one in known.causes
-        if one.severity >= least and one.kind.name not in allowed and (not one.lists or set(one.lists) & set(lists))
+        if one.severity >= least and one.kind.name not in allowed
+        and _concerns(known, set(one.lists), set(one.nodes), lists, told)
     ]  # fmt: skip
     times = [one.since_ns for one in found if one.since_ns is not None]
     frames = sorted({frame for one in found for frame in one.frames})[:FRAMES_KEPT]
@@ -60,11 +83,16 @@ def _quality(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any
         broken.append(f"it lost {known.drops} frames")
     if length_ns < told["min_duration"]:
         broken.append(f"it is {duration(length_ns)} long")
+    step_ns = max((step_ns for _, step_ns in known.frames.clock_steps), default=0)
+    if step_ns > told["max_clock_step"]:
+        broken.append(f"its clock stepped back by {duration(step_ns)}")
     yield Judged(
         Verdict.FAIL if broken else Verdict.PASS, reason="; ".join(broken), worst=known.drops, limit=told["max_drops"],
         unit="frames",
     )  # fmt: skip
 
+
+_NODE = Parameter("node", array(TEXT, single=True), "of these nodes only, by address or name", ())
 
 CHECKS = (
     Check(
@@ -72,7 +100,7 @@ CHECKS = (
         'check = "findings"\nseverity = "error"\nallow = ["NV502"]', _findings,
         (
             Parameter("severity", _SEVERITY, "from which on they count", "warning"),
-            Parameter("allow", array(TEXT, single=True), "codes or names of those that may be", ()),
+            Parameter("allow", array(TEXT, single=True), "codes or names of those that may be", ()), _NODE,
         ),
     ),
     Check(
@@ -80,16 +108,17 @@ CHECKS = (
         'check = "causes"\nallow = ["node-restart"]', _causes,
         (
             Parameter("severity", _SEVERITY, "from which on they count", "warning"),
-            Parameter("allow", array(TEXT, single=True), "kinds of those that may be", ()),
+            Parameter("allow", array(TEXT, single=True), "kinds of those that may be", ()), _NODE,
         ),
     ),
     Check(
         "capture_quality", "capture", "The capture is good enough to be judged.", "frames that it lost",
-        "it lost more than max_drops, is shorter than min_duration, or ends before its end",
+        "it lost more than max_drops, is shorter than min_duration, ends before its end, or its clock stepped",
         'check = "capture_quality"\nmin_duration = "30s"', _quality,
         (
             Parameter("max_drops", AMOUNT, "so many frames may be lost while capturing", 0),
             Parameter("min_duration", LENGTH, "how long it has to be", 0),
+            Parameter("max_clock_step", LENGTH, "so far its clock may step back", 1_000_000),
         ),
     ),
 )  # fmt: skip

@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 from nvscope.check.check import Check, Evidence, Setting
+from nvscope.check.doubt import doubt
 from nvscope.check.parameters import PERCENT_OR_TIME, RATIO, REQUIRED, Parameter
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.check.watchers import IntervalWatcher, SilenceWatcher, StreamIntervals
@@ -13,7 +14,6 @@ from nvscope.list_key import ListKey
 from nvscope.toml_table import SPAN
 from nvscope.tracker.figures import Of
 from nvscope.tracker.subjects import Subject
-from nvscope.units import count_of
 
 _SECOND_NS = 1_000_000_000
 _LEAST_INTERVALS = 5
@@ -50,9 +50,8 @@ def _of_stream(known: Evidence, one: StreamIntervals, told: Mapping[str, Any]) -
         verdict, reason = Verdict.INCONCLUSIVE, _TOO_FEW
     elif one.outside > told["exceptions"] * one.count:
         verdict = Verdict.FAIL
-        if known.drops:
-            verdict = Verdict.INCONCLUSIVE
-            reason = f"the capture itself lost {count_of(known.drops, 'frame')}: intervals may be two"
+        if (one.outside == 1 or known.drops) and (why := doubt(known, one.first_ns)):
+            verdict, reason = Verdict.INCONCLUSIVE, why
     elif one.outside:
         reason = f"{one.outside} of {one.count} intervals lie outside, as is allowed"
     return Judged(
@@ -112,8 +111,13 @@ def _silence(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any
             continue
         worst = silence.longest_ns / _SECOND_NS
         fails = silence.longest_ns > told["max"]
+        verdict, reason = Verdict.FAIL if fails else Verdict.PASS, ""
+        if fails and (why := doubt(known, silence.begin_ns)):
+            verdict, reason = Verdict.INCONCLUSIVE, why
+        elif not fails and known.until_ns - known.since_ns < told["max"]:
+            verdict, reason = Verdict.INCONCLUSIVE, "the capture is shorter than the rule needs"
         yield Judged(
-            Verdict.FAIL if fails else Verdict.PASS, key, worst=worst, limit=limit, unit="s", count=int(fails),
+            verdict, key, reason=reason, worst=worst, limit=limit, unit="s", count=int(fails),
             first_ns=silence.begin_ns if fails else None,
             frames=(silence.frame,) if fails and silence.frame is not None else (),
         )  # fmt: skip

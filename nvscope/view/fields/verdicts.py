@@ -206,7 +206,7 @@ def _node_named(names: Names) -> Callable[[FrameRows], Bool]:
     return known
 
 
-_TYPES: dict[Unit, FieldType] = {
+TYPES: dict[Unit, FieldType] = {
     "time": FieldType.TIME,
     "ns": FieldType.DURATION,
     "percent": FieldType.REAL,
@@ -218,7 +218,7 @@ _TYPES: dict[Unit, FieldType] = {
 
 def _figure(of: Of, whose: str, figure: Figure, verdicts: Verdicts | None) -> TelegramField:
     """Return the field of one figure of telegrams' lists, senders or buses."""
-    kind = _TYPES.get(figure.unit, _SIGNED)
+    kind = TYPES.get(figure.unit, _SIGNED)
     name = f"{of.value}.{figure.name}"
 
     def values(rows: FrameRows) -> tuple[list[Value], I64]:

@@ -1,0 +1,150 @@
+"""Telegrams that rules look at one by one: those of the lists that a rule asks for, made once for all rules."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dissectors.batch import I64, Bool
+from nvscope.check.lists import names_of
+from nvscope.check.patterns import fits
+from nvscope.engine.keys import Keys
+from nvscope.engine.rows import DataRows
+from nvscope.engine.telegram_streams import TelegramStreams
+from nvscope.engine.told import Told
+from nvscope.list_key import ListKey
+from nvscope.view.rows.frames import FrameRows
+
+_NO_LIST = -1
+
+
+@dataclass(frozen=True, slots=True)
+class OfLists:
+    """Some lists: those with one of the ``keys``, and those that one of the ``patterns`` fits."""
+
+    keys: frozenset[ListKey] = frozenset()
+    patterns: tuple[str, ...] = ()
+
+    def and_of(self, others: OfLists) -> OfLists:
+        """Return these lists and others."""
+        return OfLists(self.keys | others.keys, tuple(dict.fromkeys((*self.patterns, *others.patterns))))
+
+    def has(self, key: ListKey, names: Mapping[ListKey, str]) -> bool:
+        """Tell whether a list is one of them."""
+        return (
+            key in self.keys or key.on_any_channel in self.keys
+            or any(fits(pattern, name) for pattern in self.patterns for name in names_of(key, names))
+        )  # fmt: skip
+
+
+EVERY_LIST = OfLists(patterns=("*",))
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """Telegrams of one batch, in the order in which they came.
+
+    ``stream`` are the numbers of their streams, ``list`` those of their lists, -1 of what is of none. ``time_ns`` is
+    when each came, or the latest time before that: clocks that step back do not turn the order around. ``frame`` are
+    their numbers in the capture, ``counter`` their Counters. Shapes (n,).
+    """
+
+    rows: FrameRows
+    stream: I64
+    list: I64
+    time_ns: I64
+    frame: I64
+    counter: I64
+
+    def __len__(self) -> int:
+        return len(self.stream)
+
+
+@dataclass(slots=True)
+class _Batch:
+    """What was made of a batch so far."""
+
+    told: Told
+    latest_ns: I64
+    run_lists: list[tuple[DataRows, I64]]
+    asked: dict[OfLists | None, Asked] = field(default_factory=dict)
+
+
+class AskedRows:
+    """Makes the rows of batches; whoever asks of one batch what another one asked gets the same.
+
+    ``names`` are what lists are called.
+    """
+
+    def __init__(self, names: Mapping[ListKey, str]) -> None:
+        self._names = names
+        self._batch: _Batch | None = None
+        self._latest_ns: int | None = None
+        self._streams = TelegramStreams()
+        self._own: dict[OfLists, list[bool]] = {}
+
+    def of(self, told: Told, lists: OfLists | None = None) -> Asked:
+        """Return the telegrams of some lists of a batch that has some, or all in which something was found."""
+        batch = self._batch_of(told)
+        if lists not in batch.asked:
+            batch.asked[lists] = self._all(batch) if lists is None else self._some(batch, lists)
+        return batch.asked[lists]
+
+    def own(self, asked: Asked, lists: OfLists, keys: Keys) -> Bool:
+        """Tell which telegrams are of some lists."""
+        mask = np.append(self._mask(lists, keys), False)
+        found: Bool = mask[asked.list]
+        return found
+
+    def _batch_of(self, told: Told) -> _Batch:
+        if self._batch is None or self._batch.told.batch is not told.batch:
+            time_ns = told.packets.ts_ns
+            if self._latest_ns is not None and len(time_ns):
+                time_ns = np.maximum(time_ns, self._latest_ns)
+            latest_ns = np.maximum.accumulate(time_ns)
+            self._latest_ns = int(latest_ns[-1])
+            laid = told.laid
+            runs = [(rows, laid.keys.described(rows.run_stream)[0]) for rows in (laid.data, laid.pdos) if len(rows)]
+            self._batch = _Batch(told, latest_ns, runs)
+        return self._batch
+
+    def _mask(self, lists: OfLists, keys: Keys) -> Bool:
+        """Tell of each list by number whether it is one of some."""
+        known = self._own.setdefault(lists, [])
+        known += [lists.has(keys.list_key(number), self._names) for number in range(len(known), len(keys.lists))]
+        return np.array(known, np.bool_)
+
+    def _some(self, batch: _Batch, lists: OfLists) -> Asked:
+        mask = self._mask(lists, batch.told.keys)
+        packets, streams, numbers = [], [], []
+        for rows, of_run in batch.run_lists:
+            run = np.flatnonzero(mask[of_run])
+            row = rows.of_runs(run)
+            packets.append(rows.packet[row])
+            streams.append(rows.stream[row])
+            numbers.append(np.repeat(of_run[run], rows.stop[run] - rows.start[run]))
+        return _asked(batch, *(_joined(columns) for columns in (packets, streams, numbers)))
+
+    def _all(self, batch: _Batch) -> Asked:
+        told = batch.told
+        numbers = np.full(len(told), _NO_LIST)
+        for rows, of_run in batch.run_lists:
+            numbers[rows.packet] = np.repeat(of_run, rows.stop - rows.start)
+        packet = told.wanted
+        return _asked(batch, packet, self._streams.of(told, packet), numbers[packet])
+
+
+def _joined(columns: Sequence[I64]) -> I64:
+    return np.concatenate(columns) if columns else np.zeros(0, np.int64)
+
+
+def _asked(batch: _Batch, packet: I64, stream: I64, numbers: I64) -> Asked:
+    told = batch.told
+    order = np.argsort(packet, kind="stable")
+    packet = packet[order]
+    return Asked(
+        FrameRows.of(told, packet), stream[order], numbers[order], batch.latest_ns[packet], packet + told.first_frame,
+        told.counter[packet].astype(np.int64),
+    )  # fmt: skip

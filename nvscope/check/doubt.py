@@ -1,0 +1,23 @@
+"""Why what breaks a rule may be the capture's own doing."""
+
+from __future__ import annotations
+
+from nvscope.check.check import Evidence
+from nvscope.units import count_of
+
+_AROUND_NS = 1_000_000_000
+
+
+def doubt(known: Evidence, at_ns: int | None) -> str:
+    """Return why something that was missing at a time may have been there; "" where nothing says so.
+
+    Nobody knows when a capture lost frames: it may have been at any time. A clock that stepped, or an end that is cut
+    off, explains what is near to it. ``at_ns`` is None for what was missing up to the end.
+    """
+    if known.drops:
+        return f"the capture itself lost {count_of(known.drops, 'frame')}: it may have been these"
+    if known.truncated and (at_ns is None or known.until_ns is None or known.until_ns - at_ns <= _AROUND_NS):
+        return f"the capture was cut: {known.truncated}"
+    if at_ns is not None and any(abs(step_ns - at_ns) <= _AROUND_NS for step_ns in known.clock_steps_ns):
+        return "the clock of the capture stepped then"
+    return ""
