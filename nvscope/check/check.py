@@ -78,8 +78,9 @@ class Setting:
 
     ``nominal_ns`` are the intervals that lists should have; rules are judged since ``since_ns``, None for the first
     frame. ``fields`` are what expressions may name, ``layouts`` where variables are, None without definitions, and
-    ``names`` what lists are called. ``rows`` makes telegrams to be looked at one by one. Of the rule: the ``lists`` it
-    is for, () for all, and the expression ``when`` it is judged, "" for always.
+    ``names`` what lists are called; ``series`` are variables that come from a test instead. ``rows`` makes telegrams
+    to be looked at one by one. Of the rule: the ``lists`` it is for, () for all, and the expression ``when`` it is
+    judged, "" for always.
     """
 
     nominal_ns: Mapping[ListKey, int]
@@ -87,6 +88,7 @@ class Setting:
     rows: AskedRows
     names: Mapping[ListKey, str]
     layouts: Layouts | None = None
+    series: Mapping[str, TelegramField] = field(default_factory=dict)
     since_ns: int | None = None
     lists: tuple[str, ...] = ()
     when: str = ""

@@ -16,7 +16,7 @@ _MOST_SUBJECTS = 50
 
 def junit(found: Checked, paths: Sequence[str], *, inconclusive_fails: bool = False) -> bytes:
     """Return the document; with ``inconclusive_fails`` what could not be decided is a failure, else it is skipped."""
-    root = Element("testsuites", name="nvscope check")
+    root = Element("testsuites", name="nvscope")
     for path, group in groupby(found.decided, key=lambda one: one.rule.path):
         rules = list(group)
         failed = [one for one in rules if _fails(one, inconclusive_fails)]

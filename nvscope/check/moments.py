@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from typing import ClassVar
 
 import numpy as np
@@ -21,7 +22,8 @@ _MOST_OPEN = 100_000
 class MomentWatcher:
     """An observer of telegrams one by one, of those that the rule is for, while it is to be judged.
 
-    ``judged`` counts those. What is asked of ``conditions`` is asked of all telegrams that they need.
+    ``judged`` counts those; ``start_ns`` is since when. What is asked of ``conditions`` is asked of all telegrams that
+    they need.
     """
 
     by_stream: ClassVar[bool] = True
@@ -34,11 +36,13 @@ class MomentWatcher:
         asks = together([*conditions, *([self._when] if self._when else [])], self._only or lists)
         self._asks = asks if asks is None or lists is None else asks.and_of(lists)
         self.judged = 0
+        self.start_ns = setting.since_ns
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
         if not len(told):
             return
+        self.start_ns = told.start_ns if self.start_ns is None else self.start_ns
         asked = self._setting.rows.of(told, self._asks)
         if not len(asked):
             return
@@ -47,17 +51,21 @@ class MomentWatcher:
             judged &= asked.time_ns >= self._setting.since_ns
         if self._only is not None:
             judged &= self._setting.rows.own(asked, self._only, told.keys)
+        self.look(asked, judged)
+
+    def look(self, asked: Asked, judged: Bool) -> None:
+        """Look at telegrams, of which some are to be judged, if it is the time for it; they follow those before."""
         if self._when is not None:
             judged &= self._when.told(asked)[0]
         self.judged += int(np.count_nonzero(judged))
-        self.take(asked, judged, told)
+        self.take(asked, judged)
 
     @property
     def is_conditional(self) -> bool:
         """Whether it is judged only at times."""
         return self._when is not None
 
-    def take(self, asked: Asked, judged: Bool, told: Told) -> None:
+    def take(self, asked: Asked, judged: Bool) -> None:
         """Take telegrams, of which some are to be judged; they follow those taken before."""
         raise NotImplementedError
 
@@ -75,7 +83,7 @@ class TruthWatcher(MomentWatcher):
         self.broken = Stretches(limit_ns)
         self.known = 0
 
-    def take(self, asked: Asked, judged: Bool, told: Told) -> None:
+    def take(self, asked: Asked, judged: Bool) -> None:
         true, known = self._condition.told(asked)
         self.known += int(np.count_nonzero(judged & known))
         row = np.flatnonzero(known | ~judged)
@@ -98,12 +106,18 @@ class Counts:
 
     def take(self, window: int, count: int, frame: int) -> None:
         """Take what happened in a window, none of those before being told of again; ``frame`` is that of the first."""
-        self.end(window)
+        self._end(window)
         self._count += count
         self._frame = frame if self._frame is None else self._frame
 
-    def end(self, window: int) -> None:
-        """End all windows before one."""
+    def up_to(self, window: int) -> Counts:
+        """Return what it would be if all windows before one had ended; this one goes on."""
+        found = copy(self)
+        found.frames = list(self.frames)
+        found._end(window)
+        return found
+
+    def _end(self, window: int) -> None:
         if window <= self._window:
             return
         self._add(self._window, 1, self._count, self._frame)
@@ -138,17 +152,16 @@ class Occurrences(MomentWatcher):
         super().__init__(setting, conditions, EVERY_LIST if text is None and not setting.lists else None)
         self.length_ns, self._least, self._most = length_ns, least, most
         self.counts: dict[int, Counts] = {}
-        self.begin_ns = setting.since_ns
 
-    def take(self, asked: Asked, judged: Bool, told: Told) -> None:
-        self.begin_ns = told.start_ns if self.begin_ns is None else self.begin_ns
+    def take(self, asked: Asked, judged: Bool) -> None:
+        begin_ns = int(asked.time_ns[0]) if self.start_ns is None else self.start_ns
         of = asked.list
         if self._condition is not None:
             judged, of = judged & self._condition.told(asked)[0], np.zeros(len(asked), np.int64)
         row = np.flatnonzero(judged & (of >= 0))
         if not len(row):
             return
-        window = (asked.time_ns[row] - self.begin_ns) // self.length_ns
+        window = (asked.time_ns[row] - begin_ns) // self.length_ns
         keys, first, count = np.unique(np.stack([of[row], window]), axis=1, return_index=True, return_counts=True)
         columns = *keys.tolist(), count.tolist(), asked.frame[row[first]].tolist()
         for number, place, many, frame in zip(*columns, strict=True):
@@ -171,12 +184,12 @@ class WaitWatcher(MomentWatcher):
         super().__init__(setting, [self._begins, self._ends])
         self._limit_ns = limit_ns
         self._open_ns, self._open_frame = np.zeros(0, np.int64), np.zeros(0, np.int64)
-        self.waits = self.late = self.known = 0
+        self.waits = self.late = self.known = self.undecided = 0
         self.longest_ns: int | None = None
         self.first_ns: int | None = None
         self.frames: list[int] = []
 
-    def take(self, asked: Asked, judged: Bool, told: Told) -> None:
+    def take(self, asked: Asked, judged: Bool) -> None:
         begin = np.flatnonzero(self._begins.told(asked)[0] & judged)
         true, known = self._ends.told(asked)
         self.known += int(np.count_nonzero(known))
@@ -193,16 +206,20 @@ class WaitWatcher(MomentWatcher):
         self._open_ns = np.append(self._open_ns, asked.time_ns[row])
         self._open_frame = np.append(self._open_frame, asked.frame[row])
 
-    def end(self, until_ns: int) -> int:
-        """Take the waits that are still open at a time as long as they are by then; return of how many nobody knows.
+    def up_to(self, until_ns: int) -> WaitWatcher:
+        """Return it with the waits that are open at a time as long as they are by then, if that is too long.
 
-        These had not yet waited for too long.
+        How many are not is ``undecided``. This one goes on.
         """
+        found = copy(self)
+        found.frames = list(self.frames)
+        found._end(until_ns)
+        return found
+
+    def _end(self, until_ns: int) -> None:
         late = until_ns - self._open_ns > self._limit_ns
         self._over(self._open_ns[late], self._open_frame[late], np.full(np.count_nonzero(late), until_ns))
-        undecided = len(late) - int(np.count_nonzero(late))
-        self._open_ns = self._open_ns[:0]
-        return undecided
+        self.undecided = len(late) - int(np.count_nonzero(late))
 
     def _over(self, begin_ns: I64, frame: I64, end_ns: I64) -> None:
         if not len(begin_ns):
@@ -226,7 +243,7 @@ class FirstWatcher(MomentWatcher):
         self.first_ns: int | None = None
         self.frame: int | None = None
 
-    def take(self, asked: Asked, judged: Bool, told: Told) -> None:
+    def take(self, asked: Asked, judged: Bool) -> None:
         true, known = self._condition.told(asked)
         self.known += int(np.count_nonzero(known & judged))
         row = np.flatnonzero(true & judged)
@@ -253,7 +270,7 @@ class SequenceWatcher(MomentWatcher):
         self.frames: list[int] = []
         self.reason = ""
 
-    def take(self, asked: Asked, judged: Bool, told: Told) -> None:
+    def take(self, asked: Asked, judged: Bool) -> None:
         found = [np.flatnonzero(one.told(asked)[0]) for one in self._steps]
         step = np.repeat(np.arange(len(found)), [len(one) for one in found])
         row = np.concatenate(found)
@@ -278,12 +295,21 @@ class SequenceWatcher(MomentWatcher):
         elif number > self._next:
             self._break(time_ns, f"step {number + 1} came before step {self._next + 1}")
 
-    def end(self, until_ns: int) -> bool:
-        """Break the run that is open at a time where it has taken too long; return whether one is open that has not."""
+    def up_to(self, until_ns: int) -> SequenceWatcher:
+        """Return it with the run that is open at a time broken, if it has taken too long by then; this one goes on."""
+        found = copy(self)
+        found.frames = list(self.frames)
+        found._end(until_ns)
+        return found
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a run has begun that has not ended."""
+        return self._begin is not None
+
+    def _end(self, until_ns: int) -> None:
         if self._begin is not None and until_ns - self._begin[0] > self._limit_ns:
             self._break(until_ns, f"step {self._next + 1} did not come in time")
-        is_open, self._begin = self._begin is not None, None
-        return is_open
 
     def _finish(self, time_ns: int) -> None:
         assert self._begin is not None

@@ -73,6 +73,8 @@ def _name(value: Any, place: Place) -> str:
 NAME = ValueKind("text, or a number", _name, schema={"type": ["string", "integer"]})
 _PERCENT_SCHEMA = {"type": "string", "pattern": r"^\s*[0-9]+(\.[0-9]+)?\s*%\s*$"}
 RATIO = ValueKind("share in percent", _ratio, schema=_PERCENT_SCHEMA)
+PERCENTS = (RATIO,)
+"""Those whose values are shares."""
 AMOUNT = ValueKind("whole number, not negative", _amount, schema={"type": "integer", "minimum": 0})
 PERCENT_OR_TIME = ValueKind("share in percent, or a time", _percent_or_time, schema={"type": "string"})
 

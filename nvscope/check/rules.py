@@ -11,9 +11,9 @@ from typing import Any
 
 from nvscope.check.catalogue import CATALOGUE
 from nvscope.check.check import Check
-from nvscope.check.parameters import EXPRESSION, EXPRESSIONS, NAME, REQUIRED, Unfit
+from nvscope.check.parameters import EXPRESSION, EXPRESSIONS, NAME, NUMBER_OR_TIME, REQUIRED, Unfit
 from nvscope.errors import ConfigurationError, UsageError
-from nvscope.toml_table import FLAG, LENGTH, TEXT, Place, ValueKind, array, choice, nearest, read_toml
+from nvscope.toml_table import FLAG, LENGTH, SPAN, TEXT, Place, ValueKind, array, choice, mapping, nearest, read_toml
 
 SCHEMA = "nvscope.rules/1"
 """The schema of a rule file, for editors."""
@@ -39,7 +39,17 @@ DEFAULTS: Mapping[str, tuple[ValueKind, str, Any]] = {
 }
 """The keys of ``[defaults]``."""
 
-_TABLES = ("defaults", "rule", "include")
+TEST: Mapping[str, tuple[ValueKind, str, Any]] = {
+    "rule": (TEXT, "the id of the rule that is tested", REQUIRED),
+    "step": (SPAN, "how far apart the values of series are", REQUIRED),
+    "series": (mapping(TEXT), "values of variables, one a step: 0*20 1*40 is 20 times 0, then 40 times 1", REQUIRED),
+    "expect": (choice("pass", "fail", "inconclusive"), "the verdict", REQUIRED),
+    "worst": (NUMBER_OR_TIME, "the worst value, in the unit of the check; a time with its unit", None),
+    "margin": (NUMBER_OR_TIME, "the margin, likewise", None),
+}
+"""The keys of ``[[test]]``."""
+
+_TABLES = ("defaults", "rule", "include", "test")
 _VARIABLE = re.compile(r"\bvar\.", re.IGNORECASE)
 
 
@@ -92,12 +102,33 @@ class Rule:
         return ConfigurationError(told.what, where=told.where, next_step=told.next_step, excerpt=error.excerpt)
 
 
+@dataclass(frozen=True, slots=True)
+class RuleTest:
+    """A test of a rule: series of values, one a step, and what is to come of them; where it stands."""
+
+    rule: Rule
+    step_ns: int
+    series: Mapping[str, str]
+    expect: str
+    worst: float | None
+    margin: float | None
+    place: Place = field(repr=False)
+
+    @property
+    def where(self) -> str:
+        """The file and the line in which it begins."""
+        return f"{self.place.path}, line {self.place.position.line if self.place.position else 0}"
+
+
 @dataclass(slots=True)
 class Rules:
     """All rules of files, in their order, and for how long nothing is judged."""
 
     rules: list[Rule] = field(default_factory=list)
+    tests: list[RuleTest] = field(default_factory=list)
     warmup_ns: int = 0
+    paths: list[str] = field(default_factory=list)
+    """All files that were read, those that are included too."""
 
 
 class Mistakes(UsageError):
@@ -137,6 +168,7 @@ class _Reader:
         if real in self._read or len(self._read) >= _MOST_INCLUDED:
             return
         self._read.add(real)
+        self.found.paths.append(path)
         read = self._tried(lambda: read_toml(path))
         if read is None:
             return
@@ -154,6 +186,37 @@ class _Reader:
             return
         for number, table in enumerate(rules[:MOST_RULES]):
             self._rule(table, place.below("rule").below(number), defaults.get("severity", "error"))
+        if len(rules) > MOST_RULES:
+            self._note(place.below("rule").error(f"a file has {MOST_RULES} rules at most, and this {len(rules)}"))
+        tests = document.get("test", [])
+        if not isinstance(tests, list):
+            self._note(place.below("test").error("tests are an array of tables", "begin each with [[test]]"))
+            return
+        for number, table in enumerate(tests[:MOST_RULES]):
+            self._test(table, place.below("test").below(number))
+
+    def _test(self, table: Any, place: Place) -> None:
+        known = self._keys(table, place, TEST)
+        if "rule" not in known:
+            return
+        rules = {one.id: one for one in self.found.rules}
+        rule = rules.get(known["rule"])
+        if rule is None:
+            # One with mistakes is there, and is told already.
+            if known["rule"] not in self._places:
+                self._note(
+                    place.below("rule").error(
+                        f"no rule has the id '{known['rule']}'", nearest(known["rule"], list(rules))
+                    )
+                )
+            return
+        if not rule.check.by_moment:
+            self._note(
+                place.below("rule").error(f"'{rule.id}' is about telegrams, and a series has values of variables")
+            )
+        elif len(known) == len(TEST):
+            series, worst, margin = known["series"], known["worst"], known["margin"]
+            self.found.tests.append(RuleTest(rule, known["step"], series, known["expect"], worst, margin, place))
 
     def _rule(self, table: Any, place: Place, severity: str) -> None:
         if not isinstance(table, Mapping):

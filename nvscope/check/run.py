@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import time
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
 
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.analysis.watching import Scene, Watched, Watching
-from nvscope.capture.source import FileSource, Source, SourceInfo
+from nvscope.capture.begun import begun
+from nvscope.capture.source import Source, SourceInfo, any_live
 from nvscope.causes.cause import Cause
 from nvscope.check.asked_rows import AskedRows
+from nvscope.check.behind_warm_up import BehindWarmUp
 from nvscope.check.check import Evidence, Setting
 from nvscope.check.condition import compiled
 from nvscope.check.figure_windows import FigureWindows
@@ -19,28 +21,26 @@ from nvscope.check.first_frames import FirstFrames
 from nvscope.check.lists import chosen
 from nvscope.check.rules import Mistakes, Rule, Rules
 from nvscope.check.verdict import Judged, Verdict, worst_of
-from nvscope.engine.run import Observer
-from nvscope.engine.told import Told
+from nvscope.engine.run import Observer, run
 from nvscope.errors import ConfigurationError, UsageError
 from nvscope.findings.finding import Finding
-from nvscope.findings.torn_cycles import CycleSizes
 from nvscope.list_key import ListKey
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.subjects import subjects
-from nvscope.tracker.windows import Windows
 
 _RING_BYTES = 1 << 20
-_FOREVER_NS = 1 << 61
+_LOOK_S = 1.0
 _ON_THE_WIRE = re.compile(r"(?:udp/\d+/|can/[^/]+/)?(?:\d+x?|0x[0-9a-fA-F]+)")
 
 
 @dataclass(frozen=True, slots=True)
 class Decided:
-    """A rule, its verdict, and that of each of its subjects, in the order of lists and streams."""
+    """A rule, its verdict, that of each of its subjects, in the order of lists and streams, and its lists."""
 
     rule: Rule
     verdict: Verdict
     subjects: Sequence[Judged]
+    lists: Sequence[ListKey] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,33 +69,81 @@ class _Watched:
     reason: str = ""
 
 
-def checked(inquiry: Inquiry, rules: Rules, source: Source | None = None) -> Checked:
-    """Judge rules on captures, or on the ``source`` that is open already.
+@dataclass(frozen=True, slots=True)
+class Judging:
+    """How rules are judged: ``ring_bytes`` of the last frames are kept; with ``fast``, the first failure ends it.
 
-    Raises what reading it raises, and Mistakes where a rule asks for what nothing is called, though definitions are
+    That is a rule of severity error that is broken by what came so far, looked at each second of our time.
+    """
+
+    ring_bytes: int = _RING_BYTES
+    fast: bool = False
+
+
+def checked(inquiry: Inquiry, rules: Rules, how: Judging | None = None) -> Checked:
+    """Judge rules on captures.
+
+    Raises what reading them raises, and Mistakes where a rule asks for what nothing is called, though definitions are
     given that say what there is.
     """
-    watched_rules = watching(inquiry, rules, None)
-    source = source or inquiry.open()
-    since_ns = _begin_ns(source, rules.warmup_ns)
-    if since_ns is not None:
-        watched_rules = watching(inquiry, rules, since_ns)
-    frames = FirstFrames(since_ns)
-    watchers = [one.watcher for one in watched_rules if one.watcher is not None]
-    for one in watchers:
-        if isinstance(one, FigureWindows):
-            source = one.windows.cut(source)
-    counted = _Counted(inquiry, frames, since_ns)
-    listeners = () if since_ns is not None else (frames,)
-    how = Watching(_RING_BYTES, others=[*counted.observers, *watchers], listeners=listeners)
-    watched = Watched(inquiry, counted.cut(source), how, overdue=False)
-    for _ in inquiry.run(watched.source, watched.observers):
-        pass
-    scene = watched.look()
-    evidence = _evidence(inquiry, scene, counted, watched.state, frames)
-    decided = [_decided(one, evidence) for one in watched_rules]
-    _tell_of_unknown(watched_rules, evidence)
-    return Checked(decided, scene, evidence.names)
+    how = how or Judging()
+    watching(inquiry, rules, None)  # what is wrong is told before anything is waited for
+    opened = inquiry.open()
+    with inquiry.watch(opened) as progress:
+        source, since_ns = opened, None
+        if rules.warmup_ns:
+            source, first_ns = begun(opened)
+            since_ns = None if first_ns is None else first_ns + rules.warmup_ns
+        judge = _Judge(inquiry, rules, source, since_ns, how)
+        due_s = time.monotonic() + _LOOK_S
+        for _ in run(judge.source, inquiry.reading(), judge.observers):
+            progress()
+            if how.fast and time.monotonic() >= due_s:
+                if judge.is_broken():
+                    opened.stop()
+                due_s = time.monotonic() + _LOOK_S
+    return judge.checked()
+
+
+class _Judge:
+    """What watches for all rules, and what is known of them at any time."""
+
+    def __init__(
+        self, inquiry: Inquiry, rules: Rules, source: Source, since_ns: int | None, how: Judging
+    ) -> None:  # fmt: skip
+        self._inquiry = inquiry
+        self._rules = watching(inquiry, rules, since_ns)
+        self._frames = FirstFrames(since_ns)
+        watchers = [one.watcher for one in self._rules if one.watcher is not None]
+        for one in watchers:
+            if isinstance(one, FigureWindows):
+                source = one.windows.cut(source)
+        self._counted = BehindWarmUp(inquiry, self._frames, since_ns)
+        others = [*self._counted.observers, *watchers]
+        listeners = () if since_ns is not None else (self._frames,)
+        watched = Watching(how.ring_bytes, others=others, listeners=listeners)
+        self._watched = Watched(inquiry, self._counted.cut(source), watched, overdue=any_live(source.infos))
+        self.source, self.observers = self._watched.source, self._watched.observers
+
+    def is_broken(self) -> bool:
+        """Tell whether a rule of severity error is broken by now, and not only since something may still come."""
+        known = self._evidence(self._watched.look())
+        return any(
+            one.rule.severity == "error" and _decided(one, known).verdict is Verdict.FAIL
+            for one in self._rules
+            if one.rule.parameters.get("within", 0) is not None
+        )
+
+    def checked(self) -> Checked:
+        """Return all verdicts."""
+        scene = self._watched.look()
+        known = self._evidence(scene)
+        decided = [_decided(one, known) for one in self._rules]
+        _tell_of_unknown(self._rules, known)
+        return Checked(decided, scene, known.names)
+
+    def _evidence(self, scene: Scene) -> Evidence:
+        return _evidence(self._inquiry, scene, self._counted, self._watched.state, self._frames)
 
 
 def watching(inquiry: Inquiry, rules: Rules, since_ns: int | None) -> list[_Watched]:
@@ -103,7 +151,7 @@ def watching(inquiry: Inquiry, rules: Rules, since_ns: int | None) -> list[_Watc
     names = {key: entry.name for key, entry in inquiry.project.definition.by_key().items() if entry.name}
     setting = Setting(
         inquiry.project.definition.nominal_intervals_ns(), inquiry.fields, AskedRows(names), names, inquiry.layouts,
-        since_ns,
+        since_ns=since_ns,
     )  # fmt: skip
     found, mistakes = [], []
     for rule in rules.rules:
@@ -111,7 +159,7 @@ def watching(inquiry: Inquiry, rules: Rules, since_ns: int | None) -> list[_Watc
         found.append(one)
         own = replace(setting, lists=tuple(rule.lists), when=rule.when)
         if setting.layouts is None and (rule.check.needs_definitions or rule.names_variables):
-            one.reason = "no definition is given that knows variables"
+            one.reason = "no definition is given"
             continue
         wrong = [] if rule.parameters.get("window") else list(_mistakes(rule, inquiry))
         mistakes += wrong
@@ -133,81 +181,8 @@ def _mistakes(rule: Rule, inquiry: Inquiry) -> Iterator[ConfigurationError]:
             yield rule.mistake(error, key)
 
 
-class _Counted:
-    """What is counted behind the warm-up: by a state of its own, or without one by that of all."""
-
-    def __init__(self, inquiry: Inquiry, frames: FirstFrames, since_ns: int | None) -> None:
-        self._inquiry = inquiry
-        self.since_ns = since_ns
-        self.windows = None if since_ns is None else Windows(_FOREVER_NS, since_ns, listeners=(frames,))
-        self._before = None if self.windows is None else _CyclesBefore(self.windows, since_ns or 0)
-
-    @property
-    def observers(self) -> Sequence[Observer]:
-        return () if self.windows is None or self._before is None else (self._before, self.windows)
-
-    def cut(self, source: Source) -> Source:
-        return source if self.windows is None else self.windows.cut(source)
-
-    def summary(self, scene: Scene) -> Any:
-        inquiry, window = self._inquiry, None if self.windows is None else self.windows.open()
-        if window is None:
-            return scene.snapshot.summary
-        return window.counted.summary(
-            intervals_ns=inquiry.project.definition.nominal_intervals_ns(), readers=inquiry.project.readers,
-            buses=inquiry.project.buses, cob_ids=inquiry.pdos.cob_ids if inquiry.pdos else frozenset(),
-        )  # fmt: skip
-
-    def cycles(self, state: TrackerState) -> Callable[[Sequence[int]], tuple[int, int, int] | None]:
-        sizes = CycleSizes((self.windows.state if self.windows else state).senders.cycles)
-        before = self._before
-
-        def counted(streams: Sequence[int]) -> tuple[int, int, int] | None:
-            found = sizes.counted(streams)
-            if found is None or before is None:
-                return found
-            cycles, torn = before.of(streams)
-            return found[0] - cycles, found[1] - torn, found[2]
-
-        return counted
-
-
-class _CyclesBefore:
-    """Remembers how many cycles there were before a time; it observes in front of the state that counts them."""
-
-    by_stream: ClassVar[bool] = True
-
-    def __init__(self, windows: Windows, since_ns: int) -> None:
-        self._windows, self._since_ns = windows, since_ns
-        self._sizes: tuple[Any, Any] | None = None
-
-    def observe(self, told: Told) -> None:
-        if self._sizes is None and len(told) and int(told.packets.ts_ns.max()) >= self._since_ns:
-            counts = self._windows.state.senders.cycles.stream_counts
-            self._sizes = counts.cycles.copy(), counts.torn.copy()
-
-    def of(self, streams: Sequence[int]) -> tuple[int, int]:
-        """Return cycles and torn ones of the stream that counts for some."""
-        if self._sizes is None:
-            return 0, 0
-        counts = self._windows.state.senders.cycles.stream_counts
-        first = min(streams, key=lambda stream: int(counts.last_frame[stream]))
-        cycles, torn = self._sizes
-        return (int(cycles[first]), int(torn[first])) if first < len(cycles) else (0, 0)
-
-
-def _begin_ns(source: Source, warmup_ns: int) -> int | None:
-    """Return when rules begin to be judged; None for the first frame."""
-    if not warmup_ns:
-        return None
-    if not isinstance(source, FileSource):
-        raise UsageError("warmup counts from the first frame, and needs files", next_step="leave it out of [defaults]")
-    first_ns = source.first_ts_ns()
-    return None if first_ns is None else first_ns + warmup_ns
-
-
 def _evidence(
-    inquiry: Inquiry, scene: Scene, counted: _Counted, state: TrackerState, frames: FirstFrames
+    inquiry: Inquiry, scene: Scene, counted: BehindWarmUp, state: TrackerState, frames: FirstFrames
 ) -> Evidence:  # fmt: skip
     project, known, since_ns = inquiry.project, scene.snapshot, counted.since_ns
     summary = counted.summary(scene)
@@ -258,7 +233,7 @@ def _decided(watched: _Watched, known: Evidence) -> Decided:
         judged = [Judged(Verdict.INCONCLUSIVE, reason="nothing was there to be judged", vacuous=True)]
     if rule.optional:
         judged = [replace(one, verdict=Verdict.PASS) if one.vacuous else one for one in judged]
-    return Decided(rule, worst_of(judged), judged)
+    return Decided(rule, worst_of(judged), judged, sorted(lists))
 
 
 def _keys(known: Evidence) -> Sequence[ListKey]:

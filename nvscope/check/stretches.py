@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 
 from dissectors.batch import I64, Bool
@@ -12,7 +14,7 @@ class Stretches:
     """The stretches in which something is so: the longest one, how many are longer than a limit, and the first frames.
 
     A stretch begins at a time at which it is so, and was not before, or begins anew; it ends at the first time at which
-    it is not so, or begins anew, or with ``end``. ``frames`` are those with which the first ones began that are longer
+    it is not so, or begins anew, or with the end. ``frames`` are those with which the first ones began that are longer
     than the limit, ``first_ns`` is when the first one of them did.
     """
 
@@ -42,8 +44,14 @@ class Stretches:
         if len(begin) > len(end):
             self._since_ns, self._frame = int(time_ns[begin[-1]]), int(frame[begin[-1]])
 
-    def end(self, until_ns: int) -> None:
-        """End what is so with a time."""
+    def up_to(self, until_ns: int) -> Stretches:
+        """Return what it would be if what is so ended with a time; this one goes on."""
+        found = copy(self)
+        found.frames = list(self.frames)
+        found._end(until_ns)
+        return found
+
+    def _end(self, until_ns: int) -> None:
         if self._since_ns is not None:
             self._add(np.array([self._since_ns]), np.array([self._frame]), np.array([max(until_ns, self._since_ns)]))
             self._since_ns = None

@@ -48,10 +48,14 @@ def variable_places(setting: Setting, wanted: Sequence[str], key: str = "variabl
 
 def _places(setting: Setting, pattern: str) -> Iterator[VariablePlace]:
     layouts = setting.layouts
-    if layouts is None:
-        return
     plain = "".join(pattern.split()).removeprefix(_PREFIX)
     patterns = [plain, f"{plain}.*", f"{plain}[*"]
+    for name, of_series in setting.series.items():
+        called = [own := name.removeprefix(_PREFIX), own.replace(".", ":", 1), own.partition(".")[2]]
+        if any(fits(one, text) for one in patterns for text in called if text):
+            yield VariablePlace(ListKey.udp(0, 0), own, of_series)
+    if layouts is None or setting.series:
+        return
     for key, known in layouts.lists():
         if setting.lists and not any(fits(one, name) for one in setting.lists for name in names_of(key, setting.names)):
             continue

@@ -15,7 +15,6 @@ from nvscope.check.moments import MomentWatcher
 from nvscope.check.stretches import Stretches
 from nvscope.check.variable_places import VariablePlace
 from nvscope.engine.runs import rows_by
-from nvscope.engine.told import Told
 from nvscope.expression.column_rows import identities, picked
 from nvscope.expression.typed_columns import Column, FieldType, TextColumn
 from nvscope.tracker.event_kinds import FRAMES_KEPT
@@ -79,7 +78,7 @@ class VariableWatcher(MomentWatcher):
         self.watches = watches
         self._highest: dict[int, int] | None = {} if in_order else None
 
-    def take(self, asked: Asked, judged: Bool, told: Told) -> None:
+    def take(self, asked: Asked, judged: Bool) -> None:
         if self._highest is not None:
             judged = judged & ~overtaken(asked.stream, asked.counter, self._highest)
         for one in self.watches:
@@ -273,7 +272,7 @@ class HopWatcher(MomentWatcher):
         self.apart = Stretches(most_ns)
         self.known = self.changes = 0
 
-    def take(self, asked: Asked, judged: Bool, told: Told) -> None:
+    def take(self, asked: Asked, judged: Bool) -> None:
         columns, changes = [], []
         for number, one in enumerate(self._fields):
             exists = one.exists(asked.rows)

@@ -11,12 +11,15 @@ from nvscope.check.verdict import Judged, Verdict
 from nvscope.view.escape import visible
 
 _AROUND = 4
+_MOST_PERCENT = 9_999
 
 
 def value_in_words(value: float | None, unit: str) -> str:
     """Return a value with its unit: ``199.8 ms``, ``0.3 %``, ``2 telegrams``."""
     if value is None:
         return "-"
+    if unit == "s" and not value:
+        return "0 s"
     if unit == "s":
         return units.duration(round(value * 1_000_000_000))
     if unit == "ratio":
@@ -28,7 +31,11 @@ def value_in_words(value: float | None, unit: str) -> str:
 def margin(judged: Judged) -> str:
     """Return how far the worst value is from the limit, in percent of that."""
     percent = judged.margin_percent
-    return "-" if percent is None else f"{'−' if percent < 0 else ''}{units.count(round(abs(percent)))} %"
+    if percent is None:
+        return "-"
+    if abs(percent) > _MOST_PERCENT:
+        return f"{'below −' if percent < 0 else 'above '}{units.count(_MOST_PERCENT)} %"
+    return f"{'−' if percent < 0 else ''}{units.count(round(abs(percent)))} %"
 
 
 def subject(found: Checked, judged: Judged) -> str:

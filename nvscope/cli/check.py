@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from nvscope.cli.check_files import Wanted
 from nvscope.cli.definitions import GvlOption, ProjectOption, flaws_told_first, project_of
 from nvscope.cli.encodings import as_data
 from nvscope.cli.live import LiveOptions, captured, with_live_options
@@ -22,17 +23,20 @@ from nvscope.cli.sources import (
     SourcesArgument,
     ToTimeOption,
     asked_range,
+    duration_ns,
     port_rules,
     tell_of_losses,
     with_channels,
 )
 from nvscope.cli.terminal import ColourOption, colour_wanted, echo, width
-from nvscope.errors import ExitCode, UsageError
+from nvscope.errors import ExitCode, NvscopeError, UsageError
 
 if TYPE_CHECKING:
+    from nvscope.analysis.inquiry import Inquiry
     from nvscope.check.rules import Rules
-    from nvscope.check.run import Checked
+    from nvscope.check.run import Checked, Judging
     from nvscope.definition.project import Project
+    from nvscope.view.lines.table import Line
 
 _SUFFIX = ".rules.toml"
 
@@ -66,6 +70,29 @@ def check(
         str | None,
         typer.Option("--junit", metavar="FILE", help="Write JUnit's XML for build servers, too.", show_default=False),
     ] = None,
+    sarif: Annotated[
+        str | None,
+        typer.Option("--sarif", metavar="FILE", help="Write SARIF 2.1.0 for code scanning, too.", show_default=False),
+    ] = None,
+    evidence: Annotated[
+        str | None,
+        typer.Option(
+            "--evidence", metavar="DIR", show_default=False,
+            help="Write a small pcapng for each broken rule: what was on the wire around it, with comments at frames.",
+        ),
+    ] = None,
+    around: Annotated[
+        str, typer.Option("--around", metavar="DURATION", help="How much evidence has before and behind.")
+    ] = "2s",
+    fast: Annotated[
+        bool, typer.Option("--fast", help="End a live source as soon as a rule of severity error is broken.")
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Show which lists each rule is for, and what can never be decided.")
+    ] = False,
+    self_test: Annotated[
+        bool, typer.Option("--self-test", help="Run the rules' own tests, [[test]], instead; no capture is needed.")
+    ] = False,
     force: ForceOption = False,
     gvl: GvlOption = None,
     project: ProjectOption = None,
@@ -82,8 +109,13 @@ def check(
     Exits with 1 where a rule of severity error is broken, else with 3 where one could not be decided, as when nothing
     was there to be judged: a build is never green because nothing was recorded. All mistakes in rules are told at once.
     """
-    if as_json and (as_markdown or as_annotations):
-        raise UsageError("--json is for programs, --md and --github are for people", next_step="leave one of them out")
+    if as_json and (as_markdown or as_annotations or dry_run or self_test):
+        told_twice = "--json is for programs; --md, --github, --dry-run and --self-test are for people"
+        raise UsageError(told_twice, next_step="leave one of them out")
+    if self_test:
+        _self_test(list(rules) if rules else _found(project_of(project, gvl, ())), project_of(project, gvl, ()), colour)
+        return
+    wanted = Wanted(junit, sarif, evidence, duration_ns("--around", around))
     files_named = named_files(sources, read, gvl, live.interfaces)
     paths, gvl = files_named.captures, files_named.definitions
     ports = port_rules(decode)
@@ -101,9 +133,16 @@ def check(
     if inquiry.paths:
         keep_freed_memory()
     with flaws_told_first(plant.definition), _each_mistake_told():
-        found = checked(inquiry, told)
-    if junit is not None:
-        _write_junit(found, junit, inquiry.paths, files, fail_on, force=force)
+        found = checked(inquiry, told, _judging(inquiry, wanted, fast=fast))
+    if dry_run:
+        from nvscope.check import matched
+
+        _show(matched.lines(found, width()), colour)
+        return
+    if wanted:
+        from nvscope.cli.check_files import write_files
+
+        write_files(inquiry, found, wanted, told.paths, inconclusive_fails=fail_on == "inconclusive", force=force)
     if as_annotations:
         from nvscope.check.github import annotation_lines
 
@@ -121,27 +160,48 @@ def check(
         echo(json.render(document(found)), nl=False)
     else:
         from nvscope.check.lines import lines
-        from nvscope.report.ansi import paint
 
-        shown = colour_wanted(colour)
-        echo(paint(lines(found, files, inquiry.paths, width()), colour=shown), nl=False, color=shown)
+        _show(lines(found, files, inquiry.paths, width()), colour)
     unread = tell_of_losses(found.infos)
     if code := exit_code(found, fail_on) or unread:
         raise typer.Exit(code)
 
 
-def _write_junit(
-    found: Checked, path: str, captures: Sequence[str], rules: Sequence[str], fail_on: str, *, force: bool
-) -> None:  # fmt: skip
-    from nvscope.check.junit import junit
-    from nvscope.whole_files import Existing, WholeFiles
+def _judging(inquiry: Inquiry, wanted: Wanted, *, fast: bool) -> Judging:
+    """Return how rules are judged: of what cannot be read again, enough is kept for evidence."""
+    from nvscope.check.run import Judging
+    from nvscope.cli.scenes import are_read_whole
+    from nvscope.engine.ring import RING_BYTES
 
-    files = WholeFiles([*captures, *rules], force=force)
-    try:
-        files.write(path, junit(found, captures, inconclusive_fails=fail_on == "inconclusive"), Existing.REPLACED)
-        files.publish()
-    finally:
-        files.discard()
+    if fast and are_read_whole(inquiry):
+        raise UsageError("--fast ends what is live, and files have an end", next_step="leave it out")
+    if wanted.evidence and not are_read_whole(inquiry):
+        return Judging(RING_BYTES, fast=fast)
+    return Judging(fast=fast)
+
+
+def _show(lines: Iterable[Line], colour: ColourOption) -> None:
+    from nvscope.report.ansi import paint
+
+    shown = colour_wanted(colour)
+    echo(paint(lines, colour=shown), nl=False, color=shown)
+
+
+def _self_test(files: Sequence[str], plant: Project, colour: ColourOption) -> None:
+    """Run the tests that rule files have, and tell what came of them."""
+    from nvscope.check.self_test import tested
+    from nvscope.check.tested_lines import lines
+
+    told = _read(files)
+    if not told.tests:
+        raise UsageError("no rule has a test", where=files[0], next_step="a test begins with [[test]]")
+    found, mistakes = tested(told.tests, plant)
+    if mistakes:
+        _tell(mistakes)
+        raise typer.Exit(ExitCode.USAGE)
+    _show(lines(found, width()), colour)
+    if any(one.wrong for one in found):
+        raise typer.Exit(ExitCode.ASSERTION_FAILED)
 
 
 def exit_code(found: Checked, fail_on: str) -> ExitCode:
@@ -183,6 +243,10 @@ def _each_mistake_told() -> Iterator[None]:
     try:
         yield
     except Mistakes as error:
-        for one in error.mistakes:
-            echo(f"nvscope: {one}", err=True)
+        _tell(error.mistakes)
         raise typer.Exit(ExitCode.USAGE) from None
+
+
+def _tell(mistakes: Iterable[NvscopeError]) -> None:
+    for one in mistakes:
+        echo(f"nvscope: {one}", err=True)

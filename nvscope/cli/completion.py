@@ -15,17 +15,18 @@ _CODE = re.compile(r"nv[0-9]", re.IGNORECASE)
 
 
 def codes(incomplete: str) -> list[str]:
-    """Return the causes, findings and figures that ``explain`` knows and that begin like this."""
+    """Return the causes, findings, figures and checks that ``explain`` knows and that begin like this."""
     from nvscope.findings.catalogue import CATALOGUE
 
     if _CODE.match(incomplete):  # nobody need wait for what causes are judged from
         return beginning(CATALOGUE, incomplete)
 
     from nvscope.causes.catalogue import BY_NAME
+    from nvscope.check.catalogue import CATALOGUE as CHECKS
     from nvscope.tracker.figures import FIGURES
 
     names = [*BY_NAME, *CATALOGUE, *(kind.name for kind in CATALOGUE.values()), *(figure.name for figure in FIGURES)]
-    return beginning(names, incomplete)
+    return beginning(dict.fromkeys([*names, *CHECKS]), incomplete)
 
 
 def documents(incomplete: str) -> list[str]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -32,7 +33,7 @@ from nvscope.cli.sources import (
     with_channels,
 )
 from nvscope.cli.terminal import ColourOption, WideOption, colour_wanted, echo, echo_all, tables_are_wide, width
-from nvscope.errors import UsageError
+from nvscope.errors import ExitCode, UsageError
 
 
 @with_live_options
@@ -112,6 +113,10 @@ def report(
             show_default=False,
         ),
     ] = None,
+    fail_on: Annotated[
+        Literal["note", "warning", "error", "never"],
+        typer.Option("--fail-on", help="Exit with 1 where a cause or finding is shown that is at least so bad."),
+    ] = "never",
     utc: Annotated[bool, typer.Option("--utc", help="Show times in UTC.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress bar.")] = False,
     colour: ColourOption = "auto",
@@ -186,5 +191,16 @@ def report(
     if asked and not found.summary.capture.frames:
         echo(NOTHING_BETWEEN, err=True)
     tell_of_gaps(found.infos, found.summary.capture.start_ns, found.summary.capture.at_ns)
-    if code := tell_of_losses(found.infos):
+    unread = tell_of_losses(found.infos)
+    if code := (ExitCode.ASSERTION_FAILED if _is_as_bad(document, fail_on) else unread):
         raise typer.Exit(code)
+
+
+def _is_as_bad(document: Mapping[str, Any], least: str) -> bool:
+    """Tell whether a report has a cause or a finding that is at least so bad."""
+    if least == "never":
+        return False
+    from nvscope.findings.kind import Severity
+
+    told = (*document["causes"], *document["findings"])
+    return any(Severity.of(one["severity"]) >= Severity.of(least) for one in told)

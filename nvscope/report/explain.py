@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -42,18 +42,29 @@ class _Named:
         return any((self.causes, self.findings, self.figures, self.columns))
 
 
-def render(name: str, *, colour: bool = False, width: int = 80) -> str:
+def render(
+    name: str, *, colour: bool = False, width: int = 80, further: Iterable[Iterable[Line]] = (),
+    near: Sequence[str] = (),
+) -> str:  # fmt: skip
     """Return what a kind of cause or finding means and what to do, or what a figure or a column tells.
 
     ``name`` may be a code, its number alone, or a name, in any case: ``second-sender``, ``NV301``, ``301``,
     ``no-acknowledgement``, ``lost``, ``list.lost``, ``status``. Of a name that several have, all are told, the cause
-    first. UsageError, with the nearest known ones, for anything else.
+    first; ``further`` is what others tell of it, ``near`` what of theirs is called nearly so. UsageError, with the
+    nearest known ones, for anything else.
     """
-    width = min(max(width, _MIN_WIDTH), _TEXT_WIDTH)
+    width = told_width(width)
     lines: list[Line] = []
-    for told in _told(_found(name), width):
+    others = list(further)
+    found = _called(name) if others else _found(name, near)
+    for told in (*_told(found, width), *others):
         lines += [[], *told] if lines else told
     return paint(lines, colour=colour)
+
+
+def told_width(width: int) -> int:
+    """Return how wide texts are on a terminal of a width."""
+    return min(max(width, _MIN_WIDTH), _TEXT_WIDTH)
 
 
 def _told(found: _Named, width: int) -> Iterator[Iterable[Line]]:
@@ -66,17 +77,19 @@ def _told(found: _Named, width: int) -> Iterator[Iterable[Line]]:
     yield from (column_lines(title, width) for title in found.columns)
 
 
-def document(name: str | None) -> dict[str, Any]:
+def document(
+    name: str | None, checks: Sequence[Mapping[str, Any]] = (), near: Sequence[str] = ()
+) -> dict[str, Any]:  # fmt: skip
     """Return what ``render`` tells as data (schema ``nvscope.explain/1``); without a name of all there is.
 
-    UsageError as ``render``.
+    ``checks`` are those of rules. UsageError as ``render``.
     """
     if name is None:
         from nvscope.causes.catalogue import KINDS  # noqa: PLC0415
 
         found = _Named(KINDS, list(CATALOGUE.values()), FIGURES, list(MEANINGS))
     else:
-        found = _found(name)
+        found = _called(name) if checks else _found(name, near)
     return {
         **head(SCHEMA),
         "causes": [
@@ -113,21 +126,33 @@ def document(name: str | None) -> dict[str, Any]:
             for figure in found.figures
         ],
         "columns": [{"title": title, "meaning": MEANINGS[title]} for title in found.columns],
+        "checks": list(checks),
     }
 
 
-def _found(name: str) -> _Named:
+def is_code(name: str) -> bool:
+    """Tell whether a name is the code of a finding, or its number: nothing else is called so."""
+    return _CODE.fullmatch(name.strip()) is not None
+
+
+def _called(name: str) -> _Named:
+    """Return all that has a name."""
     kind, figure, column = finding_called(name), figure_called(name.strip().lower()), column_called(name)
-    found = _Named(
-        () if _CODE.fullmatch(name.strip()) else _causes_called(name), [kind] if kind else [],
+    return _Named(
+        () if is_code(name) else _causes_called(name), [kind] if kind else [],
         [figure] if figure else [], [column] if column else [],
     )  # fmt: skip
+
+
+def _found(name: str, near: Sequence[str]) -> _Named:
+    """Return all that has a name; UsageError where nothing has."""
+    found = _called(name)
     if not found:
         told = name.strip()
-        what = (
-            f"no cause, finding, figure or column is called {name}" if told else "the name of what to explain is empty"
-        )
-        raise UsageError(what, next_step=_nearest(told.lower()))
+        what = "the name of what to explain is empty"
+        if told:
+            what = f"no cause, finding, figure, column or check is called {name}"
+        raise UsageError(what, next_step=_nearest(told.lower(), near))
     return found
 
 
@@ -168,7 +193,7 @@ def _begins_word(name: str, wanted: str) -> bool:
     return len(wanted) > 2 and f"-{wanted}" in f"-{name}"
 
 
-def _nearest(wanted: str) -> str:
+def _nearest(wanted: str, near_checks: Sequence[str]) -> str:
     from difflib import get_close_matches  # noqa: PLC0415
 
     from nvscope.causes.catalogue import KINDS  # noqa: PLC0415
@@ -186,6 +211,7 @@ def _nearest(wanted: str) -> str:
     told += [figures[word] for word in get_close_matches(wanted.rpartition(".")[2], figures, n=3)]
     columns = {title.lower(): title for title in MEANINGS}
     told += [title for word in get_close_matches(wanted, columns, n=3) if (title := columns[word]) not in told]
+    told += [name for name in near_checks if name not in told]
     if not told:
         return "`nvscope explain` without a code lists all causes and findings, `nvscope keys --fields` all figures"
     return f"perhaps {', '.join(told)}"

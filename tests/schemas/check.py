@@ -45,8 +45,18 @@ def check() -> Schema:
         "margin_percent": maybe(number("the same in percent of the limit; null where that is 0")),
         "unit": word(
             (
-                "ratio", "telegrams", "events", "s", "senders", "nodes", "findings", "causes", "frames", "per second",
-                "s per second", "",
+                "ratio",
+                "telegrams",
+                "events",
+                "s",
+                "senders",
+                "nodes",
+                "findings",
+                "causes",
+                "frames",
+                "per second",
+                "s per second",
+                "",
             )
         ),
         "count": whole("how often it was broken"),

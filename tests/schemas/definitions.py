@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import get_args
 
 from nvscope.causes.catalogue import BY_NAME
+from nvscope.check.catalogue import CATALOGUE as RULE_CHECKS
 from nvscope.definition.byte_map import Relation
 from nvscope.definition.difference import SETTINGS
 from nvscope.definition.lint import RULES, Severity
@@ -186,12 +187,23 @@ def explain() -> Schema:
         "of": several(word(of.value for of in Of)),
         "joins": word((joins.value for joins in Joins), "how the figure of a whole follows from those of its parts"),
     }
+    parameter = {
+        "name": text(), "kind": text("what may stand there"), "help": text(),
+        "default": text("what it is where it is left out, in words"),
+    }  # fmt: skip
+    check = {
+        "name": word(RULE_CHECKS), "subject": text("what is judged, each by itself"), "help": text("what it is for"),
+        "worst": text("what is measured"), "fails": text("when it fails"), "parameters": several(record(parameter)),
+        "example": text("what stands in a file of rules behind the id"),
+    }  # fmt: skip
     return document(
-        "explain", "`nvscope explain --json`: causes, findings, figures and columns, what they mean and what to do",
+        "explain",
+        "`nvscope explain --json`: causes, findings, figures, columns and checks, what they mean and what to do",
         {
             "causes": several(record(cause), "in the order in which they are judged"),
             "findings": several(record(finding)), "figures": several(record(figure)),
             "columns": several(record({"title": word(MEANINGS), "meaning": text()}), "of reports, that hold no figure"),
+            "checks": several(record(check), "of rules"),
         },
     )  # fmt: skip
 

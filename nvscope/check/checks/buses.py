@@ -81,7 +81,8 @@ def _bus_load(known: Evidence, lists: Collection[ListKey], told: Mapping[str, An
         fails = load > told["max"]
         yield Judged(
             Verdict.FAIL if fails else Verdict.PASS, channel=bus.channel, worst=load, limit=told["max"], unit="ratio",
-            count=int(fails), first_ns=begin_ns if fails else None, frames=(frame,) if fails else (),
+            count=int(fails), first_ns=max(begin_ns, known.since_ns or begin_ns) if fails else None,
+            frames=(frame,) if fails else (),
         )  # fmt: skip
 
 

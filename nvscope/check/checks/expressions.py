@@ -33,7 +33,7 @@ def _implies(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any
     watcher: WaitWatcher = told["watched"]
     if known.until_ns is None:
         return
-    undecided = watcher.end(known.until_ns)
+    watcher = watcher.up_to(known.until_ns)
     limit = told["within"] / _SECOND_NS
     if not watcher.waits:
         yield Judged(Verdict.INCONCLUSIVE, reason="if never became true", limit=limit, unit="s", vacuous=True)
@@ -45,7 +45,7 @@ def _implies(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any
             verdict, reason = Verdict.INCONCLUSIVE, "nobody knows whether then was so: what it names never came"
         elif why := doubt(known, watcher.first_ns):
             verdict, reason = Verdict.INCONCLUSIVE, why
-    elif undecided == watcher.waits:
+    elif watcher.undecided == watcher.waits:
         verdict, reason = Verdict.INCONCLUSIVE, _TOO_SHORT
     yield Judged(
         verdict, reason=reason, worst=_seconds(watcher.longest_ns), limit=limit, unit="s", count=watcher.late,
@@ -57,7 +57,7 @@ def _sequence(known: Evidence, lists: Collection[ListKey], told: Mapping[str, An
     watcher: SequenceWatcher = told["watched"]
     if known.until_ns is None:
         return
-    is_open = watcher.end(known.until_ns)
+    watcher = watcher.up_to(known.until_ns)
     limit = told["within"] / _SECOND_NS
     if not watcher.runs:
         yield Judged(
@@ -69,7 +69,7 @@ def _sequence(known: Evidence, lists: Collection[ListKey], told: Mapping[str, An
         verdict, reason = Verdict.FAIL, f"{watcher.reason}, {watcher.broken} of {count_of(watcher.runs, 'run')}"
         if why := doubt(known, watcher.first_ns):
             verdict, reason = Verdict.INCONCLUSIVE, why
-    elif is_open and watcher.runs == 1:
+    elif watcher.is_open and watcher.runs == 1:
         verdict, reason = Verdict.INCONCLUSIVE, _TOO_SHORT
     yield Judged(
         verdict, reason=reason, worst=_seconds(watcher.longest_ns), limit=limit, unit="s", count=watcher.broken,
@@ -87,8 +87,7 @@ def _truth(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any])
     if isinstance(watcher, FigureWindows):
         yield from watcher.judged(known, lists)
         return
-    watcher.broken.end(known.until_ns)
-    broken, limit = watcher.broken, told["for"] / _SECOND_NS
+    broken, limit = watcher.broken.up_to(known.until_ns), told["for"] / _SECOND_NS
     if not watcher.known:
         reason = _UNKNOWN if watcher.judged else _NEVER_JUDGED
         yield Judged(Verdict.INCONCLUSIVE, reason=reason, limit=limit, unit="s", vacuous=True)
@@ -178,8 +177,7 @@ def _occurrence(known: Evidence, lists: Collection[ListKey], told: Mapping[str, 
 def _of_windows(
     known: Evidence, watcher: Occurrences, number: int, key: ListKey | None, windows: int, told: Mapping[str, Any]
 ) -> Judged:  # fmt: skip
-    counts = watcher.of(number)
-    counts.end(windows)
+    counts = watcher.of(number).up_to(windows)
     fewest, highest = counts.fewest or 0, counts.highest or 0
     least, most = told["min"], told["max"]
     rooms = [] if least is None else [(fewest - least, fewest, least, False)]

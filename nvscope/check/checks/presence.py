@@ -70,9 +70,11 @@ def _single_sender(known: Evidence, lists: Collection[ListKey], told: Mapping[st
         reason = f"{', '.join(senders)} send it" if len(senders) > 1 else ""
         if strangers:
             reason = f"{', '.join(strangers)} sends it, and is not named"
+        begins = sorted((one.first_ns, known.summary.addresses[one.node]) for one in entry.streams)
+        others = [first_ns for first_ns, node in begins if node in (strangers or [begins[-1][1]])]
         yield Judged(
             Verdict.FAIL if fails else Verdict.PASS, entry.key, reason=reason, worst=len(senders), limit=1,
-            unit="senders", count=len(senders) if fails else 0,
+            unit="senders", count=len(senders) if fails else 0, first_ns=min(others) if fails and others else None,
         )  # fmt: skip
 
 

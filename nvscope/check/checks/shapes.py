@@ -8,6 +8,8 @@ from typing import Any
 from nvscope.check.check import Check, Evidence
 from nvscope.check.parameters import RATIO, Parameter
 from nvscope.check.verdict import Judged, Verdict
+from nvscope.findings.can import DLC_MISMATCH
+from nvscope.findings.definition import DEFINITION_MISMATCH
 from nvscope.list_key import ListKey
 from nvscope.toml_table import SPAN
 from nvscope.tracker.event_kinds import EventKind
@@ -15,7 +17,7 @@ from nvscope.tracker.figures import Of
 from nvscope.units import count_of, duration
 
 _SECOND_NS = 1_000_000_000
-_MISFITS = ("NV405", "NV603")
+_MISFITS = (DEFINITION_MISMATCH, DLC_MISMATCH)
 """The findings that say that telegrams are not as a definition has them."""
 
 
@@ -24,13 +26,14 @@ def _definition(known: Evidence, lists: Collection[ListKey], told: Mapping[str, 
     came = {one.list: known.keys[one.list] for one in known.of(Of.LIST, lists) if one.list is not None}
     unfit: dict[ListKey, list[Any]] = {}
     for finding in known.findings:
-        if finding.code in _MISFITS:
+        if finding.kind in _MISFITS:
             for number in finding.lists or (finding.list_number,):
                 if number in came:
                     unfit.setdefault(came[number], []).append(finding)
     for key in sorted(lists):
         if key not in defined and key.on_any_channel not in defined:
-            yield Judged(Verdict.INCONCLUSIVE, key, reason="nobody has defined it")
+            if told["list_named"]:
+                yield Judged(Verdict.INCONCLUSIVE, key, reason="nobody has defined it")
             continue
         if key not in came.values():
             yield Judged(Verdict.INCONCLUSIVE, key, reason="it never came")

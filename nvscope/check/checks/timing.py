@@ -37,7 +37,8 @@ def _cycle(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any])
         if one.key in lists:
             judged.add(one.key)
             yield _of_stream(known, one, told)
-    for key in sorted(set(lists) - judged):
+    # Of every list that there is, only some have an interval.
+    for key in sorted(set(lists) - judged) if told["list_named"] or told["interval"] or not judged else ():
         yield Judged(Verdict.INCONCLUSIVE, key, reason=_NO_NOMINAL if not told["interval"] else _TOO_FEW)
 
 

@@ -204,13 +204,12 @@ def _hops(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) 
     watcher: HopWatcher = told["watched"]
     if known.until_ns is None:
         return
-    watcher.apart.end(known.until_ns)
+    apart = watcher.apart.up_to(known.until_ns)
     name, limit = f"{told['from']} → {told['to']}", told["max_delay"] / _SECOND_NS
     if not watcher.known or not watcher.changes:
         reason = "not both of them came" if not watcher.known else f"{told['from']} never changed"
         yield Judged(Verdict.INCONCLUSIVE, reason=reason, variable=name, limit=limit, unit="s")
         return
-    apart = watcher.apart
     verdict, reason = Verdict.FAIL if apart.count else Verdict.PASS, ""
     if apart.count and (why := doubt(known, apart.first_ns)):
         verdict, reason = Verdict.INCONCLUSIVE, why
