@@ -78,7 +78,8 @@ def compile_expression(text: str, names: NameTable, *, over_time: bool = False) 
     compiler = _Compiler(text, names, over_time=over_time)
     test = compiler.test(parse(text))
     fields = tuple(compiler.fields)
-    lasting = tuple(name for name in fields if names[name].lasts)
+    # Further occurrences of a field have names of their own, which stand in no table.
+    lasting = tuple(name for name in fields if (named := names.get(name)) is not None and named.lasts)
     return Expression(text, fields, test, compiler.remembers, compiler.momentary, compiler.ages, lasting)
 
 

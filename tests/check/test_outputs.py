@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import re
+import subprocess
 from pathlib import Path
 from typing import Any
 
 import pytest
 from defusedxml.ElementTree import fromstring
 
-from tests.check.test_verdicts import PLANT, RULES, STEADY, ruled, sent
-from tests.program import run_text
+from nvscope.capture.open import open_source
+from tests.check.test_verdicts import BEGIN_NS, PLANT, RULES, STEADY, ruled, sent
+from tests.program import COMMAND, run_text
 
 LOSSY = [one for one in STEADY if one != 50]
 HOSTILE = 'a%b:c,d\\u001b[31m<x>&\\"|`*_]'
@@ -102,3 +105,99 @@ def test_markdown_has_a_row_for_each_rule(tmp_path: Path) -> None:
     assert rows[1] == "| ● | axis-in-a-row | gap | 1 telegram | 1 telegram | 0 % |"
     assert len({line.count("|") for line in rows}) == 1
     assert run_text("check", PLANT, "--rules", RULES, "--md", "--json").returncode == 2
+
+
+def test_sarif_has_a_result_for_each_subject_that_breaks_a_rule(tmp_path: Path) -> None:
+    out = tmp_path / "out.sarif"
+    run_text("check", PLANT, "--rules", RULES, "--sarif", out)
+    log = json.loads(out.read_text())
+    (run,) = log["runs"]
+    assert (log["version"], run["tool"]["driver"]["name"]) == ("2.1.0", "nvscope")
+    rules = run["tool"]["driver"]["rules"]
+    assert [one["id"] for one in rules][:2] == ["axis-complete", "axis-in-a-row"]
+    first = run["results"][0]
+    assert (first["ruleId"], first["kind"], first["level"]) == ("axis-complete", "fail", "error")
+    assert first["locations"][0]["physicalLocation"]["region"] == {"startLine": 5}
+    assert all(rules[one["ruleIndex"]]["id"] == one["ruleId"] for one in run["results"])
+    assert "axis-in-a-row" not in {one["ruleId"] for one in run["results"]}
+    prints = [one["partialFingerprints"]["ruleAndSubject/v1"] for one in run["results"]]
+    assert len(set(prints)) == len(prints)
+
+
+def test_fingerprints_do_not_change_with_the_time_or_the_figures(tmp_path: Path) -> None:
+    prints = []
+    for name, lost in (("a", {50}), ("b", {20, 21})):
+        (tmp_path / name).mkdir()
+        rules = ruled(tmp_path / name, 'check = "loss"')
+        capture = sent(tmp_path / name, [one for one in STEADY if one not in lost])
+        out = tmp_path / name / "out.sarif"
+        run_text("check", capture, "--rules", rules, "--sarif", out)
+        (result,) = json.loads(out.read_text())["runs"][0]["results"]
+        prints.append((result["partialFingerprints"], result["message"]["text"]))
+    assert prints[0][0] == prints[1][0]
+    assert prints[0][1] != prints[1][1]
+
+
+def test_evidence_is_what_was_around_with_comments_at_the_frames(tmp_path: Path) -> None:
+    folder = tmp_path / "evidence"
+    rules = ruled(tmp_path, 'check = "loss"', 'check = "restarts"')
+    done = run_text("check", sent(tmp_path, LOSSY), "--rules", rules, "--evidence", folder, "--around", "500ms")
+    assert [one.name for one in folder.iterdir()] == ["r0.pcapng"]
+    assert f"nvscope: 1 file of evidence in {folder}." in done.stderr
+    (batch,) = (batch for batch in open_source([str(folder / "r0.pcapng")]) if len(batch))
+    source = open_source([str(folder / "r0.pcapng")])
+    kept = [int(time_ns) for batch in source for time_ns in batch.ts_ns]
+    gap_ns = BEGIN_NS + 49 * 10**8
+    # 20 frames before and behind are kept at least, and these are ten a second.
+    assert kept == [gap_ns + place * 10**8 for place in range(-20, 21)]
+    ((frame, text),) = source.infos[0].comments
+    assert (frame, len(batch)) == (21, 41)
+    assert text.startswith("r0: list 7, worst 1.0 %, limit 0.0 %")
+    assert text.endswith(f"(frame 50 of {tmp_path / 'x.pcap'})")
+    again = run_text("check", tmp_path / "x.pcap", "--rules", rules, "--evidence", folder)
+    assert (again.returncode, "exists already" in again.stderr) == (2, True)
+
+
+def test_evidence_of_what_is_read_once_comes_from_memory(tmp_path: Path) -> None:
+    rules = ruled(tmp_path, 'check = "loss"')
+    capture = sent(tmp_path, LOSSY)
+    done = subprocess.run(
+        [*COMMAND, "check", "-", "--rules", str(rules), "--evidence", str(tmp_path / "e")],
+        stdin=capture.open("rb"), capture_output=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert sum(len(batch) for batch in open_source([str(tmp_path / "e" / "r0.pcapng")])) == 41
+
+
+def test_names_of_evidence_are_names_of_files(tmp_path: Path) -> None:
+    rules = tmp_path / "x.rules.toml"
+    ids = ["../../x", "a b/c", "A b/C", "..", "CON"]
+    rules.write_text("".join(f'[[rule]]\nid = "{one}"\ncheck = "loss"\n' for one in ids))
+    run_text("check", sent(tmp_path, LOSSY), "--rules", rules, "--evidence", tmp_path / "e")
+    found = sorted(one.name for one in (tmp_path / "e").iterdir())
+    assert found == ["A-b-C-2.pcapng", "CON.pcapng", "a-b-c.pcapng", "rule.pcapng", "x.pcapng"]
+
+
+def test_a_dry_run_says_what_rules_are_for(tmp_path: Path) -> None:
+    rules = ruled(tmp_path, 'check = "loss"', 'check = "gap"\nlist = "99"', 'check = "range"\nvariable = "x"')
+    done = run_text("check", PLANT, "--rules", rules, "--dry-run")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.splitlines() == [
+        "r0  loss: 3, 7, 9, 12",
+        "r1  gap: no list",
+        "    cannot be decided: no list is called 99",
+        "r2  range: variable",
+        "    cannot be decided: no definition is given",
+        "",
+        "3 rules, 2 of them cannot be decided here",
+    ]
+
+
+@pytest.mark.parametrize(("least", "code"), [("never", 0), ("error", 1), ("warning", 1), ("note", 1)])
+def test_a_report_fails_a_build_too(least: str, code: int, tmp_path: Path) -> None:
+    assert run_text("report", PLANT, "--fail-on", least).returncode == code
+    assert run_text("report", sent(tmp_path, STEADY), "--fail-on", least).returncode == 0
+
+
+def test_a_report_that_shows_nothing_bad_does_not_fail(tmp_path: Path) -> None:
+    assert run_text("report", sent(tmp_path, LOSSY), "--fail-on", "warning").returncode == 1
