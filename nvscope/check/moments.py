@@ -286,8 +286,6 @@ class SequenceWatcher(MomentWatcher):
             if number == 0 and may_begin:
                 self._begin, self._next = (time_ns, frame), 1
                 self.runs += 1
-                if len(self._steps) == 1:
-                    self._finish(time_ns)
         elif number == self._next:
             self._next += 1
             if self._next == len(self._steps):

@@ -138,6 +138,9 @@ class Mistakes(UsageError):
         super().__init__(f"{len(mistakes)} mistakes in rules" if len(mistakes) > 1 else "a mistake in rules")
         self.mistakes = mistakes
 
+    def __str__(self) -> str:
+        return "\n".join(map(str, self.mistakes))
+
 
 def read_rules(paths: Sequence[str]) -> Rules:
     """Return the rules of files; Mistakes with all that is wrong with them, and where none of them has a rule."""
@@ -149,6 +152,15 @@ def read_rules(paths: Sequence[str]) -> Rules:
         reader.mistakes.append(
             ConfigurationError("there is no rule in it", where=where, next_step="a rule begins with [[rule]]")
         )
+    if reader.mistakes:
+        raise Mistakes(reader.mistakes)
+    return reader.found
+
+
+def rules_of(tables: Sequence[Mapping[str, Any]], where: str) -> Rules:
+    """Return rules that are given as tables, as of a file; Mistakes, each with ``where`` and the key."""
+    reader = _Reader()
+    reader.take({"rule": list(tables)}, Place(where))
     if reader.mistakes:
         raise Mistakes(reader.mistakes)
     return reader.found
@@ -172,12 +184,15 @@ class _Reader:
         read = self._tried(lambda: read_toml(path))
         if read is None:
             return
-        document, place = read
+        self.take(*read)
+
+    def take(self, document: Mapping[str, Any], place: Place) -> None:
+        """Take what stands in a file."""
         for name in document:
             if name not in _TABLES:
                 self._note(place.below(name).error(f"unknown key '{name}'", nearest(name, list(_TABLES))))
         for name in self._tried(lambda: _INCLUDE.read(document.get("include", []), place.below("include"))) or ():
-            self.read(str(Path(path).parent / name))
+            self.read(str(Path(place.path).parent / name))
         defaults = self._keys(document.get("defaults", {}), place.below("defaults"), DEFAULTS)
         self.found.warmup_ns = max(self.found.warmup_ns, defaults.get("warmup", 0))
         rules = document.get("rule", [])

@@ -174,6 +174,18 @@ def _occurrence(known: Evidence, lists: Collection[ListKey], told: Mapping[str, 
         yield _of_windows(known, watcher, numbers.get(key, -1), key, windows, told)
 
 
+def _watch_occurrences(setting: Setting, told: Mapping[str, Any]) -> Occurrences:
+    if told["min"] is None and told["max"] is None:
+        raise Unfit("an occurrence needs min, max, or both")
+    return Occurrences(setting, told["expr"], told["per"], told["min"], told["max"])
+
+
+def _watch_sequence(setting: Setting, told: Mapping[str, Any]) -> SequenceWatcher:
+    if len(told["steps"]) < 2:
+        raise Unfit("a sequence has two steps at least", "steps")
+    return SequenceWatcher(setting, told["steps"], told["within"])
+
+
 def _of_windows(
     known: Evidence, watcher: Occurrences, number: int, key: ListKey | None, windows: int, told: Mapping[str, Any]
 ) -> Judged:  # fmt: skip
@@ -217,7 +229,7 @@ CHECKS = (
             Parameter("min", AMOUNT, "so many there are at least", None),
             Parameter("max", AMOUNT, "so many there are at most", None),
         ),
-        lambda setting, told: Occurrences(setting, told["expr"], told["per"], told["min"], told["max"]),
+        _watch_occurrences,
         by_moment=True,
     ),
     Check(
@@ -238,7 +250,7 @@ CHECKS = (
             Parameter("steps", EXPRESSIONS, "what becomes true one after the other", REQUIRED),
             Parameter("within", SPAN, "so long a run may take", REQUIRED),
         ),
-        lambda setting, told: SequenceWatcher(setting, told["steps"], told["within"]), by_moment=True,
+        _watch_sequence, by_moment=True,
     ),
     Check(
         "always", "expression", "Something is so all the time.", "the longest time in which it was not",

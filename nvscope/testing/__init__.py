@@ -1,0 +1,1 @@
+"""Rules in test programs: assertions on captures, for pytest and Robot Framework."""
