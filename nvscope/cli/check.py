@@ -50,7 +50,8 @@ def check(
         list[str] | None,
         typer.Option(
             "--rules", metavar="FILE", show_default=False,
-            help="Rules; also several. Without it: every *.rules.toml beside the project file, or here.",
+            help="Rules; also several, and *.rules.toml need no option. Without any: every *.rules.toml beside the "
+            "project file, or here.",
         ),
     ] = None,
     fail_on: Annotated[
@@ -112,8 +113,16 @@ def check(
     if as_json and (as_markdown or as_annotations or dry_run or self_test):
         told_twice = "--json is for programs; --md, --github, --dry-run and --self-test are for people"
         raise UsageError(told_twice, next_step="leave one of them out")
-    if self_test:
-        _self_test(list(rules) if rules else _found(project_of(project, gvl, ())), project_of(project, gvl, ()), colour)
+    named = [path for path in sources or () if path.endswith(_SUFFIX)]
+    sources = [path for path in sources or () if not path.endswith(_SUFFIX)]
+    rules = [*(rules or ()), *named]
+    if self_test or (dry_run and not (sources or read or live.interfaces)):
+        plant = project_of(project, gvl, ())
+        told = _read(rules or _found(plant))
+        if self_test:
+            _self_test(told, plant, colour)
+        else:
+            _tell_of_rules(told, plant)
         return
     wanted = Wanted(junit, sarif, evidence, duration_ns("--around", around))
     files_named = named_files(sources, read, gvl, live.interfaces)
@@ -121,7 +130,7 @@ def check(
     ports = port_rules(decode)
     asked = asked_range(from_time, to_time, utc=utc)
     plant = with_channels(project_of(project, gvl, paths), channel_map)
-    files = list(rules) if rules else _found(plant)
+    files = rules or _found(plant)
     told = _read(files)
 
     from nvscope.analysis.inquiry import Inquiry
@@ -187,14 +196,24 @@ def _show(lines: Iterable[Line], colour: ColourOption) -> None:
     echo(paint(lines, colour=shown), nl=False, color=shown)
 
 
-def _self_test(files: Sequence[str], plant: Project, colour: ColourOption) -> None:
-    """Run the tests that rule files have, and tell what came of them."""
+def _tell_of_rules(told: Rules, plant: Project) -> None:
+    """Tell that rules are without mistakes, as far as that can be known without a capture."""
+    from nvscope.analysis.inquiry import Inquiry
+    from nvscope.check.run import watching
+    from nvscope.units import count_of
+
+    with _each_mistake_told():
+        watching(Inquiry((), plant), told, None)
+    echo(f"{count_of(len(told.rules), 'rule')} without a mistake; a capture shows which lists they are for")
+
+
+def _self_test(told: Rules, plant: Project, colour: ColourOption) -> None:
+    """Run the tests that rules have, and tell what came of them."""
     from nvscope.check.self_test import tested
     from nvscope.check.tested_lines import lines
 
-    told = _read(files)
     if not told.tests:
-        raise UsageError("no rule has a test", where=files[0], next_step="a test begins with [[test]]")
+        raise UsageError("no rule has a test", where=told.paths[0], next_step="a test begins with [[test]]")
     found, mistakes = tested(told.tests, plant)
     if mistakes:
         _tell(mistakes)
