@@ -93,7 +93,7 @@ class Scene:
 
 @dataclass(frozen=True, slots=True)
 class Watching:
-    """How a source is watched: ``ring_bytes`` are kept of the last frames, ``others`` observe too.
+    """How a source is watched: ``ring_bytes`` are kept of the last frames, 0 for none, ``others`` observe too.
 
     ``node_names`` are those that are shown, None for those of the project. ``clock`` tells the moments of causes, None
     for the time since the beginning. ``listeners`` hear of the events of the state.
@@ -126,7 +126,8 @@ class Watched:
         self._ring, self._pace = FrameRing(how.ring_bytes), Pace()
         self._reset = False
         self._base: Counted | None = None
-        self.observers: list[Observer] = [self._state, self._witness, self._ring, self._pace, *how.others]
+        ring = [self._ring] if how.ring_bytes else []
+        self.observers: list[Observer] = [self._state, self._witness, *ring, self._pace, *how.others]
 
     @property
     def state(self) -> TrackerState:

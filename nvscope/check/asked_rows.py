@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from dissectors.batch import I64, Bool
 from nvscope.check.lists import names_of
-from nvscope.check.patterns import fits
+from nvscope.check.patterns import fits, is_pattern
 from nvscope.engine.keys import Keys
 from nvscope.engine.rows import DataRows
 from nvscope.engine.telegram_streams import TelegramStreams
@@ -31,12 +31,19 @@ class OfLists:
         """Return these lists and others."""
         return OfLists(self.keys | others.keys, tuple(dict.fromkeys((*self.patterns, *others.patterns))))
 
-    def has(self, key: ListKey, names: Mapping[ListKey, str]) -> bool:
-        """Tell whether a list is one of them."""
-        return (
-            key in self.keys or key.on_any_channel in self.keys
-            or any(fits(pattern, name) for pattern in self.patterns for name in names_of(key, names))
-        )  # fmt: skip
+    def among(self, keys: Sequence[ListKey], names: Mapping[ListKey, str]) -> Sequence[bool]:
+        """Tell which of some lists are of them; ``names`` are what definitions call them."""
+        whole = {one.lower() for one in self.patterns if not is_pattern(one)}
+        patterns = [one for one in self.patterns if is_pattern(one)]
+        if "*" in patterns:
+            return [True] * len(keys)
+        return [
+            key in self.keys
+            or key.on_any_channel in self.keys
+            or not whole.isdisjoint(called := names_of(key, names))
+            or any(fits(pattern, name) for pattern in patterns for name in called)
+            for key in keys
+        ]
 
 
 EVERY_LIST = OfLists(patterns=("*",))
@@ -62,13 +69,29 @@ class Asked:
         return len(self.stream)
 
 
+@dataclass(frozen=True, slots=True)
+class Runs:
+    """The telegrams of a batch by stream, or the frames of CAN; and the number of the list that each run is of."""
+
+    rows: DataRows
+    lists: I64
+    on_can: bool
+
+    def before_ns(self, run: int) -> I64:
+        """Return the times of the telegrams before those of a run; of one that has none, its own."""
+        rows = self.rows
+        start, stop = int(rows.start[run]), int(rows.stop[run])
+        first = rows.time_ns[start] if rows.fresh[run] else rows.before_ns[run]
+        return np.append(first, rows.time_ns[start : stop - 1])
+
+
 @dataclass(slots=True)
 class _Batch:
     """What was made of a batch so far."""
 
     told: Told
     latest_ns: I64
-    run_lists: list[tuple[DataRows, I64]]
+    runs: list[Runs]
     asked: dict[OfLists | None, Asked] = field(default_factory=dict)
 
 
@@ -83,7 +106,8 @@ class AskedRows:
         self._batch: _Batch | None = None
         self._latest_ns: int | None = None
         self._streams = TelegramStreams()
-        self._own: dict[OfLists, list[bool]] = {}
+        self._keys: list[ListKey] = []
+        self._own: dict[OfLists, Bool] = {}
 
     def of(self, told: Told, lists: OfLists | None = None) -> Asked:
         """Return the telegrams of some lists of a batch that has some, or all in which something was found."""
@@ -91,6 +115,18 @@ class AskedRows:
         if lists not in batch.asked:
             batch.asked[lists] = self._all(batch) if lists is None else self._some(batch, lists)
         return batch.asked[lists]
+
+    def runs(self, told: Told, lists: OfLists) -> Iterator[tuple[Runs, list[int]]]:
+        """Yield the telegrams of a batch by stream, with the places of the runs that are of some lists."""
+        batch = self._batch_of(told)
+        mask = self._mask(lists, told.keys)
+        for one in batch.runs:
+            if own := np.flatnonzero(mask[one.lists]).tolist():
+                yield one, own
+
+    def latest_ns(self, told: Told) -> I64:
+        """Return for each packet of a batch the latest time up to it, of all packets so far."""
+        return self._batch_of(told).latest_ns
 
     def own(self, asked: Asked, lists: OfLists, keys: Keys) -> Bool:
         """Tell which telegrams are of some lists."""
@@ -106,32 +142,39 @@ class AskedRows:
             latest_ns = np.maximum.accumulate(time_ns)
             self._latest_ns = int(latest_ns[-1])
             laid = told.laid
-            runs = [(rows, laid.keys.described(rows.run_stream)[0]) for rows in (laid.data, laid.pdos) if len(rows)]
+            runs = [
+                Runs(rows, laid.keys.described(rows.run_stream)[0], rows is laid.pdos)
+                for rows in (laid.data, laid.pdos)
+                if len(rows)
+            ]
             self._batch = _Batch(told, latest_ns, runs)
         return self._batch
 
     def _mask(self, lists: OfLists, keys: Keys) -> Bool:
         """Tell of each list by number whether it is one of some."""
-        known = self._own.setdefault(lists, [])
-        known += [lists.has(keys.list_key(number), self._names) for number in range(len(known), len(keys.lists))]
-        return np.array(known, np.bool_)
+        known = self._own.get(lists, np.zeros(0, np.bool_))
+        if len(known) < len(keys.lists):
+            self._keys += [keys.list_key(number) for number in range(len(self._keys), len(keys.lists))]
+            new = lists.among(self._keys[len(known) :], self._names)
+            known = self._own[lists] = np.append(known, np.array(new, np.bool_))
+        return known
 
     def _some(self, batch: _Batch, lists: OfLists) -> Asked:
         mask = self._mask(lists, batch.told.keys)
         packets, streams, numbers = [], [], []
-        for rows, of_run in batch.run_lists:
-            run = np.flatnonzero(mask[of_run])
+        for one in batch.runs:
+            rows, run = one.rows, np.flatnonzero(mask[one.lists])
             row = rows.of_runs(run)
             packets.append(rows.packet[row])
             streams.append(rows.stream[row])
-            numbers.append(np.repeat(of_run[run], rows.stop[run] - rows.start[run]))
+            numbers.append(np.repeat(one.lists[run], rows.stop[run] - rows.start[run]))
         return _asked(batch, *(_joined(columns) for columns in (packets, streams, numbers)))
 
     def _all(self, batch: _Batch) -> Asked:
         told = batch.told
         numbers = np.full(len(told), _NO_LIST)
-        for rows, of_run in batch.run_lists:
-            numbers[rows.packet] = np.repeat(of_run, rows.stop - rows.start)
+        for one in batch.runs:
+            numbers[one.rows.packet] = np.repeat(one.lists, one.rows.stop - one.rows.start)
         packet = told.wanted
         return _asked(batch, packet, self._streams.of(told, packet), numbers[packet])
 

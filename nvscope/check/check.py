@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar, cast
 
 from nvscope.causes.cause import Cause
 from nvscope.check.asked_rows import AskedRows
@@ -72,6 +72,9 @@ class Evidence:
         )
 
 
+Observed = TypeVar("Observed", bound=Observer)
+
+
 @dataclass(frozen=True, slots=True)
 class Setting:
     """What is known before captures are read, and what a rule says of whatever it checks.
@@ -92,6 +95,12 @@ class Setting:
     since_ns: int | None = None
     lists: tuple[str, ...] = ()
     when: str = ""
+    observers: dict[Hashable, Observer] = field(default_factory=dict)
+
+    def shared(self, name: Hashable, make: Callable[[], Observed]) -> Observed:
+        """Return the observer of a name that several rules have in common; the first one makes it."""
+        found = self.observers.setdefault(name, make()) if name not in self.observers else self.observers[name]
+        return cast("Observed", found)
 
 
 Watch = Callable[[Setting, Mapping[str, Any]], Observer]

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from nvscope.check.check import Evidence, Setting
-from nvscope.check.lists import chosen
+from nvscope.check.lists import CalledLists
 from nvscope.check.parameters import Unfit
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.engine.told import Told
@@ -62,7 +62,7 @@ class FigureWindows:
         summary = window.counted.summary(intervals_ns=self._setting.nominal_ns)
         keys = {one.number: one.key for one in summary.lists} | {one.number: one.key for one in summary.can.lists}
         own = [one for one in subjects(summary) if one.of is Of.LIST and one.list is not None]
-        wanted, _ = chosen(self._setting.lists, keys.values(), self._setting.names)
+        wanted, _ = CalledLists(keys.values(), self._setting.names).chosen(self._setting.lists)
         known = set(wanted)
         own = [one for one in own if keys[one.list] in known]  # type: ignore[index]
         if not own:

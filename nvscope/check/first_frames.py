@@ -10,9 +10,19 @@ import numpy as np
 from nvscope.engine.events import EventBatch
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_kinds import FRAMES_KEPT, EventKind
+from nvscope.tracker.frame_counts import STEPS
 
 _STREAM = int(Scope.STREAM)
 _MOST_STEPS = 10_000
+_TIMED = frozenset({EventKind.BOOT_UP_ANSWERED})
+_KINDS = (
+    frozenset(
+        {step.kind for steps in STEPS.values() for step in steps}
+        | {EventKind.NO_ACKNOWLEDGEMENT, EventKind.BOOT_UP_UNANSWERED, EventKind.TORN_CYCLE, EventKind.STEP_BACK}
+    )
+    | _TIMED
+)
+"""Those that verdicts show; of the others, some happen to every telegram."""
 
 
 class FirstFrames:
@@ -29,7 +39,7 @@ class FirstFrames:
 
     def hear(self, events: EventBatch) -> None:
         """Take events of any kind."""
-        if not isinstance(events.kind, EventKind):
+        if events.kind not in _KINDS:
             return
         if self._since_ns is not None:
             events = events.take(np.flatnonzero(events.time_ns >= self._since_ns))
@@ -38,12 +48,14 @@ class FirstFrames:
             self.clock_steps += list(zip(events.time_ns.tolist(), events.amount.tolist(), strict=True))[:room]
             return
         scope = _STREAM if events.scope is None else int(events.scope)
-        took_ns = events.time_ns - events.since_ns
-        columns = (events.list.tolist(), events.frame.tolist(), events.time_ns.tolist(), took_ns.tolist())
-        for number, frame, time_ns, took in zip(*columns, strict=True):
-            place = int(events.kind), number
-            self._longest_ns[place] = max(took, self._longest_ns.get(place, 0))
-            kept = self._frames[*place, min(scope, int(Scope.NODE_TELEGRAM))]
+        if events.kind in _TIMED:
+            took_ns = events.time_ns - events.since_ns
+            for number, took in zip(events.list.tolist(), took_ns.tolist(), strict=True):
+                place = int(events.kind), number
+                self._longest_ns[place] = max(took, self._longest_ns.get(place, 0))
+        columns = (events.list.tolist(), events.frame.tolist(), events.time_ns.tolist())
+        for number, frame, time_ns in zip(*columns, strict=True):
+            kept = self._frames[int(events.kind), number, min(scope, int(Scope.NODE_TELEGRAM))]
             kept.append((frame, time_ns))
             if len(kept) > FRAMES_KEPT:
                 kept.sort()

@@ -16,6 +16,11 @@ def _compiled(pattern: str) -> re.Pattern[str]:
     return re.compile(f"{first}{middle}.*{others[-1]}", re.DOTALL)
 
 
+def is_pattern(text: str) -> bool:
+    """Tell whether a text stands for more than itself."""
+    return "*" in text or "?" in text
+
+
 def fits(pattern: str, name: str) -> bool:
     """Tell whether a name is one that a pattern stands for; brackets stand for themselves, as in names of arrays."""
     return _compiled(pattern).fullmatch(name.lower()) is not None

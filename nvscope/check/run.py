@@ -18,7 +18,7 @@ from nvscope.check.check import Evidence, Setting
 from nvscope.check.condition import compiled
 from nvscope.check.figure_windows import FigureWindows
 from nvscope.check.first_frames import FirstFrames
-from nvscope.check.lists import chosen
+from nvscope.check.lists import CalledLists
 from nvscope.check.rules import Mistakes, Rule, Rules
 from nvscope.check.verdict import Judged, Verdict, worst_of
 from nvscope.engine.run import Observer, run
@@ -28,7 +28,7 @@ from nvscope.list_key import ListKey
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.subjects import subjects
 
-_RING_BYTES = 1 << 20
+_RING_BYTES = 0
 _LOOK_S = 1.0
 _ON_THE_WIRE = re.compile(r"(?:udp/\d+/|can/[^/]+/)?(?:\d+x?|0x[0-9a-fA-F]+)")
 
@@ -114,7 +114,8 @@ class _Judge:
         self._inquiry = inquiry
         self._rules = watching(inquiry, rules, since_ns)
         self._frames = FirstFrames(since_ns)
-        watchers = [one.watcher for one in self._rules if one.watcher is not None]
+        # Several rules may have one in common.
+        watchers = list({id(one.watcher): one.watcher for one in self._rules if one.watcher is not None}.values())
         for one in watchers:
             if isinstance(one, FigureWindows):
                 source = one.windows.cut(source)
@@ -128,8 +129,9 @@ class _Judge:
     def is_broken(self) -> bool:
         """Tell whether a rule of severity error is broken by now, and not only since something may still come."""
         known = self._evidence(self._watched.look())
+        called = _called(known)
         return any(
-            one.rule.severity == "error" and _decided(one, known).verdict is Verdict.FAIL
+            one.rule.severity == "error" and _decided(one, known, called).verdict is Verdict.FAIL
             for one in self._rules
             if one.rule.parameters.get("within", 0) is not None
         )
@@ -138,8 +140,9 @@ class _Judge:
         """Return all verdicts."""
         scene = self._watched.look()
         known = self._evidence(scene)
-        decided = [_decided(one, known) for one in self._rules]
-        _tell_of_unknown(self._rules, known)
+        called = _called(known)
+        decided = [_decided(one, known, called) for one in self._rules]
+        _tell_of_unknown(self._rules, known, called)
         return Checked(decided, scene, known.names)
 
     def _evidence(self, scene: Scene) -> Evidence:
@@ -217,11 +220,11 @@ def _counts(until_ns: int | None, since_ns: int | None) -> bool:
     return since_ns is None or until_ns is None or until_ns >= since_ns
 
 
-def _decided(watched: _Watched, known: Evidence) -> Decided:
+def _decided(watched: _Watched, known: Evidence, called: CalledLists) -> Decided:
     rule = watched.rule
     if watched.reason:
         return Decided(rule, Verdict.INCONCLUSIVE, [Judged(Verdict.INCONCLUSIVE, reason=watched.reason)])
-    lists, unknown = chosen(rule.lists, _keys(known), known.names)
+    lists, unknown = called.chosen(rule.lists)
     told = {**rule.parameters, "watched": watched.watcher, "list_named": bool(rule.lists)}
     judged = list(rule.check.judge(known, lists, told)) if lists or not rule.lists else []
     for name in unknown:
@@ -236,18 +239,19 @@ def _decided(watched: _Watched, known: Evidence) -> Decided:
     return Decided(rule, worst_of(judged), judged, sorted(lists))
 
 
-def _keys(known: Evidence) -> Sequence[ListKey]:
+def _called(known: Evidence) -> CalledLists:
     """Return the lists that came, and those that are defined for one place."""
-    return list(dict.fromkeys((*known.keys.values(), *(key for key in known.names if key.port))))
+    keys = dict.fromkeys((*known.keys.values(), *(key for key in known.names if key.port)))
+    return CalledLists(keys, known.names)
 
 
-def _tell_of_unknown(rules: Sequence[_Watched], known: Evidence) -> None:
+def _tell_of_unknown(rules: Sequence[_Watched], known: Evidence, called: CalledLists) -> None:
     """Raise Mistakes where rules name lists that neither definitions nor captures know, if definitions are given."""
     if not known.project.definition.by_key():
         return
     mistakes: list[ConfigurationError] = []
     for one in rules:
-        _, unknown = chosen(one.rule.lists, _keys(known), known.names)
+        _, unknown = called.chosen(one.rule.lists)
         for name in unknown:
             if (one.rule.check.name == "absent" or one.rule.optional) and _ON_THE_WIRE.fullmatch(name):
                 continue

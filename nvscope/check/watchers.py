@@ -8,9 +8,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64
+from dissectors.batch import I64, Bool
+from nvscope.check.asked_rows import EVERY_LIST, AskedRows, OfLists, Runs
+from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import Keys
-from nvscope.engine.rows import DataRows
 from nvscope.engine.told import Told
 from nvscope.list_key import ListKey
 from nvscope.tracker.event_kinds import FRAMES_KEPT
@@ -35,15 +36,17 @@ class IntervalWatcher:
     """An observer of the intervals between the telegrams of each stream of some lists.
 
     ``wanted_ns`` returns what the interval of a list should be, ``tolerance`` is by how much of it one may differ.
-    ``since_ns``: intervals that began before do not count.
+    ``since_ns``: intervals that began before do not count. ``rows`` are the telegrams of batches by stream.
     """
 
     by_stream: ClassVar[bool] = True
 
     def __init__(
-        self, wanted_ns: Callable[[ListKey], int | None], tolerance: float, since_ns: int | None = None
-    ) -> None:
+        self, wanted_ns: Callable[[ListKey], int | None], tolerance: float, since_ns: int | None = None, *,
+        rows: AskedRows | None = None, lists: OfLists = EVERY_LIST,
+    ) -> None:  # fmt: skip
         self._wanted_ns, self._tolerance, self._since_ns = wanted_ns, tolerance, since_ns
+        self._rows, self._lists = AskedRows({}) if rows is None else rows, lists
         self._streams: dict[tuple[bool, int], StreamIntervals | None] = {}
 
     @property
@@ -56,29 +59,27 @@ class IntervalWatcher:
         """Take a batch, which follows those observed so far."""
         if not len(told):
             return
-        laid = told.laid
-        for rows, on_can in ((laid.data, False), (laid.pdos, True)):
-            if len(rows):
-                self._take(rows, on_can, laid.keys, told.first_frame)
+        for runs, places in self._rows.runs(told, self._lists):
+            for run in places:
+                self._take(runs, run, told)
 
-    def _take(self, rows: DataRows, on_can: bool, keys: Keys, first_frame: int) -> None:
-        before_ns = rows.times_before(np.arange(len(rows)))
-        starts, stops = rows.start.tolist(), rows.stop.tolist()
-        for run, (start, stop) in enumerate(zip(starts, stops, strict=True)):
-            number = int(rows.run_stream[run])
-            known = self._stream(number, on_can, keys)
-            if known is None:
-                continue
-            chosen = np.ones(stop - start, np.bool_)
-            chosen[0] = not rows.fresh[run]
-            if rows.repeated is not None:
-                chosen &= ~rows.repeated[start:stop]
-            if self._since_ns is not None:
-                chosen &= before_ns[start:stop] >= self._since_ns
-            interval_ns = (rows.time_ns[start:stop] - before_ns[start:stop])[chosen]
-            if len(interval_ns):
-                at = np.arange(start, stop)[chosen]
-                self._count(known, interval_ns, rows.time_ns[at], rows.packet[at] + first_frame)
+    def _take(self, runs: Runs, run: int, told: Told) -> None:
+        rows = runs.rows
+        known = self._stream(int(rows.run_stream[run]), runs.on_can, told.keys)
+        if known is None:
+            return
+        start, stop = int(rows.start[run]), int(rows.stop[run])
+        before_ns, time_ns = runs.before_ns(run), rows.time_ns[start:stop]
+        chosen = np.ones(stop - start, np.bool_)
+        chosen[0] = not rows.fresh[run]
+        if rows.repeated is not None:
+            chosen &= ~rows.repeated[start:stop]
+        if self._since_ns is not None:
+            chosen &= before_ns >= self._since_ns
+        if chosen.any():
+            at = np.flatnonzero(chosen)
+            packet = rows.packet[start + at]
+            self._count(known, time_ns[at] - before_ns[at], time_ns[at], packet + told.first_frame)
 
     def _stream(self, number: int, on_can: bool, keys: Keys) -> StreamIntervals | None:
         place = on_can, number
@@ -117,46 +118,76 @@ class SilenceWatcher:
 
     by_stream: ClassVar[bool] = True
 
-    def __init__(self, since_ns: int | None = None) -> None:
+    def __init__(self, since_ns: int | None = None, *, rows: AskedRows | None = None) -> None:
         self._since_ns = since_ns
-        self._lists: dict[ListKey, Silence] = {}
-        self._numbers: dict[int, ListKey] = {}
+        self._rows = AskedRows({}) if rows is None else rows
+        self._keys: list[ListKey] = []
+        self._lists = _SilentColumns()
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
         if not len(told):
             return
         self._since_ns = told.start_ns if self._since_ns is None else self._since_ns
-        for rows in (told.laid.data, told.laid.pdos):
-            if len(rows):
-                self._take(rows, told.laid.keys, told.first_frame)
+        keys = told.keys
+        self._lists.resize(len(keys.lists))
+        self._keys += [keys.list_key(number) for number in range(len(self._keys), len(keys.lists))]
+        for runs, _ in self._rows.runs(told, EVERY_LIST):
+            self._take(runs, self._rows.latest_ns(told), told.first_frame)
 
-    def _take(self, rows: DataRows, keys: Keys, first_frame: int) -> None:
+    def _take(self, runs: Runs, latest_ns: I64, first_frame: int) -> None:
         assert self._since_ns is not None
-        lists, _, _ = keys.described(rows.stream)
+        known, rows = self._lists, runs.rows
+        lists = np.repeat(runs.lists, rows.stop - rows.start)
         order = np.lexsort((rows.packet, lists))
-        lists, time_ns, frame = lists[order], rows.time_ns[order], rows.packet[order] + first_frame
-        begins = np.flatnonzero(np.diff(lists, prepend=-1))
-        for begin, end in zip(begins.tolist(), [*begins[1:].tolist(), len(lists)], strict=True):
-            number = int(lists[begin])
-            key = self._numbers.setdefault(number, keys.list_key(number))
-            known = self._lists.setdefault(key, Silence(self._since_ns))
-            behind = np.maximum.accumulate(np.maximum(time_ns[begin:end], known.last_ns))
-            before = np.append(known.last_ns, behind[:-1])
-            gap_ns = behind - before
-            place = int(gap_ns.argmax())
-            if int(gap_ns[place]) > known.longest_ns:
-                known.longest_ns, known.begin_ns = int(gap_ns[place]), int(before[place])
-                known.frame = int(frame[begin + place])
-            known.last_ns = int(behind[-1])
+        lists, packet = lists[order], rows.packet[order]
+        behind_ns = np.maximum(latest_ns[packet], self._since_ns)
+        begin = np.flatnonzero(np.diff(lists, prepend=-1))
+        own = lists[begin]
+        before_ns = np.append(self._since_ns, behind_ns[:-1])
+        before_ns[begin] = np.where(known.came[own], known.last_ns[own], self._since_ns)
+        gap_ns = behind_ns - before_ns
+        longest_ns = np.maximum.reduceat(gap_ns, begin)
+        # Of each list the first gap that is as long as its longest one here.
+        group = np.repeat(np.arange(len(begin)), np.diff(np.append(begin, len(lists))))
+        row = np.flatnonzero(gap_ns == longest_ns[group])
+        row = row[np.unique(group[row], return_index=True)[1]]
+        longer = longest_ns > known.longest_ns[own]
+        known.longest_ns[own[longer]] = longest_ns[longer]
+        known.begin_ns[own[longer]] = before_ns[row[longer]]
+        known.frame[own[longer]] = packet[row[longer]] + first_frame
+        known.last_ns[own] = behind_ns[np.append(begin[1:], len(lists)) - 1]
+        known.came[own] = True
 
     def of(self, lists: Collection[ListKey], until_ns: int) -> Mapping[ListKey, Silence]:
         """Return the longest silence of each of some lists that were ever sent, up to a time."""
-        found = {}
+        numbers = {key: number for number, key in enumerate(self._keys)}
+        found, known = {}, self._lists
         for key in sorted(lists):
-            known = self._lists.get(key)
-            if known is None:
+            number = numbers.get(key)
+            if number is None or not known.came[number]:
                 continue
-            left_ns = until_ns - known.last_ns
-            found[key] = known if left_ns <= known.longest_ns else Silence(known.last_ns, left_ns, known.last_ns)
+            last_ns, longest_ns = int(known.last_ns[number]), int(known.longest_ns[number])
+            if until_ns - last_ns > longest_ns:
+                found[key] = Silence(last_ns, until_ns - last_ns, last_ns)
+                continue
+            frame = int(known.frame[number]) or None
+            found[key] = Silence(last_ns, longest_ns, int(known.begin_ns[number]) if frame else None, frame)
         return found
+
+
+class _SilentColumns(KeyedColumns):
+    """One row a list: whether it came, when last, its longest silence, when that began, the frame that ended it."""
+
+    came: Bool
+    last_ns: I64
+    longest_ns: I64
+    begin_ns: I64
+    frame: I64
+    COLUMNS: ClassVar = {
+        "came": (np.False_, 1),
+        "last_ns": (np.int64(0), 1),
+        "longest_ns": (np.int64(0), 1),
+        "begin_ns": (np.int64(0), 1),
+        "frame": (np.int64(0), 1),
+    }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
+from nvscope.check.asked_rows import EVERY_LIST, OfLists
 from nvscope.check.check import Check, Evidence, Setting
 from nvscope.check.doubt import doubt
 from nvscope.check.parameters import PERCENT_OR_TIME, RATIO, REQUIRED, Parameter
@@ -27,7 +28,8 @@ def _watch_cycle(setting: Setting, told: Mapping[str, Any]) -> IntervalWatcher:
     def wanted_ns(key: ListKey) -> int | None:
         return interval_ns or nominal.get(key) or nominal.get(key.on_any_channel)
 
-    return IntervalWatcher(wanted_ns, told["tolerance"], setting.since_ns)
+    lists = OfLists(patterns=setting.lists) if setting.lists else EVERY_LIST
+    return IntervalWatcher(wanted_ns, told["tolerance"], setting.since_ns, rows=setting.rows, lists=lists)
 
 
 def _cycle(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
@@ -152,6 +154,6 @@ CHECKS = (
         "the longest time without a telegram of it, up to the end of the capture", "it is longer than max",
         'check = "silence"\nlist = "axis"\nmax = "1s"', _silence,
         (Parameter("max", SPAN, "so long it may be", REQUIRED),),
-        lambda setting, _: SilenceWatcher(setting.since_ns),
+        lambda setting, _: setting.shared("silence", lambda: SilenceWatcher(setting.since_ns, rows=setting.rows)),
     ),
 )  # fmt: skip
