@@ -72,7 +72,7 @@ class Evidence:
         )
 
 
-Observed = TypeVar("Observed", bound=Observer)
+Common = TypeVar("Common")
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,12 +95,13 @@ class Setting:
     since_ns: int | None = None
     lists: tuple[str, ...] = ()
     when: str = ""
-    observers: dict[Hashable, Observer] = field(default_factory=dict)
+    common: dict[Hashable, Any] = field(default_factory=dict)
 
-    def shared(self, name: Hashable, make: Callable[[], Observed]) -> Observed:
-        """Return the observer of a name that several rules have in common; the first one makes it."""
-        found = self.observers.setdefault(name, make()) if name not in self.observers else self.observers[name]
-        return cast("Observed", found)
+    def shared(self, name: Hashable, make: Callable[[], Common]) -> Common:
+        """Return what several rules have in common, by a name; the first one makes it."""
+        if name not in self.common:
+            self.common[name] = make()
+        return cast("Common", self.common[name])
 
 
 Watch = Callable[[Setting, Mapping[str, Any]], Observer]

@@ -58,7 +58,9 @@ class MomentWatcher:
         if self._when is not None:
             judged &= self._when.told(asked)[0]
         self.judged += int(np.count_nonzero(judged))
-        self.take(asked, judged)
+        # Whatever bytes variables have, they are values of some kind: what is no number is told as that.
+        with np.errstate(all="ignore"):
+            self.take(asked, judged)
 
     @property
     def is_conditional(self) -> bool:

@@ -87,14 +87,17 @@ def checked(inquiry: Inquiry, rules: Rules, how: Judging | None = None) -> Check
     given that say what there is.
     """
     how = how or Judging()
-    watching(inquiry, rules, None)  # what is wrong is told before anything is waited for
+    # What is wrong is told before anything is waited for.
+    watched = watching(inquiry, rules, None)
     opened = inquiry.open()
     with inquiry.watch(opened) as progress:
         source, since_ns = opened, None
         if rules.warmup_ns:
             source, first_ns = begun(opened)
             since_ns = None if first_ns is None else first_ns + rules.warmup_ns
-        judge = _Judge(inquiry, rules, source, since_ns, how)
+        if since_ns is not None:
+            watched = watching(inquiry, rules, since_ns)
+        judge = _Judge(inquiry, watched, source, since_ns, how)
         due_s = time.monotonic() + _LOOK_S
         for _ in run(judge.source, inquiry.reading(), judge.observers):
             progress()
@@ -109,10 +112,10 @@ class _Judge:
     """What watches for all rules, and what is known of them at any time."""
 
     def __init__(
-        self, inquiry: Inquiry, rules: Rules, source: Source, since_ns: int | None, how: Judging
+        self, inquiry: Inquiry, rules: Sequence[_Watched], source: Source, since_ns: int | None, how: Judging
     ) -> None:  # fmt: skip
         self._inquiry = inquiry
-        self._rules = watching(inquiry, rules, since_ns)
+        self._rules = rules
         self._frames = FirstFrames(since_ns)
         # Several rules may have one in common.
         watchers = list({id(one.watcher): one.watcher for one in self._rules if one.watcher is not None}.values())

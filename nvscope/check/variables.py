@@ -125,6 +125,8 @@ class RangeWatch(Watch):
 
     def take(self, values: Values) -> None:
         numbers = values.numbers
+        if numbers.dtype.kind == "f":
+            numbers = numbers.astype(np.float64)
         is_nan = np.isnan(numbers) if numbers.dtype.kind == "f" else np.zeros(len(numbers), np.bool_)
         out = is_nan.copy()
         self.nan += int(np.count_nonzero(is_nan))

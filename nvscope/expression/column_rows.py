@@ -66,7 +66,8 @@ def identities(column: Column) -> I64:
     numbers: Numbers = column
     if numbers.dtype.kind == "f":
         # Minus zero is zero, and what is no number is that as it was.
-        return (numbers.astype(np.float64) + 0.0).view(np.int64)
+        with np.errstate(invalid="ignore"):
+            return (numbers.astype(np.float64) + 0.0).view(np.int64)
     if numbers.dtype == np.uint64:
         return numbers.view(np.int64)
     return numbers.astype(np.int64)

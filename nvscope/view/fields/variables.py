@@ -8,9 +8,9 @@ does not exist. In names of lists, what no identifier may hold is written ``_``.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -39,6 +39,7 @@ _MOST_PLACES = 50_000
 
 _PREFIX = "var."
 _Key = tuple[ListKey, int, int, int]
+Made = TypeVar("Made")
 _ODD = np.uint64(0x9E3779B97F4A7C15)
 
 
@@ -190,21 +191,39 @@ class _Place:
 class _Sightings:
     """Where the telegrams of each list are among those that are looked at: fields share it, and ask it several times.
 
-    Of the telegrams looked at last only, which are kept until others are. ``channels`` are the lists that are defined
-    for a CAN channel of their own.
+    Of the telegrams looked at last only, which are kept until others are, with what was read of them: several rules may
+    ask for one variable. ``channels`` are the lists that are defined for a CAN channel of their own.
     """
 
     def __init__(self, channels: Iterable[ListKey] = ()) -> None:
         self.channels = frozenset(channels)
-        self._last: tuple[FrameRows | None, dict[_Key, I64]] = (None, {})
+        self._last: tuple[FrameRows | None, dict[_Key, I64], dict[tuple[str, bool], Any]] = (None, {}, {})
 
     def of(self, rows: FrameRows) -> dict[_Key, I64]:
         """Return the positions found so far, by list and SubIndex, to be added to."""
+        return self._looked_at(rows)[1]
+
+    def column(self, rows: FrameRows, name: str, read: Callable[[], Column]) -> Column:
+        """Return the column of a field, which nobody may change."""
+        return self._kept(rows, (name, True), read)
+
+    def known(self, rows: FrameRows, name: str, tell: Callable[[], Bool]) -> Bool:
+        """Return where a field exists, which nobody may change."""
+        return self._kept(rows, (name, False), tell)
+
+    def _kept(self, rows: FrameRows, key: tuple[str, bool], make: Callable[[], Made]) -> Made:
+        kept = self._looked_at(rows)[2]
+        if key not in kept:
+            kept[key] = make()
+        found: Made = kept[key]
+        return found
+
+    def _looked_at(self, rows: FrameRows) -> tuple[FrameRows | None, dict[_Key, I64], dict[tuple[str, bool], Any]]:
         last = self._last
         if last[0] is not rows:
             # One assignment: threads that look at different telegrams do not mix them up.
-            last = self._last = (rows, {})
-        return last[1]
+            last = self._last = (rows, {}, {})
+        return last
 
 
 def _field(name: str, places: list[_Place]) -> TelegramField:
@@ -219,7 +238,8 @@ def _field(name: str, places: list[_Place]) -> TelegramField:
     large = [place for place in places if place.may_not_fit]
     return TelegramField(
         name, kind, first.element.name, f"{first.element.type.name} of list {lists}{seconds}",
-        lambda rows: _read(kind, places, rows), lambda rows: _known(places, rows), calendar=kind is FieldType.TIME,
+        lambda rows: first.sightings.column(rows, name, lambda: _read(kind, places, rows)),
+        lambda rows: first.sightings.known(rows, name, lambda: _known(places, rows)), calendar=kind is FieldType.TIME,
         zoned=False, values=values, beyond=(lambda rows: sum(place.beyond(rows) for place in large)) if large else None,
         sent_in=frozenset((place.sent.key, place.sent.layout.subindex) for place in places),
     )  # fmt: skip
