@@ -363,7 +363,8 @@ def mapping(kind: ValueKind) -> ValueKind:
             raise place.error(f"a table is expected, found {_described(value)}")
         return {str(name): kind.read(entry, place.below(str(name))) for name, entry in value.items()}
 
-    return ValueKind(f"table of {kind.name}", read)
+    schema = {"type": "object", "additionalProperties": dict(kind.schema)}
+    return ValueKind(f"table of {kind.name}", read, schema=schema)
 
 
 def tables(cls: type) -> ValueKind:

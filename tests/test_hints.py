@@ -42,7 +42,13 @@ FILLED_IN = {
 }
 """What is filled into commands, by a program or by the people who read them."""
 
-OF_TOOLS = {"-s": ("dumpcap", "tcpdump"), "-B": ("dumpcap", "tcpdump"), "-P": ("pipx", "python"), "-U": ("tcpdump",)}
+OF_TOOLS = {
+    "-s": ("dumpcap", "tcpdump"),
+    "-B": ("dumpcap", "tcpdump"),
+    "-P": ("pipx", "python"),
+    "-U": ("tcpdump",),
+    "--nvcapture": ("pytest",),
+}
 """Options of other programs, which are named where the option is."""
 
 TOOLS = {"editcap", "mergecap", "reordercap", "dumpcap", "tcpdump"}

@@ -30,7 +30,8 @@ class Evidence:
 
     ``summary`` and ``subjects`` are of the time behind the warm-up, which begins at ``since_ns`` and ends at
     ``until_ns``; ``keys`` are the keys of lists by number. ``frames`` are those of the first events. ``drops`` is how
-    many packets the capture says it lost, ``truncated`` why it ends before its end, "" where it does not.
+    many packets the capture says it lost, ``truncated`` why it ends before its end, "" where it does not; ``starts_ns``
+    is when each of the captures begins.
     """
 
     summary: Summary
@@ -47,6 +48,11 @@ class Evidence:
     until_ns: int | None = None
     drops: int = 0
     truncated: str = ""
+    starts_ns: Sequence[int] = ()
+
+    def began_between(self, since_ns: int, until_ns: int) -> bool:
+        """Tell whether one of the captures begins within a time."""
+        return any(since_ns < start_ns <= until_ns for start_ns in self.starts_ns)
 
     @property
     def clock_steps_ns(self) -> Sequence[int]:

@@ -44,12 +44,17 @@ class Condition:
         sent_in = [field.sent_in for field in chosen.named]
         if begins and not chosen.momentary and (any(sent_in) or chosen.remembers):
             chosen = compiled(text, fields, "rose({})")
-        self._chosen = chosen
+        self._chosen, self._fields = chosen, fields
         self.alone = not any(sent_in) and not chosen.remembers
         """Whether each telegram is asked by itself, whatever came before it."""
         self.lists: OfLists | None = None
         if sent_in and all(sent_in) and not chosen.ages:
             self.lists = OfLists(frozenset(key for places in sent_in for key, _ in places))
+
+    def forget(self) -> None:
+        """Forget what came so far: what follows is asked as if nothing was before it."""
+        if not self.alone:
+            self._chosen = MomentFilter(self._chosen.text, self._fields)
 
     def told(self, asked: Asked) -> tuple[Bool, Bool]:
         """Tell of which telegrams it is true, and of which that is known."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from nvscope.check.check import Evidence
 from nvscope.units import count_of
 
+BEGAN_LATER = "one of the captures began later: it may be the one that has it"
+
 _AROUND_NS = 1_000_000_000
 
 

@@ -50,13 +50,20 @@ class FigureWindows:
         self._setting, self._wanted = setting, wanted
         self._length_ns, self._limit_ns = length_ns, limit_ns
         self._lists: dict[ListKey, _Run] = {}
-        self._empty = 0
+        self._holes: list[tuple[int, int | None]] = []
+        """Since when nobody listened, and until when; None: still."""
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
+        if len(told) and self._holes and self._holes[-1][1] is None:
+            self._holes[-1] = self._holes[-1][0], int(told.batch.packets.ts_ns.min())
         self.windows.observe(told)
         for window in self.windows.closed():
-            self._take(window)
+            if not any(
+                since < window.end_ns and (until is None or window.start_ns < until) for since, until in self._holes
+            ):
+                self._take(window)
+        self._holes += [(one.until_ns, None) for one in told.unheard if one.everything]
 
     def _take(self, window: Window) -> None:
         summary = window.counted.summary(intervals_ns=self._setting.nominal_ns)

@@ -9,11 +9,12 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.batch import I64, Bool
-from nvscope.check.asked_rows import EVERY_LIST, Asked, OfLists
+from nvscope.check.asked_rows import Asked, OfLists
 from nvscope.check.check import Setting
 from nvscope.check.condition import Condition, together
 from nvscope.check.stretches import Stretches
 from nvscope.engine.told import Told
+from nvscope.engine.watch import Unheard
 from nvscope.tracker.event_kinds import FRAMES_KEPT
 
 _MOST_OPEN = 100_000
@@ -31,17 +32,30 @@ class MomentWatcher:
     def __init__(self, setting: Setting, conditions: Sequence[Condition], lists: OfLists | None = None) -> None:
         """``lists`` are those whose telegrams are looked at, beside those of the conditions."""
         self._setting = setting
+        self._conditions = list(conditions)
         self._when = Condition(setting.when, setting.fields) if setting.when else None
         self._only = OfLists(patterns=setting.lists) if setting.lists else None
-        asks = together([*conditions, *([self._when] if self._when else [])], self._only or lists)
+        self._conditions += [self._when] if self._when else []
+        asks = together(self._conditions, self._only or lists)
         self._asks = asks if asks is None or lists is None else asks.and_of(lists)
         self.judged = 0
         self.start_ns = setting.since_ns
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
-        if not len(told):
-            return
+        if len(told):
+            self._look_at(told)
+        for unheard in told.unheard:
+            if unheard.everything:
+                # What came last is not what holds when somebody listens again.
+                for one in self._conditions:
+                    one.forget()
+            self.resume(unheard)
+
+    def resume(self, unheard: Unheard) -> None:
+        """Leave what is open of the unheard without an end; what follows begins anew."""
+
+    def _look_at(self, told: Told) -> None:
         self.start_ns = told.start_ns if self.start_ns is None else self.start_ns
         asked = self._setting.rows.of(told, self._asks)
         if not len(asked):
@@ -92,86 +106,10 @@ class TruthWatcher(MomentWatcher):
         so = (judged & known & (true != self._wanted))[row]
         self.broken.take(asked.time_ns[row], asked.frame[row], so)
 
-
-class Counts:
-    """How often something happened in one window after the other: fewest, most, and how many windows break a rule."""
-
-    def __init__(self, least: int | None, most: int | None) -> None:
-        self._least, self._most = least, most
-        self._window = self._count = 0
-        self._frame: int | None = None
-        self.fewest: int | None = None
-        self.highest: int | None = None
-        self.broken = 0
-        self.first_window: int | None = None
-        self.frames: list[int] = []
-
-    def take(self, window: int, count: int, frame: int) -> None:
-        """Take what happened in a window, none of those before being told of again; ``frame`` is that of the first."""
-        self._end(window)
-        self._count += count
-        self._frame = frame if self._frame is None else self._frame
-
-    def up_to(self, window: int) -> Counts:
-        """Return what it would be if all windows before one had ended; this one goes on."""
-        found = copy(self)
-        found.frames = list(self.frames)
-        found._end(window)
-        return found
-
-    def _end(self, window: int) -> None:
-        if window <= self._window:
-            return
-        self._add(self._window, 1, self._count, self._frame)
-        self._add(self._window + 1, window - self._window - 1, 0, None)
-        self._window, self._count, self._frame = window, 0, None
-
-    def _add(self, window: int, windows: int, count: int, frame: int | None) -> None:
-        if not windows:
-            return
-        self.fewest = count if self.fewest is None else min(self.fewest, count)
-        self.highest = count if self.highest is None else max(self.highest, count)
-        if (self._least is None or count >= self._least) and (self._most is None or count <= self._most):
-            return
-        self.broken += windows
-        self.first_window = window if self.first_window is None else self.first_window
-        if frame is not None and len(self.frames) < FRAMES_KEPT:
-            self.frames.append(frame)
-
-
-class Occurrences(MomentWatcher):
-    """Watches when an expression becomes true: how often in each window of ``length_ns``, end to end.
-
-    Without a ``text``, when telegrams of the rule's lists come; then ``counts`` are by the number of the list, else
-    they are those of number 0.
-    """
-
-    def __init__(
-        self, setting: Setting, text: str | None, length_ns: int, least: int | None, most: int | None
-    ) -> None:  # fmt: skip
-        self._condition = None if text is None else Condition(text, setting.fields, begins=True)
-        conditions = [] if self._condition is None else [self._condition]
-        super().__init__(setting, conditions, EVERY_LIST if text is None and not setting.lists else None)
-        self.length_ns, self._least, self._most = length_ns, least, most
-        self.counts: dict[int, Counts] = {}
-
-    def take(self, asked: Asked, judged: Bool) -> None:
-        begin_ns = int(asked.time_ns[0]) if self.start_ns is None else self.start_ns
-        of = asked.list
-        if self._condition is not None:
-            judged, of = judged & self._condition.told(asked)[0], np.zeros(len(asked), np.int64)
-        row = np.flatnonzero(judged & (of >= 0))
-        if not len(row):
-            return
-        window = (asked.time_ns[row] - begin_ns) // self.length_ns
-        keys, first, count = np.unique(np.stack([of[row], window]), axis=1, return_index=True, return_counts=True)
-        columns = *keys.tolist(), count.tolist(), asked.frame[row[first]].tolist()
-        for number, place, many, frame in zip(*columns, strict=True):
-            self.of(number).take(place, many, frame)
-
-    def of(self, number: int) -> Counts:
-        """Return what was counted of a list."""
-        return self.counts.setdefault(number, Counts(self._least, self._most))
+    def resume(self, unheard: Unheard) -> None:
+        """End what is broken when nobody listens any more."""
+        if unheard.everything:
+            self.broken.end(unheard.until_ns)
 
 
 class WaitWatcher(MomentWatcher):
@@ -186,6 +124,7 @@ class WaitWatcher(MomentWatcher):
         super().__init__(setting, [self._begins, self._ends])
         self._limit_ns = limit_ns
         self._open_ns, self._open_frame = np.zeros(0, np.int64), np.zeros(0, np.int64)
+        self._given_up = 0
         self.waits = self.late = self.known = self.undecided = 0
         self.longest_ns: int | None = None
         self.first_ns: int | None = None
@@ -205,6 +144,7 @@ class WaitWatcher(MomentWatcher):
         row = begin[over]
         self._over(asked.time_ns[row], asked.frame[row], asked.time_ns[end[place[over]]])
         row = begin[~over][: _MOST_OPEN - len(self._open_ns)]
+        self._given_up += int(np.count_nonzero(~over)) - len(row)
         self._open_ns = np.append(self._open_ns, asked.time_ns[row])
         self._open_frame = np.append(self._open_frame, asked.frame[row])
 
@@ -221,7 +161,14 @@ class WaitWatcher(MomentWatcher):
     def _end(self, until_ns: int) -> None:
         late = until_ns - self._open_ns > self._limit_ns
         self._over(self._open_ns[late], self._open_frame[late], np.full(np.count_nonzero(late), until_ns))
-        self.undecided = len(late) - int(np.count_nonzero(late))
+        self.undecided = self._given_up + len(late) - int(np.count_nonzero(late))
+
+    def resume(self, unheard: Unheard) -> None:
+        """Give up waits of which nobody sees the end, unless they are too long by then."""
+        if unheard.everything:
+            self._end(unheard.until_ns)
+            self._given_up = self.undecided
+            self._open_ns, self._open_frame = self._open_ns[:0], self._open_frame[:0]
 
     def _over(self, begin_ns: I64, frame: I64, end_ns: I64) -> None:
         if not len(begin_ns):
@@ -266,7 +213,7 @@ class SequenceWatcher(MomentWatcher):
         self._limit_ns = limit_ns
         self._begin: tuple[int, int] | None = None
         self._next = 0
-        self.runs = self.broken = 0
+        self.runs = self.broken = self.given_up = 0
         self.longest_ns: int | None = None
         self.first_ns: int | None = None
         self.frames: list[int] = []
@@ -303,13 +250,20 @@ class SequenceWatcher(MomentWatcher):
         return found
 
     @property
-    def is_open(self) -> bool:
-        """Whether a run has begun that has not ended."""
-        return self._begin is not None
+    def undecided(self) -> int:
+        """How many runs have begun of which nobody knows how they end."""
+        return self.given_up + (self._begin is not None)
 
     def _end(self, until_ns: int) -> None:
         if self._begin is not None and until_ns - self._begin[0] > self._limit_ns:
             self._break(until_ns, f"step {self._next + 1} did not come in time")
+
+    def resume(self, unheard: Unheard) -> None:
+        """Give up a run of which nobody sees the end, unless it is too long by then."""
+        if unheard.everything:
+            self._end(unheard.until_ns)
+            self.given_up += self._begin is not None
+            self._begin = None
 
     def _finish(self, time_ns: int) -> None:
         assert self._begin is not None

@@ -215,6 +215,7 @@ def _evidence(
     return Evidence(
         summary, list(subjects(summary)), keys, names, findings, causes, frames, project, counted.cycles(state),
         matching, begin_ns, known.summary.end_ns, drops, truncated,
+        [info.start_ns for info in known.infos if info.start_ns is not None],
     )  # fmt: skip
 
 

@@ -48,10 +48,11 @@ class Stretches:
         """Return what it would be if what is so ended with a time; this one goes on."""
         found = copy(self)
         found.frames = list(self.frames)
-        found._end(until_ns)
+        found.end(until_ns)
         return found
 
-    def _end(self, until_ns: int) -> None:
+    def end(self, until_ns: int) -> None:
+        """Let what is so end with a time; what follows begins anew."""
         if self._since_ns is not None:
             self._add(np.array([self._since_ns]), np.array([self._frame]), np.array([max(until_ns, self._since_ns)]))
             self._since_ns = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,6 +15,7 @@ from nvscope.check.moments import MomentWatcher
 from nvscope.check.stretches import Stretches
 from nvscope.check.variable_places import VariablePlace
 from nvscope.engine.runs import rows_by
+from nvscope.engine.watch import Unheard
 from nvscope.expression.column_rows import identities, picked
 from nvscope.expression.typed_columns import Column, FieldType, TextColumn
 from nvscope.tracker.event_kinds import FRAMES_KEPT
@@ -61,6 +62,9 @@ class Watch:
         """Take values, which follow those taken before."""
         raise NotImplementedError
 
+    def forget(self, streams: Collection[int] | None) -> None:
+        """Forget what came last in some streams, None for all: nobody listened to what came behind it."""
+
     def breaks(self, values: Values, row: I64) -> None:
         """Take the rows of values that break the rule."""
         self.broken += len(row)
@@ -89,6 +93,20 @@ class VariableWatcher(MomentWatcher):
             one.judged += len(row)
             column = picked(one.place.field.column(asked.rows), row)
             one.take(Values(column, asked.time_ns[row], asked.frame[row], asked.stream[row]))
+
+    def resume(self, unheard: Unheard) -> None:
+        """Compare nothing with what came before nobody listened."""
+        streams = None if unheard.everything else unheard.streams.tolist()
+        _forget(self._highest, streams)
+        for one in self.watches:
+            one.forget(streams)
+
+
+def _forget(known: dict[int, Any] | None, streams: Collection[int] | None) -> None:
+    if known is None:
+        return
+    for number in list(known) if streams is None else streams:
+        known.pop(number, None)
 
 
 def overtaken(stream: I64, counter: I64, highest: dict[int, int]) -> Bool:
@@ -184,6 +202,9 @@ class _Stepwise(Watch):
             if len(row):
                 self.steps(values, row, _steps(own), np.diff(time_ns))
 
+    def forget(self, streams: Collection[int] | None) -> None:
+        _forget(self.before, streams)
+
     def steps(self, values: Values, row: I64, step: Any, took_ns: I64) -> None:
         """Take steps to values, given by their rows, from those before."""
         raise NotImplementedError
@@ -237,6 +258,9 @@ class FrozenWatch(Watch):
     most_ns: int = 0
     longest_ns: int = 0
     since: dict[int, tuple[int, int, int, bool]] = field(default_factory=dict)
+
+    def forget(self, streams: Collection[int] | None) -> None:
+        _forget(self.since, streams)
 
     def take(self, values: Values) -> None:
         now = identities(values.column)
@@ -292,6 +316,12 @@ class HopWatcher(MomentWatcher):
         self.changes += int(np.count_nonzero(changes[0] & judged))
         so = (apart > self._tolerance) & judged
         self.apart.take(asked.time_ns[row], asked.frame[row], so[row], changes[0][row])
+
+    def resume(self, unheard: Unheard) -> None:
+        """Compare nothing with what came before nobody listened."""
+        if unheard.everything:
+            self.apart.end(unheard.until_ns)
+            self._last = [None, None]
 
     def _filled(self, number: int, column: Any, known: Bool) -> tuple[Any, Bool]:
         """Return a value for each row, NaN before the first, and at which rows it changes."""

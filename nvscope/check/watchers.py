@@ -9,10 +9,12 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.batch import I64, Bool
+from dissectors.can.pdo import PdoRules
 from nvscope.check.asked_rows import EVERY_LIST, AskedRows, OfLists, Runs
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import Keys
 from nvscope.engine.told import Told
+from nvscope.engine.watch import Unheard
 from nvscope.list_key import ListKey
 from nvscope.tracker.event_kinds import FRAMES_KEPT
 
@@ -105,16 +107,22 @@ class IntervalWatcher:
 
 @dataclass(slots=True)
 class Silence:
-    """The longest time without a telegram of a list: from when to when, and the frame that ended it, None for none."""
+    """The longest time without a telegram of a list: how long, since when, and the frame that ended it, None for none.
 
-    last_ns: int
-    longest_ns: int = 0
-    begin_ns: int | None = None
-    frame: int | None = None
+    ``is_first``: it was before its first telegram.
+    """
+
+    longest_ns: int
+    begin_ns: int
+    frame: int | None
+    is_first: bool
 
 
 class SilenceWatcher:
-    """An observer of how long lists are not sent, from ``since_ns`` on; None for the first frame."""
+    """An observer of how long lists are not sent, from ``since_ns`` on; None for the first frame.
+
+    A silence ends where nobody listens any more; the next one begins when somebody does again.
+    """
 
     by_stream: ClassVar[bool] = True
 
@@ -123,14 +131,51 @@ class SilenceWatcher:
         self._rows = AskedRows({}) if rows is None else rows
         self._keys: list[ListKey] = []
         self._lists = _SilentColumns()
+        self._is_heard = True
+        self._before = 0, 0
+        """The longest time up to an end of all listening, and since when it was: so long a list was silent at least."""
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
-        if not len(told):
+        if len(told):
+            self._look_at(told)
+        for unheard in told.unheard:
+            self._leave(unheard, told.keys, told.pdos)
+
+    def _leave(self, unheard: Unheard, keys: Keys, pdos: PdoRules) -> None:
+        """End the silences of what nobody listens to any more."""
+        known = self._lists
+        if unheard.everything:
+            own = np.arange(len(known))
+        else:
+            channels = {pdos.channel(number) for number in unheard.channels.tolist()}
+            of_channels = [number for number, key in enumerate(self._keys) if key.port in channels]
+            of_streams = keys.described(unheard.streams)[0] if len(unheard.streams) else np.zeros(0, np.int64)
+            own = np.unique(np.append(of_streams[of_streams < len(known)], of_channels).astype(np.int64))
+        if self._since_ns is None or unheard.until_ns < self._since_ns:
             return
+        own = own[~known.paused[own]]
+        since_ns = np.where(known.came[own], known.last_ns[own], self._since_ns)
+        longer = unheard.until_ns - since_ns > known.longest_ns[own]
+        row = own[longer]
+        known.longest_ns[row], known.begin_ns[row] = unheard.until_ns - since_ns[longer], since_ns[longer]
+        known.frame[row], known.first[row] = 0, ~known.came[row]
+        known.paused[own] = True
+        if unheard.everything:
+            self._is_heard = False
+            self._before = max(self._before, (unheard.until_ns - self._since_ns, self._since_ns))
+
+    def _look_at(self, told: Told) -> None:
         self._since_ns = told.start_ns if self._since_ns is None else self._since_ns
+        if not self._is_heard:
+            self._is_heard, self._since_ns = True, max(self._since_ns, int(told.batch.packets.ts_ns.min()))
+            known = self._lists
+            known.last_ns[known.paused], known.paused[:] = self._since_ns, False
         keys = told.keys
+        before = len(self._lists)
         self._lists.resize(len(keys.lists))
+        longest_ns, begin_ns = self._before
+        self._lists.longest_ns[before:], self._lists.begin_ns[before:] = longest_ns, begin_ns
         self._keys += [keys.list_key(number) for number in range(len(self._keys), len(keys.lists))]
         for runs, _ in self._rows.runs(told, EVERY_LIST):
             self._take(runs, self._rows.latest_ns(told), told.first_frame)
@@ -146,6 +191,8 @@ class SilenceWatcher:
         own = lists[begin]
         before_ns = np.append(self._since_ns, behind_ns[:-1])
         before_ns[begin] = np.where(known.came[own], known.last_ns[own], self._since_ns)
+        before_ns[begin] = np.where(known.paused[own], behind_ns[begin], before_ns[begin])
+        known.paused[own] = False
         gap_ns = behind_ns - before_ns
         longest_ns = np.maximum.reduceat(gap_ns, begin)
         # Of each list the first gap that is as long as its longest one here.
@@ -156,6 +203,7 @@ class SilenceWatcher:
         known.longest_ns[own[longer]] = longest_ns[longer]
         known.begin_ns[own[longer]] = before_ns[row[longer]]
         known.frame[own[longer]] = packet[row[longer]] + first_frame
+        known.first[own[longer]] = ~known.came[own[longer]] & (row[longer] == begin[longer])
         known.last_ns[own] = behind_ns[np.append(begin[1:], len(lists)) - 1]
         known.came[own] = True
 
@@ -168,24 +216,32 @@ class SilenceWatcher:
             if number is None or not known.came[number]:
                 continue
             last_ns, longest_ns = int(known.last_ns[number]), int(known.longest_ns[number])
-            if until_ns - last_ns > longest_ns:
-                found[key] = Silence(last_ns, until_ns - last_ns, last_ns)
+            if until_ns - last_ns > longest_ns and not known.paused[number]:
+                found[key] = Silence(until_ns - last_ns, last_ns, None, is_first=False)
                 continue
             frame = int(known.frame[number]) or None
-            found[key] = Silence(last_ns, longest_ns, int(known.begin_ns[number]) if frame else None, frame)
+            found[key] = Silence(longest_ns, int(known.begin_ns[number]), frame, is_first=bool(known.first[number]))
         return found
 
 
 class _SilentColumns(KeyedColumns):
-    """One row a list: whether it came, when last, its longest silence, when that began, the frame that ended it."""
+    """One row a list: whether it came, when last, whether nobody listens to it.
+
+    Of its longest silence: how long it was, when it began, the frame that ended it, 0 for none, and whether it was
+    before its first telegram.
+    """
 
     came: Bool
+    paused: Bool
+    first: Bool
     last_ns: I64
     longest_ns: I64
     begin_ns: I64
     frame: I64
     COLUMNS: ClassVar = {
         "came": (np.False_, 1),
+        "paused": (np.False_, 1),
+        "first": (np.True_, 1),
         "last_ns": (np.int64(0), 1),
         "longest_ns": (np.int64(0), 1),
         "begin_ns": (np.int64(0), 1),

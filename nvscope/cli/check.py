@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -15,6 +16,8 @@ from nvscope.cli.encodings import as_data
 from nvscope.cli.live import LiveOptions, captured, with_live_options
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
+    NOTHING_BETWEEN,
+    BitRateOption,
     ChannelMapOption,
     DecodeOption,
     ForceOption,
@@ -25,6 +28,8 @@ from nvscope.cli.sources import (
     asked_range,
     duration_ns,
     port_rules,
+    tell_of_bit_rates,
+    tell_of_channels,
     tell_of_losses,
     with_channels,
 )
@@ -99,6 +104,7 @@ def check(
     project: ProjectOption = None,
     decode: DecodeOption = None,
     channel_map: ChannelMapOption = None,
+    bit_rates: BitRateOption = None,
     from_time: FromTimeOption = None,
     to_time: ToTimeOption = None,
     utc: Annotated[bool, typer.Option("--utc", help="Take --from-time and --to-time as UTC.")] = False,
@@ -130,6 +136,7 @@ def check(
     ports = port_rules(decode)
     asked = asked_range(from_time, to_time, utc=utc)
     plant = with_channels(project_of(project, gvl, paths), channel_map)
+    plant = replace(plant, buses=plant.buses.overridden(bit_rates or ()))
     files = rules or _found(plant)
     told = _read(files)
 
@@ -171,6 +178,11 @@ def check(
         from nvscope.check.lines import lines
 
         _show(lines(found, files, inquiry.paths, width()), colour)
+    buses = [bus.channel for bus in found.scene.snapshot.summary.can.buses]
+    tell_of_channels(channel_map, buses)
+    tell_of_bit_rates(bit_rates, buses)
+    if asked and not found.scene.snapshot.summary.capture.frames:
+        echo(NOTHING_BETWEEN, err=True)
     unread = tell_of_losses(found.infos)
     if code := exit_code(found, fail_on) or unread:
         raise typer.Exit(code)

@@ -16,6 +16,7 @@ from nvscope.cli.live import LiveOptions, captured, with_live_options
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
+    BitRateOption,
     ChannelMapOption,
     DecodeOption,
     FilterOption,
@@ -92,16 +93,7 @@ def report(
             show_default=False,
         ),
     ] = None,
-    bit_rates: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--bitrate",
-            metavar="[CHANNEL@]RATE[,RATE]",
-            help="Bit rate of CAN buses, of one channel or of all, behind a comma that of CAN FD's data phase; without "
-            "it, what the project says, or what the frames tell.",
-            show_default=False,
-        ),
-    ] = None,
+    bit_rates: BitRateOption = None,
     max_streams: Annotated[
         int | None,
         typer.Option(

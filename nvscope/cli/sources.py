@@ -98,6 +98,17 @@ ChannelMapOption = Annotated[
     ),
 ]
 
+BitRateOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--bitrate",
+        metavar="[CHANNEL@]RATE[,RATE]",
+        help="Bit rate of CAN buses, of one channel or of all, behind a comma that of CAN FD's data phase; without it, "
+        "what the project says, or what the frames tell.",
+        show_default=False,
+    ),
+]
+
 NOTHING_BETWEEN = "nvscope: no frame lies in the time that --from-time and --to-time leave."
 
 _DECODE_AS = re.compile(r"\s*udp\.port\s*==\s*(\d+)(?:-(\d+))?\s*,\s*(\w+)\s*", re.ASCII)

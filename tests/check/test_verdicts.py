@@ -14,6 +14,7 @@ from nvscope.capture.open import open_sink, open_source
 from nvscope.capture.source import Circumstances
 from nvscope.check.watchers import IntervalWatcher
 from tests.capture.mcap.recordings import Packet, write
+from tests.check.plants import captured
 from tests.laws import examples
 from tests.oracle.builders import data_frame, telegram
 from tests.packets import batch_of, observed
@@ -146,9 +147,9 @@ def test_a_cycle_without_an_interval_cannot_be_judged(tmp_path: Path) -> None:
 
 def test_a_silence_lasts_until_the_end_of_the_capture(tmp_path: Path) -> None:
     """Another list goes on: only so it is known that the one has stopped."""
-    one, other = at(tmp_path, STOPPED).rename(tmp_path / "one.pcap"), at(tmp_path, EVERY_100, index=8)
+    both = captured(tmp_path, [*((at_ms, 7, []) for at_ms in STOPPED), *((at_ms, 8, []) for at_ms in EVERY_100)])
     rules = ruled(tmp_path, 'check = "silence"\nlist = 7\nmax = "1s"', 'check = "silence"\nlist = 8\nmax = "1s"')
-    done = run_text("check", one, other, "--rules", rules, "--json")
+    done = run_text("check", both, "--rules", rules, "--json")
     stopped, goes_on = json.loads(done.stdout)["rules"]
     assert (stopped["verdict"], goes_on["verdict"]) == ("fail", "pass")
     (subject,) = stopped["subjects"]

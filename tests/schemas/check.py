@@ -1,13 +1,14 @@
-"""The schemas of rules and of what comes of them: ``nvscope.rules/1`` and ``nvscope.check/1``."""
+"""The schemas of rules, of what comes of them, and of what differs between captures."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
+from nvscope.analysis.comparison import KINDS
 from nvscope.check.catalogue import CATALOGUE
 from nvscope.check.parameters import REQUIRED
-from nvscope.check.rules import COMMON, DEFAULTS, SEVERITIES
+from nvscope.check.rules import COMMON, DEFAULTS, SEVERITIES, TEST
 from nvscope.check.verdict import Verdict
 from nvscope.toml_table import ValueKind
 from tests.schemas.report import capture
@@ -79,6 +80,24 @@ def check() -> Schema:
     )  # fmt: skip
 
 
+def captures_difference() -> Schema:
+    """Return the schema of ``diff --json``."""
+    one = {
+        "kind": word(KINDS),
+        "list": maybe(LIST_KEY),
+        "node": maybe(text("address of the sender; null where it is about all of them")),
+        "subindex": maybe(SUBINDEX | {"description": "null where the list has but one"}),
+        "what": text("what differs; of kind figure its name"),
+        "a": maybe(text("what it is in A, in words; null where it is not there")),
+        "b": maybe(text("what it is in B")),
+        "why": text("by what it is no chance; empty where it is a fact"),
+    }
+    return document(
+        "captures-diff", "`nvscope diff --json`: what differs between two captures of a plant",
+        {"a": capture(), "b": capture(), "differences": several(record(one), "by list, those of no list last")},
+    )  # fmt: skip
+
+
 def rules() -> Schema:
     """Return the schema of a rule file, as editors read it."""
     of_rules = []
@@ -96,8 +115,14 @@ def rules() -> Schema:
             "include": {"type": ["string", "array"], "items": {"type": "string"}},
             "defaults": record({name: _key(*told) for name, told in DEFAULTS.items()}, DEFAULTS),
             "rule": several({"anyOf": of_rules}),
+            "test": several(
+                record(
+                    {name: _key(*told) for name, told in TEST.items()}, [one for one in TEST if TEST[one][2] is None]
+                ),
+                "tests of rules, which `nvscope check --self-test` runs",
+            ),
         },
-        ["include", "defaults", "rule"],
+        ["include", "defaults", "rule", "test"],
     )
     return headed("rules", "`nvscope check --rules`: a file of rules, as editors check it", schema)
 

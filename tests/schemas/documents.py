@@ -8,7 +8,7 @@ from pathlib import Path
 
 import nvscope.schemas
 from nvscope.tracker.figures import FIGURES
-from tests.schemas.check import check, rules
+from tests.schemas.check import captures_difference, check, rules
 from tests.schemas.definitions import difference, doctor, explain, fields, layout, lint
 from tests.schemas.packets import packets
 from tests.schemas.paths import Told, paths_of
@@ -35,6 +35,7 @@ SCHEMAS: Mapping[str, Callable[[], Schema]] = {
     "truth": simulated_truth,
     "watch": watch,
     "check": check,
+    "captures-diff": captures_difference,
 }
 
 BINARY: Mapping[str, Callable[[], Schema]] = {"packets": packets, "rules": rules}

@@ -47,6 +47,10 @@ def make_odd_plant(folder: Path) -> None:
     (folder / "named.toml").write_text('definitions = ["eth.gvl"]\n[nodes]\n"10.0.0.1" = { name = "press" }\n')
     (folder / "empty.toml").write_text(_EMPTY_SCENARIO)
     (folder / "odd.rules.toml").write_text('[[rule]]\nid = "gaps"\ncheck = "gap"\n')
+    (folder / "variables.rules.toml").write_text(
+        '[[rule]]\nid = "still"\ncheck = "frozen"\nvariable = "*"\nmax = "1s"\n'
+        '[[rule]]\nid = "load"\ncheck = "bus_load"\nmax = "50%"\n'
+    )
     values = [_values(number) for number in range(_SENT)]
     frames = []
     for number, data in enumerate(values):
@@ -57,6 +61,8 @@ def make_odd_plant(folder: Path) -> None:
         frames.append(telegram(b"\0", 3, subindex=0, counter=number, ts_ns=at_ns + 2 * _MS, list_id=11))
     _write(folder / "eth.pcap", frames)
     _write(folder / "one.pcap", frames[:1])
+    split = [telegram(b"\0\0", 1, subindex=part, counter=1, ts_ns=_START_NS + part, list_id=9) for part in (0, 1)]
+    _write(folder / "split.pcap", split)
     (folder / "cut.pcap").write_bytes((folder / "one.pcap").read_bytes()[:40])
     simulated(_TWO_READERS).write(folder / "two_readers.pcap")
     lines = []

@@ -73,7 +73,11 @@ def _bus_load(known: Evidence, lists: Collection[ListKey], told: Mapping[str, An
     for bus in buses:
         busiest = watcher.busiest.get(bus.channel)
         if bus.bit_rate is None or busiest is None:
-            reason = "nobody knows its bit rate: the project file can say it" if busiest else "there is no frame of it"
+            reason = (
+                "nobody knows its bit rate: --bitrate tells it, or the project"
+                if busiest
+                else "there is no frame of it"
+            )
             yield Judged(Verdict.INCONCLUSIVE, channel=bus.channel, reason=reason, limit=told["max"], unit="ratio")
             continue
         bits, fast_bits, begin_ns, frame = busiest

@@ -10,7 +10,8 @@ from nvscope.check.check import Check, Evidence, Setting
 from nvscope.check.condition import told_of_plants
 from nvscope.check.doubt import doubt
 from nvscope.check.figure_windows import FigureWindows
-from nvscope.check.moments import FirstWatcher, Occurrences, SequenceWatcher, TruthWatcher, WaitWatcher
+from nvscope.check.moments import FirstWatcher, SequenceWatcher, TruthWatcher, WaitWatcher
+from nvscope.check.occurrences import Occurrences
 from nvscope.check.parameters import AMOUNT, EXPRESSION, EXPRESSIONS, REQUIRED, Parameter, Unfit
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.findings.finding import Finding
@@ -69,7 +70,7 @@ def _sequence(known: Evidence, lists: Collection[ListKey], told: Mapping[str, An
         verdict, reason = Verdict.FAIL, f"{watcher.reason}, {watcher.broken} of {count_of(watcher.runs, 'run')}"
         if why := doubt(known, watcher.first_ns):
             verdict, reason = Verdict.INCONCLUSIVE, why
-    elif watcher.is_open and watcher.runs == 1:
+    elif watcher.undecided == watcher.runs:
         verdict, reason = Verdict.INCONCLUSIVE, _TOO_SHORT
     yield Judged(
         verdict, reason=reason, worst=_seconds(watcher.longest_ns), limit=limit, unit="s", count=watcher.broken,
@@ -162,7 +163,7 @@ def _occurrence(known: Evidence, lists: Collection[ListKey], told: Mapping[str, 
     watcher: Occurrences = told["watched"]
     if known.since_ns is None or known.until_ns is None:
         return
-    windows = (known.until_ns - known.since_ns) // told["per"]
+    windows = watcher.windows(known.until_ns)
     if not windows:
         yield Judged(Verdict.INCONCLUSIVE, reason=_TOO_SHORT)
         return
@@ -189,24 +190,22 @@ def _watch_sequence(setting: Setting, told: Mapping[str, Any]) -> SequenceWatche
 def _of_windows(
     known: Evidence, watcher: Occurrences, number: int, key: ListKey | None, windows: int, told: Mapping[str, Any]
 ) -> Judged:  # fmt: skip
-    counts = watcher.of(number).up_to(windows)
+    assert known.until_ns is not None
+    counts = watcher.counts(number, known.until_ns)
     fewest, highest = counts.fewest or 0, counts.highest or 0
     least, most = told["min"], told["max"]
     rooms = [] if least is None else [(fewest - least, fewest, least, False)]
     rooms += [] if most is None else [(most - highest, highest, most, True)]
     room, worst, limit, above = min(rooms)
     verdict, reason = Verdict.FAIL if room < 0 else Verdict.PASS, ""
-    begin_ns = None
     if room < 0:
-        assert counts.first_window is not None
-        begin_ns = known.since_ns + counts.first_window * told["per"] if known.since_ns is not None else None
         reason = f"{counts.broken} of {count_of(windows, 'window')}"
-        if not above and (why := doubt(known, begin_ns)):
+        if not above and (why := doubt(known, counts.first_ns)):
             verdict, reason = Verdict.INCONCLUSIVE, why
     unit = "telegrams" if key is not None else "events"
     return Judged(
         verdict, key, reason=reason, worst=worst, limit=limit, above=above, unit=unit, count=counts.broken,
-        first_ns=begin_ns, frames=tuple(counts.frames),
+        first_ns=counts.first_ns, frames=tuple(counts.frames),
     )  # fmt: skip
 
 

@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 from nvscope.check.check import Check, Evidence
+from nvscope.check.doubt import BEGAN_LATER, doubt
 from nvscope.check.parameters import Parameter
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.list_key import ListKey
@@ -35,6 +36,10 @@ def _present(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any
             verdict = Verdict.PASS
         elif _is_too_short(known, within_ns):
             verdict, reason = Verdict.INCONCLUSIVE, _TOO_SHORT
+        elif came_ns is None and (why := doubt(known, None)):
+            verdict, reason = Verdict.INCONCLUSIVE, why
+        elif came_ns is not None and known.since_ns is not None and known.began_between(known.since_ns, came_ns):
+            verdict, reason = Verdict.INCONCLUSIVE, BEGAN_LATER
         worst_s = None if took_ns is None else took_ns / _SECOND_NS
         yield Judged(verdict, key, reason=reason, worst=worst_s, limit=limit_s, unit="s", first_ns=came_ns)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from nvscope.check.asked_rows import EVERY_LIST, OfLists
 from nvscope.check.check import Check, Evidence, Setting
-from nvscope.check.doubt import doubt
+from nvscope.check.doubt import BEGAN_LATER, doubt
 from nvscope.check.parameters import PERCENT_OR_TIME, RATIO, REQUIRED, Parameter
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.check.watchers import IntervalWatcher, SilenceWatcher, StreamIntervals
@@ -115,7 +115,9 @@ def _silence(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any
         worst = silence.longest_ns / _SECOND_NS
         fails = silence.longest_ns > told["max"]
         verdict, reason = Verdict.FAIL if fails else Verdict.PASS, ""
-        if fails and (why := doubt(known, silence.begin_ns)):
+        if fails and silence.is_first and known.began_between(silence.begin_ns, silence.begin_ns + silence.longest_ns):
+            verdict, reason = Verdict.INCONCLUSIVE, BEGAN_LATER
+        elif fails and (why := doubt(known, silence.begin_ns)):
             verdict, reason = Verdict.INCONCLUSIVE, why
         elif not fails and known.until_ns - known.since_ns < told["max"]:
             verdict, reason = Verdict.INCONCLUSIVE, "the capture is shorter than the rule needs"
