@@ -32,6 +32,11 @@ class BehindWarmUp:
     def observers(self) -> Sequence[Observer]:
         return () if self.windows is None or self._before is None else (self._before, self.windows)
 
+    @property
+    def is_ahead(self) -> bool:
+        """Whether nothing has come behind the warm-up so far."""
+        return self.windows is not None and self.windows.open() is None
+
     def cut(self, source: Source) -> Source:
         return source if self.windows is None else self.windows.cut(source)
 

@@ -8,6 +8,7 @@ from types import MappingProxyType
 from nvscope.check.check import Check
 from nvscope.check.checks import (
     answers,
+    baseline,
     buses,
     counters,
     expressions,
@@ -31,6 +32,7 @@ CATALOGUE: Mapping[str, Check] = MappingProxyType(
             *expressions.CHECKS,
             *findings.CHECKS,
             *buses.CHECKS,
+            *baseline.CHECKS,
         )
     }
 )

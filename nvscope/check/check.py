@@ -31,7 +31,7 @@ class Evidence:
     ``summary`` and ``subjects`` are of the time behind the warm-up, which begins at ``since_ns`` and ends at
     ``until_ns``; ``keys`` are the keys of lists by number. ``frames`` are those of the first events. ``drops`` is how
     many packets the capture says it lost, ``truncated`` why it ends before its end, "" where it does not; ``starts_ns``
-    is when each of the captures begins.
+    is when each of the captures begins; ``ends_early``: before the warm-up is over.
     """
 
     summary: Summary
@@ -49,6 +49,7 @@ class Evidence:
     drops: int = 0
     truncated: str = ""
     starts_ns: Sequence[int] = ()
+    ends_early: bool = False
 
     def began_between(self, since_ns: int, until_ns: int) -> bool:
         """Tell whether one of the captures begins within a time."""

@@ -10,7 +10,8 @@ import numpy as np
 
 from dissectors.batch import PacketBatch
 from nvscope.capture.source import Sink
-from nvscope.check.run import Checked, Decided
+from nvscope.check.deciding import Decided
+from nvscope.check.run import Checked
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.check.words import sentence, shown
 from nvscope.view.escape import visible

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from itertools import groupby
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from nvscope.check.run import Checked, Decided
+from nvscope.check.deciding import Decided
+from nvscope.check.run import Checked
 from nvscope.check.verdict import Verdict
 from nvscope.check.words import command, sentence, shown
 from nvscope.view.escape import visible

@@ -6,7 +6,8 @@ import os
 from collections.abc import Iterator, Sequence
 
 from nvscope import units
-from nvscope.check.run import Checked, Decided
+from nvscope.check.deciding import Decided
+from nvscope.check.run import Checked
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.check.words import command, margin, measures, shown, subject, value_in_words, when
 from nvscope.view.escape import visible

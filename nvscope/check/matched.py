@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from nvscope import units
-from nvscope.check.run import Checked, Decided
+from nvscope.check.deciding import Decided
+from nvscope.check.run import Checked
 from nvscope.check.verdict import Verdict
 from nvscope.list_key import ListKey
 from nvscope.view.escape import visible

@@ -103,6 +103,7 @@ def _number_or_time(value: Any, place: Place) -> float:
     return value if isinstance(value, int) else read
 
 
+RULE_FILE = ValueKind("file of rules", lambda value, place: str(TEXT.read(value, place)), schema={"type": "string"})
 EXPRESSION = ValueKind("expression", _expression, schema={"type": "string", "minLength": 1})
 EXPRESSIONS = array(EXPRESSION)
 NUMBER = number(-1e308, 1e308)

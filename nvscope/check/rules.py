@@ -11,7 +11,7 @@ from typing import Any
 
 from nvscope.check.catalogue import CATALOGUE
 from nvscope.check.check import Check
-from nvscope.check.parameters import EXPRESSION, EXPRESSIONS, NAME, NUMBER_OR_TIME, REQUIRED, Unfit
+from nvscope.check.parameters import EXPRESSION, EXPRESSIONS, NAME, NUMBER_OR_TIME, REQUIRED, RULE_FILE, Unfit
 from nvscope.errors import ConfigurationError, UsageError
 from nvscope.toml_table import FLAG, LENGTH, SPAN, TEXT, Place, ValueKind, array, choice, mapping, nearest, read_toml
 
@@ -66,6 +66,8 @@ class Rule:
     optional: bool
     when: str
     place: Place = field(repr=False)
+    inner: Sequence[Rule] = ()
+    """Those of the file that it stands for."""
 
     @property
     def path(self) -> str:
@@ -169,7 +171,9 @@ def rules_of(tables: Sequence[Mapping[str, Any]], where: str) -> Rules:
 class _Reader:
     """Reads files one after the other, and keeps on where something is wrong."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, inner: bool = False) -> None:
+        """``inner``: what it reads is what a rule of another file stands for."""
+        self._inner = inner
         self.found = Rules()
         self.mistakes: list[ConfigurationError] = []
         self._places: dict[str, str] = {}
@@ -260,14 +264,34 @@ class _Reader:
                 self._note(
                     place.below("id").error(f"'{name}' is the id of another rule: {first}", "Give one another id.")
                 )
+        inner = () if check is None else self._rules_within(check, own, place)
+        if inner and known.get("list"):
+            self._note(place.below("list").error("the rules of its file say which lists they are for"))
         if len(self.mistakes) > before or check is None:
             return
         self.found.rules.append(
             Rule(
                 known["id"], check, own, known["list"], known["severity"] or severity, known["description"],
-                known["optional"], known["when"], place,
+                known["optional"], known["when"], place, inner,
             )
         )  # fmt: skip
+
+    def _rules_within(self, check: Check, own: Mapping[str, Any], place: Place) -> Sequence[Rule]:
+        """Return the rules of the file that a rule names, where its check is about one."""
+        for name in (one.name for one in check.parameters if one.kind is RULE_FILE and one.name in own):
+            where = place.below(name)
+            if self._inner:
+                self._note(where.error("a file that a rule names has no rules that name files", "include takes some"))
+                continue
+            reader = _Reader(inner=True)
+            reader.read(str(Path(place.path).parent / own[name]))
+            self.mistakes += reader.mistakes
+            self.found.paths += reader.found.paths
+            self.found.warmup_ns = max(self.found.warmup_ns, reader.found.warmup_ns)
+            if not reader.found.rules and not reader.mistakes:
+                self._note(where.error("there is no rule in that file", "a rule begins with [[rule]]"))
+            return reader.found.rules
+        return ()
 
     def _keys(
         self, table: Any, place: Place, kinds: Mapping[str, tuple[ValueKind, str, Any]],

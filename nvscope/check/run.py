@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,12 +15,12 @@ from nvscope.check.asked_rows import AskedRows
 from nvscope.check.behind_warm_up import BehindWarmUp
 from nvscope.check.check import Evidence, Setting
 from nvscope.check.condition import compiled
+from nvscope.check.deciding import Decided, WatchedRule, called_lists, decided, tell_of_unknown
 from nvscope.check.figure_windows import FigureWindows
 from nvscope.check.first_frames import FirstFrames
-from nvscope.check.lists import CalledLists
 from nvscope.check.rules import Mistakes, Rule, Rules
-from nvscope.check.verdict import Judged, Verdict, worst_of
-from nvscope.engine.run import Observer, run
+from nvscope.check.verdict import Verdict
+from nvscope.engine.run import run
 from nvscope.errors import ConfigurationError, UsageError
 from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey
@@ -30,17 +29,6 @@ from nvscope.tracker.subjects import subjects
 
 _RING_BYTES = 0
 _LOOK_S = 1.0
-_ON_THE_WIRE = re.compile(r"(?:udp/\d+/|can/[^/]+/)?(?:\d+x?|0x[0-9a-fA-F]+)")
-
-
-@dataclass(frozen=True, slots=True)
-class Decided:
-    """A rule, its verdict, that of each of its subjects, in the order of lists and streams, and its lists."""
-
-    rule: Rule
-    verdict: Verdict
-    subjects: Sequence[Judged]
-    lists: Sequence[ListKey] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +37,12 @@ class Checked:
 
     decided: Sequence[Decided]
     scene: Scene
-    names: Mapping[ListKey, str]
+    known: Evidence
+
+    @property
+    def names(self) -> Mapping[ListKey, str]:
+        """What lists are called."""
+        return self.known.names
 
     @property
     def infos(self) -> Sequence[SourceInfo]:
@@ -58,15 +51,6 @@ class Checked:
     def of(self, verdict: Verdict) -> Sequence[Decided]:
         """Return the rules with a verdict."""
         return [one for one in self.decided if one.verdict is verdict]
-
-
-@dataclass(slots=True)
-class _Watched:
-    """A rule, what watches for it, and why it cannot be judged, "" where it can."""
-
-    rule: Rule
-    watcher: Observer | None = None
-    reason: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,13 +96,14 @@ class _Judge:
     """What watches for all rules, and what is known of them at any time."""
 
     def __init__(
-        self, inquiry: Inquiry, rules: Sequence[_Watched], source: Source, since_ns: int | None, how: Judging
+        self, inquiry: Inquiry, rules: Sequence[WatchedRule], source: Source, since_ns: int | None, how: Judging
     ) -> None:  # fmt: skip
         self._inquiry = inquiry
         self._rules = rules
         self._frames = FirstFrames(since_ns)
         # Several rules may have one in common.
-        watchers = list({id(one.watcher): one.watcher for one in self._rules if one.watcher is not None}.values())
+        every = [one for rule in self._rules for one in rule.each()]
+        watchers = list({id(one.watcher): one.watcher for one in every if one.watcher is not None}.values())
         for one in watchers:
             if isinstance(one, FigureWindows):
                 source = one.windows.cut(source)
@@ -132,9 +117,9 @@ class _Judge:
     def is_broken(self) -> bool:
         """Tell whether a rule of severity error is broken by now, and not only since something may still come."""
         known = self._evidence(self._watched.look())
-        called = _called(known)
+        called = called_lists(known)
         return any(
-            one.rule.severity == "error" and _decided(one, known, called).verdict is Verdict.FAIL
+            one.rule.severity == "error" and decided(one, known, called).verdict is Verdict.FAIL
             for one in self._rules
             if one.rule.parameters.get("within", 0) is not None
         )
@@ -143,25 +128,35 @@ class _Judge:
         """Return all verdicts."""
         scene = self._watched.look()
         known = self._evidence(scene)
-        called = _called(known)
-        decided = [_decided(one, known, called) for one in self._rules]
-        _tell_of_unknown(self._rules, known, called)
-        return Checked(decided, scene, known.names)
+        called = called_lists(known)
+        found = [decided(one, known, called) for one in self._rules]
+        tell_of_unknown(self._rules, known, called)
+        return Checked(found, scene, known)
 
     def _evidence(self, scene: Scene) -> Evidence:
         return _evidence(self._inquiry, scene, self._counted, self._watched.state, self._frames)
 
 
-def watching(inquiry: Inquiry, rules: Rules, since_ns: int | None) -> list[_Watched]:
+def watching(inquiry: Inquiry, rules: Rules, since_ns: int | None) -> list[WatchedRule]:
     """Return what watches for each rule; Mistakes with all that rules ask for and that there is not."""
     names = {key: entry.name for key, entry in inquiry.project.definition.by_key().items() if entry.name}
     setting = Setting(
         inquiry.project.definition.nominal_intervals_ns(), inquiry.fields, AskedRows(names), names, inquiry.layouts,
         since_ns=since_ns,
     )  # fmt: skip
-    found, mistakes = [], []
-    for rule in rules.rules:
-        one = _Watched(rule)
+    mistakes: list[ConfigurationError] = []
+    found = _watching(inquiry, rules.rules, setting, mistakes)
+    if mistakes:
+        raise Mistakes(mistakes)
+    return found
+
+
+def _watching(
+    inquiry: Inquiry, rules: Sequence[Rule], setting: Setting, mistakes: list[ConfigurationError]
+) -> list[WatchedRule]:  # fmt: skip
+    found = []
+    for rule in rules:
+        one = WatchedRule(rule, inner=_watching(inquiry, rule.inner, setting, mistakes))
         found.append(one)
         own = replace(setting, lists=tuple(rule.lists), when=rule.when)
         if setting.layouts is None and (rule.check.needs_definitions or rule.names_variables):
@@ -173,8 +168,6 @@ def watching(inquiry: Inquiry, rules: Rules, since_ns: int | None) -> list[_Watc
             one.watcher = rule.check.watch(own, rule.parameters) if rule.check.watch and not wrong else None
         except UsageError as error:
             mistakes.append(rule.mistake(error))
-    if mistakes:
-        raise Mistakes(mistakes)
     return found
 
 
@@ -215,54 +208,10 @@ def _evidence(
     return Evidence(
         summary, list(subjects(summary)), keys, names, findings, causes, frames, project, counted.cycles(state),
         matching, begin_ns, known.summary.end_ns, drops, truncated,
-        [info.start_ns for info in known.infos if info.start_ns is not None],
+        [info.start_ns for info in known.infos if info.start_ns is not None], counted.is_ahead,
     )  # fmt: skip
 
 
 def _counts(until_ns: int | None, since_ns: int | None) -> bool:
     """Tell whether what went on up to a time, None: up to the end, goes on behind the warm-up."""
     return since_ns is None or until_ns is None or until_ns >= since_ns
-
-
-def _decided(watched: _Watched, known: Evidence, called: CalledLists) -> Decided:
-    rule = watched.rule
-    if watched.reason:
-        return Decided(rule, Verdict.INCONCLUSIVE, [Judged(Verdict.INCONCLUSIVE, reason=watched.reason)])
-    lists, unknown = called.chosen(rule.lists)
-    told = {**rule.parameters, "watched": watched.watcher, "list_named": bool(rule.lists)}
-    judged = list(rule.check.judge(known, lists, told)) if lists or not rule.lists else []
-    for name in unknown:
-        # What has to be absent is, as long as it is told by what is on the wire and not by a name.
-        on_the_wire = _ON_THE_WIRE.fullmatch(name) is not None
-        verdict = Verdict.PASS if rule.check.name == "absent" and on_the_wire else Verdict.INCONCLUSIVE
-        judged.append(Judged(verdict, reason=f"no list is called {name}", vacuous=on_the_wire))
-    if not judged:
-        judged = [Judged(Verdict.INCONCLUSIVE, reason="nothing was there to be judged", vacuous=True)]
-    if rule.optional:
-        judged = [replace(one, verdict=Verdict.PASS) if one.vacuous else one for one in judged]
-    return Decided(rule, worst_of(judged), judged, sorted(lists))
-
-
-def _called(known: Evidence) -> CalledLists:
-    """Return the lists that came, and those that are defined for one place."""
-    keys = dict.fromkeys((*known.keys.values(), *(key for key in known.names if key.port)))
-    return CalledLists(keys, known.names)
-
-
-def _tell_of_unknown(rules: Sequence[_Watched], known: Evidence, called: CalledLists) -> None:
-    """Raise Mistakes where rules name lists that neither definitions nor captures know, if definitions are given."""
-    if not known.project.definition.by_key():
-        return
-    mistakes: list[ConfigurationError] = []
-    for one in rules:
-        _, unknown = called.chosen(one.rule.lists)
-        for name in unknown:
-            if (one.rule.check.name == "absent" or one.rule.optional) and _ON_THE_WIRE.fullmatch(name):
-                continue
-            error = UsageError(
-                f"no list is called '{name}', neither by definitions nor in the capture",
-                next_step=f"there are {', '.join(sorted(set(known.names.values()))[:6])}" if known.names else "",
-            )
-            mistakes.append(one.rule.mistake(error, "list"))
-    if mistakes:
-        raise Mistakes(mistakes)

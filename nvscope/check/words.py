@@ -6,7 +6,8 @@ import shlex
 from collections.abc import Sequence
 
 from nvscope import units
-from nvscope.check.run import Checked, Decided
+from nvscope.check.deciding import Decided
+from nvscope.check.run import Checked
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.view.escape import visible
 

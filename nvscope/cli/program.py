@@ -21,6 +21,7 @@ VERBS = {
     "recover": "nvscope.cli.recover:recover",
     "replay": "nvscope.cli.replay:replay",
     "check": "nvscope.cli.check:check",
+    "baseline": "nvscope.cli.baseline:baseline",
     "diff": "nvscope.cli.diff:diff",
     "gvl": "nvscope.cli.gvl:app",
     "simulate": "nvscope.cli.simulate:simulate",

@@ -19,9 +19,10 @@ from nvscope.analysis.attached_project import with_attached
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.capture.attaching import that_may_attach
 from nvscope.check.catalogue import CATALOGUE
+from nvscope.check.deciding import Decided
 from nvscope.check.parameters import REQUIRED, Parameter
 from nvscope.check.rules import Mistakes, Rules, read_rules, rules_of
-from nvscope.check.run import Checked, Decided, checked
+from nvscope.check.run import Checked, checked
 from nvscope.check.verdict import Verdict
 from nvscope.check.words import command, sentence, shown
 from nvscope.definition.project import find_project

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:  # every run of pytest loads this file, whether it tests a plant or not
+    from nvscope.check.deciding import Decided
     from nvscope.check.rules import Rules
-    from nvscope.check.run import Checked, Decided
+    from nvscope.check.run import Checked
     from nvscope.testing.assertions import UnderTest
 
 _SUFFIX = ".rules.toml"

@@ -117,6 +117,7 @@ def test_the_schema_allows_what_is_read_and_nothing_else() -> None:
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_examples_of_checks_are_rules(name: str, tmp_path: Path) -> None:
     text = f'[[rule]]\nid = "x"\n{CATALOGUE[name].example}\n'
+    written(tmp_path / "learnt.toml", '[[rule]]\nid = "y"\ncheck = "gap"\n')
     (rule,) = read_rules([written(tmp_path / "x.rules.toml", text)]).rules
     assert rule.check.name == name
     assert list(Draft202012Validator(SCHEMA).iter_errors(tomllib.loads(text))) == []

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import given
@@ -12,36 +11,19 @@ from hypothesis import strategies as st
 
 from nvscope.capture.open import open_sink, open_source
 from nvscope.capture.source import Circumstances
+from nvscope.check.catalogue import CATALOGUE
 from nvscope.check.watchers import IntervalWatcher
 from tests.capture.mcap.recordings import Packet, write
-from tests.check.plants import captured
+from tests.check.plants import BEGIN_NS, captured, definitions, judged, ruled
 from tests.laws import examples
 from tests.oracle.builders import data_frame, telegram
 from tests.packets import batch_of, observed
 from tests.program import run_text
-from tests.schemas.validation import mistakes_in
 
 ROOT = Path(__file__).parents[2]
 PLANT = ROOT / "captures" / "plant.pcapng.gz"
 RULES = ROOT / "captures" / "plant.rules.toml"
 SCENARIOS = ROOT / "tests" / "scenarios"
-BEGIN_NS = 1_790_000_000 * 10**9
-
-
-def ruled(tmp_path: Path, *rules: str, defaults: str = "") -> Path:
-    path = tmp_path / "x.rules.toml"
-    texts = [f'[[rule]]\nid = "r{number}"\n{rule}\n' for number, rule in enumerate(rules)]
-    path.write_text(f"[defaults]\n{defaults}\n" + "\n".join(texts))
-    return path
-
-
-def judged(capture: Path, rules: Path, *options: str) -> dict[str, Any]:
-    """Return what is told as data; it is valid."""
-    done = run_text("check", capture, "--rules", rules, "--json", *options)
-    assert done.returncode in (0, 1, 3), done.stderr
-    found: dict[str, Any] = json.loads(done.stdout)
-    assert mistakes_in(found) == []
-    return found
 
 
 def verdicts(capture: Path, tmp_path: Path, *rules: str, defaults: str = "") -> list[str]:
@@ -274,3 +256,18 @@ def test_the_same_input_gives_the_same_output() -> None:
     assert "first at 7.0 s, frame 278" in told
     # What belongs to a rule stands below its first line.
     assert all(line.startswith((" ", "✗", "●")) for line in first.splitlines() if line)
+
+
+_LIMITS = {"cycle": 'interval = "100ms"', "jitter": 'max = "5ms"', "min_gap": 'min = "10ms"', "silence": 'max = "1s"'}
+
+
+@pytest.mark.parametrize("name", [name for name, one in CATALOGUE.items() if one.subject in ("list", "stream")])
+def test_no_rule_is_kept_of_a_list_that_never_came(name: str, tmp_path: Path) -> None:
+    capture = captured(tmp_path, [(number * 100, 7, [number % 20 > 10, 3]) for number in range(60)])
+    rule = f'check = "{name}"\nlist = ["safety", "valve"]\n{_LIMITS.get(name, "")}'
+    options = [text for path in definitions(tmp_path) for text in ("--gvl", path)]
+    (one,) = judged(capture, ruled(tmp_path, rule), *options)["rules"]
+    (valve,) = [subject for subject in one["subjects"] if subject["list"] == "udp/1202/8"]
+    if name != "absent":
+        assert valve["verdict"] == ("fail" if name == "present" else "inconclusive")
+        assert valve["reason"] == "it never came"

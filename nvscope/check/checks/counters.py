@@ -8,7 +8,7 @@ from typing import Any
 from nvscope.check.check import Check, Evidence, Judge
 from nvscope.check.parameters import AMOUNT, RATIO, Parameter
 from nvscope.check.verdict import Judged, Verdict
-from nvscope.list_key import ListKey
+from nvscope.list_key import ListKey, Transport
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.figures import Of
 from nvscope.tracker.frame_counts import STEPS
@@ -18,6 +18,21 @@ from nvscope.units import count_of
 _NOT_BELIEVED = "its counters are not believed: they say that more was lost than there was time to send"
 _OF_NETWORK = ("lost", "gaps", "longest_gap")
 """What the capture itself may have lost."""
+
+
+_OF_HEADERS = ("malformed", "duplicates", "overtaken")
+"""What a header tells: frames of CAN have none."""
+
+
+def _is_on_can(known: Evidence, subject: Subject) -> bool:
+    assert subject.list is not None
+    return known.keys[subject.list].transport is Transport.CAN
+
+
+def _without_header(known: Evidence, subject: Subject, limit: float, unit: str) -> Judged:
+    assert subject.list is not None
+    reason = "it is on CAN, where telegrams have no header that tells it"
+    return Judged(Verdict.INCONCLUSIVE, known.keys[subject.list], reason=reason, limit=limit, unit=unit, vacuous=True)
 
 
 def _figure(subject: Subject, name: str) -> float | None:
@@ -61,7 +76,12 @@ def _loss(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) 
 def _counted(figure: str, unit: str) -> Judge:
     def judge(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
         for subject in known.of(Of.LIST, lists):
-            yield _at_most(known, subject, figure, _figure(subject, figure), told["max"], unit)
+            value = _figure(subject, figure)
+            if value is None and figure in _OF_HEADERS and _is_on_can(known, subject):
+                if told["list_named"]:
+                    yield _without_header(known, subject, told["max"], unit)
+                continue
+            yield _at_most(known, subject, figure, value, told["max"], unit)
 
     return judge
 

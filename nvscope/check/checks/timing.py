@@ -40,7 +40,8 @@ def _cycle(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any])
             judged.add(one.key)
             yield _of_stream(known, one, told)
     # Of every list that there is, only some have an interval.
-    for key in sorted(set(lists) - judged) if told["list_named"] or told["interval"] or not judged else ():
+    others = (set(lists) & set(known.keys.values())) - judged
+    for key in sorted(others) if told["list_named"] or told["interval"] or not judged else ():
         yield Judged(Verdict.INCONCLUSIVE, key, reason=_NO_NOMINAL if not told["interval"] else _TOO_FEW)
 
 

@@ -1,0 +1,104 @@
+"""Decides rules by what is known of captures: each by itself, and each of its subjects by itself."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from nvscope.check.check import Evidence
+from nvscope.check.lists import CalledLists
+from nvscope.check.rules import Mistakes, Rule
+from nvscope.check.verdict import Judged, Verdict, worst_of
+from nvscope.engine.run import Observer
+from nvscope.errors import ConfigurationError, UsageError
+from nvscope.list_key import ListKey
+from nvscope.tracker.figures import Of
+
+_ON_THE_WIRE = re.compile(r"(?:udp/\d+/|can/[^/]+/)?(?:\d+x?|0x[0-9a-fA-F]+)")
+
+
+@dataclass(frozen=True, slots=True)
+class Decided:
+    """A rule, its verdict, that of each of its subjects, in the order of lists and streams, and its lists."""
+
+    rule: Rule
+    verdict: Verdict
+    subjects: Sequence[Judged]
+    lists: Sequence[ListKey] = ()
+
+
+@dataclass(slots=True)
+class WatchedRule:
+    """A rule, what watches for it, and why it cannot be judged, "" where it can; the rules of the file it names."""
+
+    rule: Rule
+    watcher: Observer | None = None
+    reason: str = ""
+    inner: Sequence[WatchedRule] = ()
+
+    def each(self) -> Iterator[WatchedRule]:
+        """Yield it, and those of the file that it stands for."""
+        yield self
+        yield from self.inner
+
+
+def decided(watched: WatchedRule, known: Evidence, called: CalledLists) -> Decided:
+    """Return the verdict on a rule, by all that is known."""
+    rule = watched.rule
+    if watched.reason:
+        return Decided(rule, Verdict.INCONCLUSIVE, [Judged(Verdict.INCONCLUSIVE, reason=watched.reason)])
+    if known.ends_early:
+        reason = "the capture ends before the warm-up is over"
+        return Decided(rule, Verdict.INCONCLUSIVE, [Judged(Verdict.INCONCLUSIVE, reason=reason)])
+    lists, unknown = called.chosen(rule.lists)
+    told = {**rule.parameters, "watched": watched.watcher, "list_named": bool(rule.lists)}
+    told["inner"] = [decided(one, known, called) for one in watched.inner]
+    judged = list(rule.check.judge(known, lists, told)) if lists or not rule.lists else []
+    for name in unknown:
+        # What has to be absent is, as long as it is told by what is on the wire and not by a name.
+        on_the_wire = _ON_THE_WIRE.fullmatch(name) is not None
+        verdict = Verdict.PASS if rule.check.name == "absent" and on_the_wire else Verdict.INCONCLUSIVE
+        judged.append(Judged(verdict, reason=f"no list is called {name}", vacuous=on_the_wire))
+    if rule.lists and rule.check.subject in ("list", "stream"):
+        # A rule that names several lists is not kept because one of them is there.
+        told_of = {one.list for one in judged} | set(known.keys.values())
+        judged += [_never_came(key) for key in lists if key not in told_of]
+    if not any(one.measured.telegrams for one in known.of(Of.LIST, known.keys.values())):
+        # What must not be there never is where nothing was recorded: that keeps no rule.
+        nothing = Judged(Verdict.INCONCLUSIVE, reason="no telegram was recorded", vacuous=True)
+        judged = [nothing if one.verdict is Verdict.PASS else one for one in judged]
+    if not judged:
+        judged = [Judged(Verdict.INCONCLUSIVE, reason="nothing was there to be judged", vacuous=True)]
+    if rule.optional:
+        judged = [replace(one, verdict=Verdict.PASS) if one.vacuous else one for one in judged]
+    return Decided(rule, worst_of(judged), judged, sorted(lists))
+
+
+def _never_came(key: ListKey) -> Judged:
+    return Judged(Verdict.INCONCLUSIVE, key, reason="it never came", vacuous=True)
+
+
+def called_lists(known: Evidence) -> CalledLists:
+    """Return the lists that came, and those that are defined for one place."""
+    keys = dict.fromkeys((*known.keys.values(), *(key for key in known.names if key.port)))
+    return CalledLists(keys, known.names)
+
+
+def tell_of_unknown(rules: Sequence[WatchedRule], known: Evidence, called: CalledLists) -> None:
+    """Raise Mistakes where rules name lists that neither definitions nor captures know, if definitions are given."""
+    if not known.project.definition.by_key():
+        return
+    mistakes: list[ConfigurationError] = []
+    for one in (inner for rule in rules for inner in rule.each()):
+        _, unknown = called.chosen(one.rule.lists)
+        for name in unknown:
+            if (one.rule.check.name == "absent" or one.rule.optional) and _ON_THE_WIRE.fullmatch(name):
+                continue
+            error = UsageError(
+                f"no list is called '{name}', neither by definitions nor in the capture",
+                next_step=f"there are {', '.join(sorted(set(known.names.values()))[:6])}" if known.names else "",
+            )
+            mistakes.append(one.rule.mistake(error, "list"))
+    if mistakes:
+        raise Mistakes(mistakes)
