@@ -47,6 +47,31 @@ def test_examples(example: str, here: Path, monkeypatch: pytest.MonkeyPatch) -> 
     exec(compile(example, "README.md", "exec"), {})
 
 
+def test_the_tests_for_pytest(here: Path) -> None:
+    (example,) = (text for text in EXAMPLES if "def test_" in text)
+    (here / "test_plant.py").write_text(example)
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_plant.py"],
+        cwd=here, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, "1 passed" in done.stdout) == (0, True), done.stdout
+
+
+def test_transcripts_are_what_the_program_prints(here: Path) -> None:
+    """Of what a command prints, the first lines stand there; one after the other, as somebody would try them."""
+    of_rules = [text for language, text in BLOCKS if language == "console" and "plant.rules.toml" in text]
+    assert len(of_rules) == 3
+    for command, shown in (
+        (lines[0], lines[1:])
+        for text in of_rules
+        for lines in (one.splitlines() for one in text.split("$ nvscope ")[1:])
+    ):
+        done = run_text(*command.split(), cwd=here, environment={"COLUMNS": "100", "TZ": "UTC"})
+        printed = (done.stdout + done.stderr).splitlines()
+        assert shown == printed[: len(shown)]
+        assert (done.returncode == 1) == shown[0].startswith("✗")
+
+
 def test_the_project_file(tmp_path: Path) -> None:
     text = PROJECTS[0]
     for name in tomllib.loads(text)["definitions"]:

@@ -244,10 +244,10 @@ class _Teacher:
         for one in self._lists:
             share = judged[one.key].worst if one.key in judged else None
             if share:
-                cycles = max(one.measured.telegrams // max(one.parts, 1), 1)
                 torn = max(judged[one.key].count, 1)
-                keys = {"list": one.word, "max": f"{share_with_room(torn, max(cycles, torn)):g}%"}
-                told = f"{torn} of about {count_of(cycles, 'cycle')} were torn"
+                cycles = round(torn / share)
+                keys = {"list": one.word, "max": f"{share_with_room(torn, cycles):g}%"}
+                told = f"{torn} of {count_of(cycles, 'cycle')} were torn"
                 yield Learnt(one.id("coherence"), "coherence", keys, told, thin=cycles < THIN)
 
     def _boot_up(self) -> Iterator[Learnt]:

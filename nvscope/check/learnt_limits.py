@@ -21,7 +21,7 @@ def time_with_room(seen_ns: int, times: float) -> int:
     """Return a round time that is so many times as long as what was seen, or a little longer."""
     wanted = max(seen_ns * times, 1)
     power: float = 10.0 ** math.floor(math.log10(wanted))
-    return round(next(step * power for step in _TIMES if step * power >= wanted * (1 - 1e-9)))
+    return math.ceil(next(step * power for step in _TIMES if step * power >= wanted * (1 - 1e-9)) - 1e-6)
 
 
 def percent_with_room(share: float, times: float, steps: Sequence[float] = _PERCENTS) -> float | None:

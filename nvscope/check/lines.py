@@ -9,7 +9,7 @@ from nvscope import units
 from nvscope.check.deciding import Decided
 from nvscope.check.run import Checked
 from nvscope.check.verdict import Judged, Verdict
-from nvscope.check.words import command, margin, measures, shown, subject, value_in_words, when
+from nvscope.check.words import broken_first, command, counted, margin, measures, shown, subject, value_in_words, when
 from nvscope.view.escape import visible
 from nvscope.view.lines.plant.strips import MARKS
 from nvscope.view.lines.table import Cell, Line, Tone, wrap
@@ -20,6 +20,9 @@ _SYMBOLS = {
     Verdict.INCONCLUSIVE: Cell("?", Tone.WARNING),
     Verdict.PASS: Cell("●", Tone.GOOD),
 }
+_BROKEN = {"error": _SYMBOLS[Verdict.FAIL], "warning": Cell("!", Tone.WARNING), "note": Cell("!", Tone.NOTE)}
+"""Rules that are broken, by how bad that is."""
+
 _MOST_SUBJECTS = 5
 _LONGEST_ID, _LEAST_STRIP, _LONGEST_STRIP = 28, 10, 60
 _GAP = "   "
@@ -28,7 +31,7 @@ _GAP = "   "
 def lines(found: Checked, files: Sequence[str], paths: Sequence[str], width: int) -> Iterator[Line]:
     """Yield all that people want to know, in at most ``width`` columns; ``files`` are the rules, ``paths`` captures."""
     yield from wrap(_headline(found, files, paths), width, hanging=2)
-    broken = [one for verdict in (Verdict.FAIL, Verdict.INCONCLUSIVE) for one in found.of(verdict)]
+    broken = broken_first(found)
     column = min(max((display_width(visible(one.rule.id)) for one in broken), default=0), _LONGEST_ID) + 2
     for decided in broken:
         yield []
@@ -39,25 +42,26 @@ def lines(found: Checked, files: Sequence[str], paths: Sequence[str], width: int
 
 
 def _headline(found: Checked, files: Sequence[str], paths: Sequence[str]) -> Line:
-    every, failed, open_ = len(found.decided), len(found.of(Verdict.FAIL)), len(found.of(Verdict.INCONCLUSIVE))
-    rules = units.count_of(every, "rule")
-    if failed:
-        mark, told = _SYMBOLS[Verdict.FAIL], f"{units.count(failed)} of {rules} failed"
-        told += f", {units.count(open_)} could not be decided" if open_ else ""
-    elif open_:
-        mark, told = _SYMBOLS[Verdict.INCONCLUSIVE], f"{units.count(open_)} of {rules} could not be decided"
-    else:
-        mark, told = _SYMBOLS[Verdict.PASS], f"{rules} passed"
+    broken = broken_first(found)
+    mark = _symbol(broken[0]) if broken else _SYMBOLS[Verdict.PASS]
     summary = found.scene.snapshot.summary
-    parts = [told, *(visible(os.path.basename(one)) for one in files[:2]), *(visible(one) for one in paths[:2])]
+    parts = [
+        counted(found),
+        *(visible(os.path.basename(one)) for one in files[:2]),
+        *(visible(one) for one in paths[:2]),
+    ]
     if summary.start_ns is not None and summary.end_ns is not None:
         parts.append(units.duration(summary.end_ns - summary.start_ns))
     return [mark, Cell(" "), Cell(parts[0], Tone.STRONG), Cell("".join(f" · {one}" for one in parts[1:]))]
 
 
+def _symbol(decided: Decided) -> Cell:
+    return _BROKEN[decided.rule.severity] if decided.verdict is Verdict.FAIL else _SYMBOLS[decided.verdict]
+
+
 def _rule(found: Checked, decided: Decided, paths: Sequence[str], column: int, width: int) -> Iterator[Line]:
     name = shorten(visible(decided.rule.id), column - 2)
-    symbol = _SYMBOLS[decided.verdict]
+    symbol = _symbol(decided)
     broken = shown(decided)
     for number, judged in enumerate(broken[:_MOST_SUBJECTS]):
         if not number:
@@ -94,7 +98,7 @@ def _where(found: Checked, judged: Judged, paths: Sequence[str], indent: int, wi
 def _passed(passed: Sequence[Decided]) -> Line:
     told = f"{units.count(len(passed))} passed"
     subjects = [(decided, one) for decided in passed for one in decided.subjects]
-    measured = [(one.margin_percent, decided, one) for decided, one in subjects if one.margin_percent is not None]
+    measured = [(one.tightness, decided, one) for decided, one in subjects if one.tightness is not None]
     cells = [_SYMBOLS[Verdict.PASS], Cell(" "), Cell(told, Tone.STRONG)]
     if not measured:
         return cells
@@ -102,5 +106,5 @@ def _passed(passed: Sequence[Decided]) -> Line:
     worst, limit = value_in_words(tightest.worst, tightest.unit), value_in_words(tightest.limit, tightest.unit)
     return [
         *cells,
-        Cell(f"; the tightest is {visible(decided.rule.id)}: worst {worst} of {limit}, margin {margin(tightest)}"),
+        Cell(f"; the tightest is {visible(decided.rule.id)}: worst {worst}, limit {limit}, margin {margin(tightest)}"),
     ]

@@ -58,6 +58,15 @@ class Judged:
         """The margin in percent of the limit; None where that is 0."""
         return None if self.margin is None or not self.limit else 100 * self.margin / abs(self.limit)
 
+    @property
+    def tightness(self) -> float | None:
+        """The margin in percent, where less of it would be a worse sign.
+
+        None of one sender of one, and of all that is to be acknowledged: nothing could be farther from the limit.
+        """
+        is_best = self.limit == 1 and (self.unit == "senders" or (self.unit == "ratio" and not self.above))
+        return None if is_best else self.margin_percent
+
 
 def worst_of(judged: Sequence[Judged]) -> Verdict:
     """Return the verdict of a rule; without a subject it is inconclusive."""

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import shlex
+from collections import Counter
 from collections.abc import Sequence
 
 from nvscope import units
 from nvscope.check.deciding import Decided
+from nvscope.check.rules import SEVERITIES
 from nvscope.check.run import Checked
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.view.escape import visible
@@ -95,3 +97,22 @@ def sentence(found: Checked, judged: Judged) -> str:
 def shown(decided: Decided) -> list[Judged]:
     """Return the subjects that have the verdict of their rule."""
     return [one for one in decided.subjects if one.verdict is decided.verdict]
+
+
+def broken_first(found: Checked) -> Sequence[Decided]:
+    """Return the rules that are broken, errors first, and then those that could not be decided."""
+    broken = sorted(found.of(Verdict.FAIL), key=lambda one: SEVERITIES.index(one.rule.severity))
+    return [*broken, *found.of(Verdict.INCONCLUSIVE)]
+
+
+def counted(found: Checked) -> str:
+    """Return how many rules failed, are warnings, and could not be decided; or that all passed."""
+    broken = Counter(one.rule.severity for one in found.of(Verdict.FAIL))
+    rules, open_ = units.count_of(len(found.decided), "rule"), len(found.of(Verdict.INCONCLUSIVE))
+    parts = [f"{units.count(broken['error'])} of {rules} failed"] if broken["error"] else []
+    for severity in SEVERITIES[1:]:
+        if broken[severity]:
+            parts.append(units.count_of(broken[severity], severity) + ("" if parts else f" of {rules}"))
+    if open_:
+        parts.append(f"{units.count(open_)} {'' if parts else f'of {rules} '}could not be decided")
+    return ", ".join(parts) or f"{rules} passed"

@@ -93,14 +93,14 @@ def test_annotations_stand_at_the_rules_that_are_broken(tmp_path: Path) -> None:
     told = [line for line in done.stdout.splitlines() if line.startswith("::")]
     assert [line.split()[0] for line in told] == ["::error", "::warning", "::notice", "::warning"]
     assert [re.search(r",line=(\d+),title=(\w+)::", line)[2] for line in told] == ["r0", "r1", "r2", "r3"]  # type: ignore[index]
-    assert "✗ 3 of 5 rules failed" in done.stdout
+    assert "✗ 1 of 5 rules failed, 1 warning, 1 note, 1 could not be decided" in done.stdout
 
 
 def test_markdown_has_a_row_for_each_rule(tmp_path: Path) -> None:
     done = run_text("check", PLANT, "--rules", RULES, "--md")
     lines = done.stdout.splitlines()
-    assert lines[0].startswith("**5 of 10 rules failed** · `")
-    rows = [line for line in lines if line.startswith("| ✗") or line.startswith("| ●")]
+    assert lines[0].startswith("**4 of 10 rules failed, 1 warning** · `")
+    rows = [line for line in lines if line.startswith(("| ✗", "| !", "| ●"))]
     assert len(rows) == 10
     assert rows[1] == "| ● | axis-in-a-row | gap | 1 telegram | 1 telegram | 0 % |"
     assert len({line.count("|") for line in rows}) == 1

@@ -250,12 +250,12 @@ def test_the_same_input_gives_the_same_output() -> None:
     first, second = (run_text("check", PLANT, "--rules", RULES).stdout for _ in range(2))
     assert first == second
     told = " ".join(first.split())
-    assert told.startswith("✗ 5 of 10 rules failed · plant.rules.toml · ")
+    assert told.startswith("✗ 4 of 10 rules failed, 1 warning · plant.rules.toml · ")
     assert " · 29.9 s " in told
-    assert told.endswith("the tightest is axis-in-a-row: worst 1 telegram of 1 telegram, margin 0 %")
+    assert told.endswith("the tightest is axis-in-a-row: worst 1 telegram, limit 1 telegram, margin 0 %")
     assert "first at 7.0 s, frame 278" in told
     # What belongs to a rule stands below its first line.
-    assert all(line.startswith((" ", "✗", "●")) for line in first.splitlines() if line)
+    assert all(line.startswith((" ", "✗", "!", "●")) for line in first.splitlines() if line)
 
 
 _LIMITS = {"cycle": 'interval = "100ms"', "jitter": 'max = "5ms"', "min_gap": 'min = "10ms"', "silence": 'max = "1s"'}

@@ -30,13 +30,13 @@ def _baseline(known: Evidence, lists: Collection[ListKey], told: Mapping[str, An
 
 
 def _margin(one: Judged) -> float:
-    return float("inf") if one.margin_percent is None else one.margin_percent
+    return float("inf") if one.tightness is None else one.tightness
 
 
 CHECKS = (
     Check(
         "baseline", "capture", "All rules of another file are kept, as those that good captures taught.",
-        "that of the rule that is broken, or comes nearest", "any rule in it is broken",
+        "the limit in it that is broken, or comes nearest to that", "any limit in it is broken",
         'check = "baseline"\nfile = "learnt.toml"', _baseline,
         (Parameter("file", RULE_FILE, "the file of rules, from where this one is", REQUIRED),),
     ),
