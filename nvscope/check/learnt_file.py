@@ -71,8 +71,12 @@ def _array(values: Sequence[str]) -> str:
     line = f"[{', '.join(values)}]"
     if len(line) <= _WIDTH:
         return line
-    lines = textwrap.wrap(", ".join(values), _WIDTH, break_long_words=False, break_on_hyphens=False)
-    return "[\n" + "\n".join(f"    {one}" for one in lines) + ",\n]"
+    lines = [""]
+    for one in values:
+        if lines[-1] and len(lines[-1]) + len(one) > _WIDTH:
+            lines.append("")
+        lines[-1] += f"{' ' if lines[-1] else ''}{one},"
+    return "[\n" + "\n".join(f"    {one}" for one in lines) + "\n]"
 
 
 def _character(one: str) -> str:

@@ -271,3 +271,31 @@ def test_no_rule_is_kept_of_a_list_that_never_came(name: str, tmp_path: Path) ->
     if name != "absent":
         assert valve["verdict"] == ("fail" if name == "present" else "inconclusive")
         assert valve["reason"] == "it never came"
+
+
+_NEEDS = {
+    **_LIMITS, "occurrence": 'per = "1s"\nmin = 1', "range": 'variable = "valve.fPos"\nmax = 1',
+    "enum": 'variable = "valve.nCount"\nvalues = [1]', "monotonic": 'variable = "valve.nCount"',
+    "rate_of_change": 'variable = "valve.fPos"\nmax = 1', "frozen": 'variable = "valve.fPos"\nmax = "1s"',
+    "implies": 'if = "var.safety.bStop"\nthen = "var.valve.bClosed"', "bus_load": 'max = "50%"',
+    "sequence": 'steps = ["var.safety.bStop", "var.valve.bClosed"]\nwithin = "1s"', "always": 'expr = "nv.index == 7"',
+    "never": 'expr = "cause.kind == \\"second-sender\\""', "eventually": 'expr = "nv.index == 7"',
+    "hops": 'from = "safety.nMode"\nto = "valve.nCount"\nmax_delay = "1s"', "baseline": 'file = "x.rules.toml"',
+    "known_nodes": 'nodes = "10.0.0.7"',
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", [name for name in CATALOGUE if name != "baseline"])
+@pytest.mark.parametrize(("defaults", "seconds"), [("", 0), ('warmup = "1h"', 6)])
+def test_no_rule_is_kept_where_nothing_was_recorded(name: str, defaults: str, seconds: int, tmp_path: Path) -> None:
+    """Neither in an empty capture, nor where it ends before the warm-up is over."""
+    capture = captured(tmp_path, [(number * 100, 7, [number % 20 > 10, 3]) for number in range(10 * seconds)])
+    rules = ruled(tmp_path, f'check = "{name}"\n{_NEEDS.get(name, "")}', defaults=defaults)
+    options = [text for path in definitions(tmp_path) for text in ("--gvl", path)]
+    (one,) = judged(capture, rules, *options)["rules"]
+    # What a report tells of nothing is that defined lists never came.
+    assert one["verdict"] == "inconclusive" or (not seconds and name in ("causes", "findings"))
+    assert one["verdict"] != "pass"
+    (tmp_path / "x.rules.toml").write_text(rules.read_text() + "optional = true\n")
+    (again,) = judged(capture, rules, *options)["rules"]
+    assert seconds == 0 or again["verdict"] == "inconclusive"
