@@ -24,7 +24,7 @@ from nvscope.engine.run import run
 from nvscope.errors import ConfigurationError, UsageError
 from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey
-from nvscope.tracker.state import TrackerState
+from nvscope.tracker.since import Since
 from nvscope.tracker.subjects import subjects
 
 _RING_BYTES = 0
@@ -107,16 +107,16 @@ class _Judge:
         for one in watchers:
             if isinstance(one, FigureWindows):
                 source = one.windows.cut(source)
-        self._counted = BehindWarmUp(inquiry, self._frames, since_ns)
-        others = [*self._counted.observers, *watchers]
-        listeners = () if since_ns is not None else (self._frames,)
-        watched = Watching(how.ring_bytes, others=others, listeners=listeners)
-        self._watched = Watched(inquiry, self._counted.cut(source), watched, overdue=any_live(source.infos))
-        self.source, self.observers = self._watched.source, self._watched.observers
+        others = Watching(how.ring_bytes, others=watchers, listeners=(self._frames,))
+        self._watched = Watched(inquiry, source, others, overdue=any_live(source.infos))
+        since = None if since_ns is None else Since(self._watched.state, since_ns)
+        self._counted = BehindWarmUp(inquiry, self._watched.state, since)
+        self.source = source if since is None else since.cut(source)
+        self.observers = [*self._watched.observers, self._counted]
 
     def is_broken(self) -> bool:
         """Tell whether a rule of severity error is broken by now, and not only since something may still come."""
-        known = self._evidence(self._watched.look())
+        known = self._evidence(self._look())
         called = called_lists(known)
         return any(
             one.rule.severity == "error" and decided(one, known, called).verdict is Verdict.FAIL
@@ -126,15 +126,19 @@ class _Judge:
 
     def checked(self) -> Checked:
         """Return all verdicts."""
-        scene = self._watched.look()
+        scene = self._look()
         known = self._evidence(scene)
         called = called_lists(known)
         found = [decided(one, known, called) for one in self._rules]
         tell_of_unknown(self._rules, known, called)
         return Checked(found, scene, known)
 
+    def _look(self) -> Scene:
+        with self._counted.as_of_all():
+            return self._watched.look()
+
     def _evidence(self, scene: Scene) -> Evidence:
-        return _evidence(self._inquiry, scene, self._counted, self._watched.state, self._frames)
+        return _evidence(self._inquiry, scene, self._counted, self._frames)
 
 
 def watching(inquiry: Inquiry, rules: Rules, since_ns: int | None) -> list[WatchedRule]:
@@ -181,7 +185,7 @@ def _mistakes(rule: Rule, inquiry: Inquiry) -> Iterator[ConfigurationError]:
 
 
 def _evidence(
-    inquiry: Inquiry, scene: Scene, counted: BehindWarmUp, state: TrackerState, frames: FirstFrames
+    inquiry: Inquiry, scene: Scene, counted: BehindWarmUp, frames: FirstFrames
 ) -> Evidence:  # fmt: skip
     project, known, since_ns = inquiry.project, scene.snapshot, counted.since_ns
     summary = counted.summary(scene)
@@ -206,7 +210,7 @@ def _evidence(
         return [one for one in found if id(one) in kept]
 
     return Evidence(
-        summary, list(subjects(summary)), keys, names, findings, causes, frames, project, counted.cycles(state),
+        summary, list(subjects(summary)), keys, names, findings, causes, frames, project, counted.cycles(),
         matching, begin_ns, known.summary.end_ns, drops, truncated,
         [info.start_ns for info in known.infos if info.start_ns is not None], counted.is_ahead,
     )  # fmt: skip

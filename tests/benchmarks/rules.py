@@ -87,7 +87,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Measure 200 rules.")
     parser.add_argument("--telegrams", type=int, nargs="+", default=[1_000_000])
     parser.add_argument("--kind", choices=KINDS, nargs="+", default=KINDS)
-    parser.add_argument("--warmup", default="0s", help="what is left out: then all is counted a second time behind it")
+    parser.add_argument("--warmup", default="0s", help="what is left out at the beginning")
     parser.add_argument("--variables", action="store_true", help="rules about values instead")
     parser.add_argument("--runs", type=int, default=5)
     parser.add_argument("--seed", type=int, default=1)
