@@ -111,8 +111,8 @@ class Setting:
         return cast("Common", self.common[name])
 
 
-Watch = Callable[[Setting, Mapping[str, Any]], Observer]
-"""Given what is known and the parameters of a rule, makes what watches captures for it."""
+Watch = Callable[[Setting, Mapping[str, Any]], Observer | None]
+"""Given what is known and the parameters of a rule, makes what watches captures for it; None where nothing needs to."""
 
 Judge = Callable[[Evidence, Collection[ListKey], Mapping[str, Any]], Iterator[Judged]]
 """Given what is known, the lists that a rule is for and its parameters, yields a verdict for each subject."""
@@ -125,7 +125,8 @@ class Check:
     ``worst`` says what is measured, ``fails`` when it is broken; ``example`` is what stands in a file behind
     ``[[rule]]`` beside the id. ``watch`` makes an observer for a rule whose figures nobody counts otherwise; the judge
     finds it under "watched" beside the parameters. ``by_moment``: it looks at telegrams one by one, so that it can be
-    judged only ``when`` something is so. ``needs_definitions``: without any, it cannot be judged.
+    judged only ``when`` something is so; ``at_times``: so it can be, though it does not. ``needs_definitions``: without
+    any, it cannot be judged.
     """
 
     name: str
@@ -138,4 +139,5 @@ class Check:
     parameters: tuple[Parameter, ...] = field(default=())
     watch: Watch | None = None
     by_moment: bool = False
+    at_times: bool = False
     needs_definitions: bool = False

@@ -10,6 +10,7 @@ from nvscope.check.check import Evidence
 from nvscope.check.lists import CalledLists
 from nvscope.check.rules import Mistakes, Rule
 from nvscope.check.verdict import Judged, Verdict, worst_of
+from nvscope.check.while_so import WhileSo
 from nvscope.engine.run import Observer
 from nvscope.errors import ConfigurationError, UsageError
 from nvscope.list_key import ListKey
@@ -51,6 +52,10 @@ def decided(watched: WatchedRule, known: Evidence, called: CalledLists) -> Decid
     if known.ends_early:
         reason = "the capture ends before the warm-up is over"
         return Decided(rule, Verdict.INCONCLUSIVE, [Judged(Verdict.INCONCLUSIVE, reason=reason)])
+    holds = getattr(watched.watcher, "holds", None)
+    if isinstance(holds, WhileSo) and not holds.ever:
+        never = Judged(Verdict.INCONCLUSIVE, reason="when was never so", vacuous=True)
+        return Decided(rule, Verdict.PASS if rule.optional else Verdict.INCONCLUSIVE, [_optional(rule, never)])
     lists, unknown = called.chosen(rule.lists)
     told = {**rule.parameters, "watched": watched.watcher, "list_named": bool(rule.lists)}
     told["inner"] = [decided(one, known, called) for one in watched.inner]
@@ -70,9 +75,12 @@ def decided(watched: WatchedRule, known: Evidence, called: CalledLists) -> Decid
         judged = [nothing if one.verdict is Verdict.PASS else one for one in judged]
     if not judged:
         judged = [Judged(Verdict.INCONCLUSIVE, reason="nothing was there to be judged", vacuous=True)]
-    if rule.optional:
-        judged = [replace(one, verdict=Verdict.PASS) if one.vacuous else one for one in judged]
+    judged = [_optional(rule, one) for one in judged]
     return Decided(rule, worst_of(judged), judged, sorted(lists))
+
+
+def _optional(rule: Rule, judged: Judged) -> Judged:
+    return replace(judged, verdict=Verdict.PASS) if rule.optional and judged.vacuous else judged
 
 
 def _never_came(key: ListKey) -> Judged:

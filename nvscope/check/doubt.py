@@ -20,6 +20,11 @@ def doubt(known: Evidence, at_ns: int | None) -> str:
         return f"the capture itself lost {count_of(known.drops, 'frame')}: it may have been these"
     if known.truncated and (at_ns is None or known.until_ns is None or known.until_ns - at_ns <= _AROUND_NS):
         return f"the capture was cut: {known.truncated}"
+    return doubt_of_clock(known, at_ns)
+
+
+def doubt_of_clock(known: Evidence, at_ns: int | None) -> str:
+    """Return why times around one may be wrong; "" where nothing says so."""
     if at_ns is not None and any(abs(step_ns - at_ns) <= _AROUND_NS for step_ns in known.clock_steps_ns):
         return "the clock of the capture stepped then"
     return ""

@@ -34,7 +34,7 @@ def check_lines(check: Check, width: int) -> Iterator[Line]:
     notes = []
     if check.needs_definitions:
         notes.append("Without definitions it cannot be decided.")
-    if check.by_moment:
+    if check.by_moment or check.at_times:
         notes.append("With when = EXPRESSION it is judged only while that holds.")
     if notes:
         yield from wrap([Cell(" ".join(notes))], width)

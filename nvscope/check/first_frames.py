@@ -12,7 +12,9 @@ from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_kinds import FRAMES_KEPT, EventKind
 from nvscope.tracker.frame_counts import STEPS
 
-_STREAM = int(Scope.STREAM)
+_EVERY = -1
+"""In place of a scope: no Counter is looked at."""
+
 _MOST_STEPS = 10_000
 _TIMED = frozenset({EventKind.BOOT_UP_ANSWERED})
 _KINDS = (
@@ -47,7 +49,7 @@ class FirstFrames:
             room = _MOST_STEPS - len(self.clock_steps)
             self.clock_steps += list(zip(events.time_ns.tolist(), events.amount.tolist(), strict=True))[:room]
             return
-        scope = _STREAM if events.scope is None else int(events.scope)
+        scope = _EVERY if events.scope is None else int(events.scope)
         if events.kind in _TIMED:
             took_ns = events.time_ns - events.since_ns
             for number, took in zip(events.list.tolist(), took_ns.tolist(), strict=True):
@@ -64,7 +66,7 @@ class FirstFrames:
     def of(self, kinds: Sequence[EventKind], number: int, scope: Scope = Scope.STREAM) -> Sequence[tuple[int, int]]:
         """Return the first frames of some kinds of events of a list, by its number, each with its time."""
         own = min(int(scope), int(Scope.NODE_TELEGRAM))
-        found = [one for kind in kinds for one in self._frames.get((int(kind), number, own), ())]
+        found = [one for kind in kinds for at in (own, _EVERY) for one in self._frames.get((int(kind), number, at), ())]
         return sorted(set(found))[:FRAMES_KEPT]
 
     def longest_ns(self, kind: EventKind, number: int) -> int | None:

@@ -29,7 +29,7 @@ COMMON: Mapping[str, tuple[ValueKind, str, Any]] = {
     "severity": (choice(*SEVERITIES), "an error fails the build; the others are shown", None),
     "description": (TEXT, "why it is so", ""),
     "optional": (FLAG, "where it is for nothing that is there, it is kept", False),
-    "when": (EXPRESSION, "it is judged only while this holds; of checks that look at telegrams one by one", ""),
+    "when": (EXPRESSION, "it is judged only while this holds; not of checks that look at the whole capture", ""),
 }
 """The keys that every rule has: what may stand there, what it says, and what it is where it is left out."""
 
@@ -249,8 +249,8 @@ class _Reader:
             others = {key: value for key, value in table.items() if key not in COMMON}
             kinds = {one.name: (one.kind, one.help, one.default) for one in check.parameters}
             own = self._keys(others, place, kinds, [*kinds, *COMMON])
-            if known.get("when") and not check.by_moment:
-                timed = ", ".join(name for name, one in CATALOGUE.items() if one.by_moment)
+            if known.get("when") and not (check.by_moment or check.at_times):
+                timed = ", ".join(name for name, one in CATALOGUE.items() if one.by_moment or one.at_times)
                 self._note(
                     place.below("when").error(
                         f"{check.name} counts over all of the time, and is not judged only at times",

@@ -15,6 +15,7 @@ from nvscope.check.asked_rows import AskedRows
 from nvscope.check.behind_warm_up import BehindWarmUp
 from nvscope.check.check import Evidence, Setting
 from nvscope.check.condition import compiled
+from nvscope.check.counted_while import CountedWhile
 from nvscope.check.deciding import Decided, WatchedRule, called_lists, decided, tell_of_unknown
 from nvscope.check.figure_windows import FigureWindows
 from nvscope.check.first_frames import FirstFrames
@@ -107,7 +108,8 @@ class _Judge:
         for one in watchers:
             if isinstance(one, FigureWindows):
                 source = one.windows.cut(source)
-        others = Watching(how.ring_bytes, others=watchers, listeners=(self._frames,))
+        heard = [one for one in watchers if isinstance(one, CountedWhile)]
+        others = Watching(how.ring_bytes, others=watchers, listeners=(self._frames, *heard))
         self._watched = Watched(inquiry, source, others, overdue=any_live(source.infos))
         since = None if since_ns is None else Since(self._watched.state, since_ns)
         self._counted = BehindWarmUp(inquiry, self._watched.state, since)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from nvscope.capture.open import open_sink, open_source
 from nvscope.capture.source import Circumstances
 from nvscope.check.catalogue import CATALOGUE
-from nvscope.check.watchers import IntervalWatcher
+from nvscope.check.stream_intervals import IntervalWatcher
 from tests.capture.mcap.recordings import Packet, write
 from tests.check.plants import BEGIN_NS, captured, definitions, judged, ruled
 from tests.laws import examples
@@ -107,7 +107,7 @@ STOPPED = [one for one in EVERY_100 if one <= 6000]
         (ONE_EARLY, 'check = "cycle"\ninterval = "100ms"\ntolerance = "50%"', "fail", 0.03, 0.05, [51, 52]),
         (EVERY_100[:5], 'check = "cycle"\ninterval = "100ms"', "inconclusive", 0.1, 0.12, []),
         (EVERY_100, 'check = "min_gap"\nmin = "100ms"', "pass", 0.1, 0.1, []),
-        (ONE_EARLY, 'check = "min_gap"\nmin = "50ms"', "fail", 0.03, 0.05, []),
+        (ONE_EARLY, 'check = "min_gap"\nmin = "50ms"', "fail", 0.03, 0.05, [51]),
         (EVERY_100, 'check = "jitter"\nmax = "1ms"', "pass", 0.0, 0.001, []),
         (EVERY_100, 'check = "silence"\nlist = 7\nmax = "150ms"', "pass", 0.1, 0.15, []),
         (ONE_LATE, 'check = "silence"\nlist = 7\nmax = "150ms"', "fail", 0.23, 0.15, [51]),

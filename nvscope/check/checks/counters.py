@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 from nvscope.check.check import Check, Evidence, Judge
+from nvscope.check.counted_while import CountedWhile, telegrams_of, watch_at_times
 from nvscope.check.parameters import AMOUNT, RATIO, Parameter
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.list_key import ListKey, Transport
@@ -35,16 +36,20 @@ def _without_header(known: Evidence, subject: Subject, limit: float, unit: str) 
     return Judged(Verdict.INCONCLUSIVE, known.keys[subject.list], reason=reason, limit=limit, unit=unit, vacuous=True)
 
 
-def _figure(subject: Subject, name: str) -> float | None:
-    return subject.measured.counters.get(name)
+def _figure(known: Evidence, subject: Subject, name: str, counted: CountedWhile | None) -> float | None:
+    value = subject.measured.counters.get(name)
+    if value is None or counted is None:
+        return value
+    assert subject.list is not None
+    return counted.figure(subject.list, name, known.scope_of(subject.list))
 
 
 def _at_most(
-    known: Evidence, subject: Subject, figure: str, value: float | None, limit: float, unit: str
+    known: Evidence, subject: Subject, figure: str, value: float | None, told: Mapping[str, Any], unit: str
 ) -> Judged:  # fmt: skip
     """Return the verdict on a value of a list that may not be above a limit."""
     assert subject.list is not None
-    key = known.keys[subject.list]
+    key, limit, counted = known.keys[subject.list], told["max"], told["watched"]
     if value is None:
         return Judged(Verdict.INCONCLUSIVE, key, reason=_NOT_BELIEVED, limit=limit, unit=unit)
     if value <= limit:
@@ -53,8 +58,9 @@ def _at_most(
     if known.drops and figure in _OF_NETWORK:
         verdict = Verdict.INCONCLUSIVE
         reason = f"the capture itself lost {count_of(known.drops, 'frame')}: it may have been these"
-    frames = known.frames.of(kinds_of(figure), subject.list, known.scope_of(subject.list))
-    count = int(_figure(subject, "gaps" if figure in _OF_NETWORK else figure) or 0)
+    scope = known.scope_of(subject.list)
+    frames = (known.frames.of if counted is None else counted.frames)(kinds_of(figure), subject.list, scope)
+    count = int(_figure(known, subject, "gaps" if figure in _OF_NETWORK else figure, counted) or 0)
     return Judged(
         verdict, key, reason=reason, worst=value, limit=limit, unit=unit, count=count,
         first_ns=frames[0][1] if frames else None, frames=tuple(frame for frame, _ in frames),
@@ -68,20 +74,20 @@ def kinds_of(figure: str) -> tuple[EventKind, ...]:
 
 def _loss(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
     for subject in known.of(Of.LIST, lists):
-        lost, telegrams = _figure(subject, "lost"), subject.measured.telegrams
+        lost, telegrams = _figure(known, subject, "lost", told["watched"]), telegrams_of(subject, told["watched"])
         share = None if lost is None else lost / (lost + telegrams) if lost + telegrams else 0.0
-        yield _at_most(known, subject, "lost", share, told["max"], "ratio")
+        yield _at_most(known, subject, "lost", share, told, "ratio")
 
 
 def _counted(figure: str, unit: str) -> Judge:
     def judge(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
         for subject in known.of(Of.LIST, lists):
-            value = _figure(subject, figure)
+            value = _figure(known, subject, figure, told["watched"])
             if value is None and figure in _OF_HEADERS and _is_on_can(known, subject):
                 if told["list_named"]:
                     yield _without_header(known, subject, told["max"], unit)
                 continue
-            yield _at_most(known, subject, figure, value, told["max"], unit)
+            yield _at_most(known, subject, figure, value, told, unit)
 
     return judge
 
@@ -96,28 +102,34 @@ CHECKS = (
         "share of telegrams that never came: lost / (lost + telegrams)", "it is above max",
         'check = "loss"\nlist = "axis"\nmax = "0.1%"', _loss,
         (Parameter("max", RATIO, "so large a share may be lost", 0.0),),
+        watch_at_times, at_times=True,
     ),
     Check(
         "gap", "list", "No more telegrams in a row are lost than its readers can do without.",
         "most telegrams missing in one place", "they are more than max",
         'check = "gap"\nlist = "axis"\nmax = 1', _counted("longest_gap", "telegrams"), _number("telegrams in a row"),
+        watch_at_times, at_times=True,
     ),
     Check(
         "duplicates", "list", "No telegram comes twice.", "telegrams that came again", "they are more than max",
         'check = "duplicates"', _counted("duplicates", "telegrams"), _number("duplicates"),
+        watch_at_times, at_times=True,
     ),
     Check(
         "overtaken", "list", "Telegrams come in the order in which they were sent.",
         "telegrams that came after a later one", "they are more than max",
         'check = "overtaken"', _counted("overtaken", "telegrams"), _number("overtaken telegrams"),
+        watch_at_times, at_times=True,
     ),
     Check(
         "restarts", "list", "Senders run through.", "counters that began anew", "they are more than max",
         'check = "restarts"\nmax = 0', _counted("restarts", "events"), _number("restarts"),
+        watch_at_times, at_times=True,
     ),
     Check(
         "malformed", "list", "Telegrams are as the protocol has them.",
         "telegrams too short, of a wrong Length or an unknown service", "they are more than max",
         'check = "malformed"', _counted("malformed", "telegrams"), _number("malformed telegrams"),
+        watch_at_times, at_times=True,
     ),
 )  # fmt: skip

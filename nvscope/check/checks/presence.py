@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 from nvscope.check.check import Check, Evidence
+from nvscope.check.counted_while import CountedWhile, telegrams_of, watch_at_times
 from nvscope.check.doubt import BEGAN_LATER, doubt
 from nvscope.check.parameters import Parameter
 from nvscope.check.verdict import Judged, Verdict
@@ -17,8 +18,11 @@ _SECOND_NS = 1_000_000_000
 _TOO_SHORT = "the capture is shorter than the rule needs"
 
 
-def _first_ns(known: Evidence) -> Mapping[ListKey, int]:
-    """Return when each list came the first time, behind the warm-up or before."""
+def _first_ns(known: Evidence, counted: CountedWhile | None) -> Mapping[ListKey, int]:
+    """Return when each list came the first time, behind the warm-up or before; or while it is ``counted``."""
+    if counted is not None:
+        came = {key: counted.first_ns(number) for number, key in known.keys.items()}
+        return {key: first_ns for key, first_ns in came.items() if first_ns is not None}
     found = {one.key: min(stream.first_ns for stream in one.streams) for one in known.summary.lists if one.streams}
     return found | {
         one.key: min(stream.first_ns for stream in one.streams) for one in known.summary.can.lists if one.streams
@@ -26,7 +30,7 @@ def _first_ns(known: Evidence) -> Mapping[ListKey, int]:
 
 
 def _present(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
-    first, within_ns = _first_ns(known), told["within"]
+    first, within_ns = _first_ns(known, told["watched"]), told["within"]
     limit_s = None if within_ns is None else within_ns / _SECOND_NS
     for key in sorted(lists):
         came_ns = first.get(key)
@@ -51,8 +55,10 @@ def _is_too_short(known: Evidence, within_ns: int | None) -> bool:
 
 
 def _absent(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
-    first = _first_ns(known)
-    came = {known.keys[one.list]: one.measured.telegrams for one in known.of(Of.LIST, lists) if one.list is not None}
+    counted = told["watched"]
+    first = _first_ns(known, counted)
+    subjects = [one for one in known.of(Of.LIST, lists) if one.list is not None]
+    came = {known.keys[one.list]: telegrams_of(one, counted) for one in subjects if one.list is not None}
     for key in sorted(lists):
         telegrams = came.get(key, 0)
         verdict = Verdict.FAIL if telegrams else Verdict.PASS
@@ -101,11 +107,12 @@ CHECKS = (
     Check(
         "present", "list", "A list is sent.", "time of its first telegram", "none came until then",
         'check = "present"\nlist = "axis"\nwithin = "2s"', _present,
-        (Parameter("within", LENGTH, "by when its first telegram has to be there; else at all", None),),
+        (Parameter("within", LENGTH, "by when its first telegram has to be there; else at all", None),), watch_at_times,
+        at_times=True,
     ),
     Check(
         "absent", "list", "A list is not sent.", "its telegrams", "there is one", 'check = "absent"\nlist = "old"',
-        _absent,
+        _absent, (), watch_at_times, at_times=True,
     ),
     Check(
         "single_sender", "list", "One node sends a list, and no other one.", "how many nodes send it",

@@ -7,10 +7,12 @@ from typing import Any
 
 from nvscope.check.asked_rows import EVERY_LIST, OfLists
 from nvscope.check.check import Check, Evidence, Setting
-from nvscope.check.doubt import BEGAN_LATER, doubt
+from nvscope.check.doubt import BEGAN_LATER, doubt, doubt_of_clock
 from nvscope.check.parameters import PERCENT_OR_TIME, RATIO, REQUIRED, Parameter
+from nvscope.check.silence import SilenceWatcher
+from nvscope.check.stream_intervals import IntervalWatcher, SpreadWatcher, StreamIntervals
 from nvscope.check.verdict import Judged, Verdict
-from nvscope.check.watchers import IntervalWatcher, SilenceWatcher, StreamIntervals
+from nvscope.check.while_so import while_so
 from nvscope.list_key import ListKey
 from nvscope.toml_table import SPAN
 from nvscope.tracker.figures import Of
@@ -28,8 +30,25 @@ def _watch_cycle(setting: Setting, told: Mapping[str, Any]) -> IntervalWatcher:
     def wanted_ns(key: ListKey) -> int | None:
         return interval_ns or nominal.get(key) or nominal.get(key.on_any_channel)
 
-    lists = OfLists(patterns=setting.lists) if setting.lists else EVERY_LIST
-    return IntervalWatcher(wanted_ns, told["tolerance"], setting.since_ns, rows=setting.rows, lists=lists)
+    return IntervalWatcher(
+        wanted_ns, told["tolerance"], setting.since_ns, rows=setting.rows, lists=_lists(setting),
+        holds=while_so(setting),
+    )  # fmt: skip
+
+
+def _lists(setting: Setting) -> OfLists:
+    return OfLists(patterns=setting.lists) if setting.lists else EVERY_LIST
+
+
+def _watch_spread(setting: Setting, told: Mapping[str, Any]) -> SpreadWatcher:
+    return SpreadWatcher(
+        told.get("min", 0), setting.since_ns, rows=setting.rows, lists=_lists(setting), holds=while_so(setting)
+    )  # fmt: skip
+
+
+def _watch_jitter(setting: Setting, told: Mapping[str, Any]) -> SpreadWatcher | None:
+    """Return what watches at times only: of all of the time, the report knows it."""
+    return _watch_spread(setting, told) if setting.when else None
 
 
 def _cycle(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
@@ -71,35 +90,58 @@ def _named(known: Evidence, subject: Subject) -> tuple[ListKey, str | None, int 
 
 
 def _jitter(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
-    most = told["max"]
+    most, watcher = told["max"], told["watched"]
+    spreads = {(one.key, one.node, one.subindex): one.histogram for one in watcher.spreads} if watcher else {}
     for subject in known.of(Of.STREAM, lists):
         intervals = subject.measured.intervals
         where = _named(known, subject)
-        if intervals is None or intervals.count < _LEAST_INTERVALS or intervals.p99 is None or intervals.p50 is None:
+        if intervals is None:
+            continue
+        count, p50, p99, nominal = intervals.count, intervals.p50, intervals.p99, intervals.nominal
+        if watcher:
+            assert subject.list is not None
+            own = spreads.get((known.keys[subject.list], subject.node or 0, subject.subindex or 0))
+            count = 0 if own is None else int(own.count.sum())
+            p50, p99 = (None if own is None else own.percentile_ns(percent) for percent in (50, 99))
+        if count < _LEAST_INTERVALS or p99 is None or p50 is None:
             yield Judged(Verdict.INCONCLUSIVE, *where, reason=_TOO_FEW)
             continue
-        spread_ns = intervals.p99 - intervals.p50
+        spread_ns = p99 - p50
         if isinstance(most, float):
-            if not intervals.nominal:
+            if not nominal:
                 yield Judged(Verdict.INCONCLUSIVE, *where, reason=_NO_NOMINAL)
                 continue
-            worst, limit, unit = spread_ns / intervals.nominal, most, "ratio"
+            worst, limit, unit = spread_ns / nominal, most, "ratio"
         else:
             worst, limit, unit = spread_ns / _SECOND_NS, most / _SECOND_NS, "s"
         yield Judged(Verdict.FAIL if worst > limit else Verdict.PASS, *where, worst=worst, limit=limit, unit=unit)
 
 
 def _min_gap(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
+    watcher: SpreadWatcher = told["watched"]
+    spreads = {(one.key, one.node, one.subindex): one for one in watcher.spreads}
     for subject in known.of(Of.STREAM, lists):
-        intervals = subject.measured.intervals
         where = _named(known, subject)
-        if intervals is None or intervals.minimum is None:
+        assert subject.list is not None
+        spread = spreads.get((known.keys[subject.list], subject.node or 0, subject.subindex or 0))
+        if spread is None or spread.least_ns is None:
             yield Judged(Verdict.INCONCLUSIVE, *where, reason=_TOO_FEW)
             continue
-        worst, limit = intervals.minimum / _SECOND_NS, told["min"] / _SECOND_NS
+        worst, limit = spread.least_ns / _SECOND_NS, told["min"] / _SECOND_NS
+        verdict, reason = Verdict.FAIL if spread.short else Verdict.PASS, ""
+        if spread.short == 1 and (why := doubt_of_clock(known, spread.first_ns)):
+            verdict, reason = Verdict.INCONCLUSIVE, why
         yield Judged(
-            Verdict.FAIL if worst < limit else Verdict.PASS, *where, worst=worst, limit=limit, above=False, unit="s"
+            verdict, *where, reason=reason, worst=worst, limit=limit, above=False, unit="s",
+            count=spread.short, first_ns=spread.first_ns, frames=tuple(spread.frames),
         )  # fmt: skip
+
+
+def _watch_silence(setting: Setting, told: Mapping[str, Any]) -> SilenceWatcher:
+    return setting.shared(
+        ("silence", setting.when),
+        lambda: SilenceWatcher(setting.since_ns, rows=setting.rows, holds=while_so(setting)),
+    )
 
 
 def _silence(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
@@ -139,24 +181,24 @@ CHECKS = (
             Parameter("tolerance", RATIO, "by how much of it one may differ", 0.2),
             Parameter("exceptions", RATIO, "so large a share of them may lie outside", 0.0),
         ),
-        _watch_cycle,
+        _watch_cycle, at_times=True,
     ),
     Check(
         "jitter", "stream", "Intervals are alike.", "how far the 99th percentile is from the median",
         "it is more than max, a share of the nominal interval or a time",
         'check = "jitter"\nlist = "axis"\nmax = "10%"', _jitter,
-        (Parameter("max", PERCENT_OR_TIME, "so much they may differ", REQUIRED),),
+        (Parameter("max", PERCENT_OR_TIME, "so much they may differ", REQUIRED),), _watch_jitter, at_times=True,
     ),
     Check(
         "min_gap", "stream", "Telegrams do not come faster than readers can take them.", "the shortest interval",
         "it is shorter than min", 'check = "min_gap"\nlist = "recipe"\nmin = "10ms"', _min_gap,
-        (Parameter("min", SPAN, "so long it has to be at least", REQUIRED),),
+        (Parameter("min", SPAN, "so long it has to be at least", REQUIRED),), _watch_spread, at_times=True,
     ),
     Check(
         "silence", "list", "A list does not fall silent.",
         "the longest time without a telegram of it, up to the end of the capture", "it is longer than max",
         'check = "silence"\nlist = "axis"\nmax = "1s"', _silence,
         (Parameter("max", SPAN, "so long it may be", REQUIRED),),
-        lambda setting, _: setting.shared("silence", lambda: SilenceWatcher(setting.since_ns, rows=setting.rows)),
+        _watch_silence, at_times=True,
     ),
 )  # fmt: skip

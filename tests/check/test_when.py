@@ -1,0 +1,140 @@
+"""Rules that are judged only at times: telegrams, silences, intervals and losses while something is so."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nvscope.analysis.inquiry import Inquiry
+from nvscope.check.rules import read_rules
+from nvscope.check.run import checked
+from nvscope.check.verdict import Verdict
+from nvscope.definition.project_file import read_project
+from tests.check.plants import BEGIN_NS, Sending, captured, definitions, judged, ruled
+from tests.laws import examples
+
+WHEN = 'when = "var.safety.nMode == 3"\n'
+"""Mode 3 is from 2.0 s to 4.0 s, and from 6.0 s to 8.0 s: list 7 says so every 100 ms."""
+
+
+def plant(**valve: Any) -> list[Sending]:
+    """Return 10 s of both lists; the valve's list is sent every 100 ms, at those ms, and not at these."""
+    left_out, extra = valve.get("left_out", ()), valve.get("extra", ())
+    found: list[Sending] = [
+        (at_ms, 7, [False, 3 if 2000 <= at_ms < 4000 or 6000 <= at_ms < 8000 else 1]) for at_ms in range(0, 10_000, 100)
+    ]
+    times = [at_ms for at_ms in range(50, 10_000, 100) if not any(a <= at_ms < b for a, b in left_out)]
+    return found + [(at_ms, 8, []) for at_ms in sorted([*times, *extra])]
+
+
+OUTSIDE, INSIDE = {"left_out": [(4500, 5500)]}, {"left_out": [(2500, 3500)]}
+FAST_OUTSIDE, FAST_INSIDE = {"extra": [5060]}, {"extra": [3060]}
+
+
+@pytest.mark.parametrize(
+    ("rule", "outside", "inside", "worst"),
+    [
+        ('check = "cycle"\nlist = 8\ninterval = "100ms"\ntolerance = "10%"', OUTSIDE, INSIDE, 1.1),
+        ('check = "silence"\nlist = 8\nmax = "500ms"', OUTSIDE, INSIDE, 1.1),
+        ('check = "min_gap"\nlist = 8\nmin = "50ms"', FAST_OUTSIDE, FAST_INSIDE, 0.01),
+        ('check = "absent"\nlist = 8', {"left_out": [(2000, 4100), (6000, 8100)]}, {}, 40),
+        ('check = "occurrence"\nlist = 8\nper = "2s"\nmax = 19', {"left_out": [(2300, 2400), (6300, 6400)]}, {}, 20),
+    ],
+)
+def test_what_happens_at_other_times_breaks_nothing(
+    rule: str, outside: dict[str, Any], inside: dict[str, Any], worst: float, tmp_path: Path
+) -> None:
+    options = [text for path in definitions(tmp_path) for text in ("--gvl", path)]
+    (kept,) = judged(captured(tmp_path, plant(**outside)), ruled(tmp_path, f"{rule}\n{WHEN}"), *options)["rules"]
+    assert kept["verdict"] == "pass", kept
+    (broken,) = judged(captured(tmp_path, plant(**inside)), ruled(tmp_path, f"{rule}\n{WHEN}"), *options)["rules"]
+    (subject,) = broken["subjects"]
+    assert (broken["verdict"], subject["worst"]) == ("fail", pytest.approx(worst)), broken
+    (always,) = judged(captured(tmp_path, plant(**outside)), ruled(tmp_path, rule), *options)["rules"]
+    assert always["verdict"] == "fail"
+
+
+def counted(at_ms: int) -> list[Sending]:
+    """Return the plant with one telegram of the valve lost at a time: its counter goes on."""
+    return [one for one in plant() if one[:2] != (at_ms, 8)]
+
+
+@pytest.mark.parametrize(("check", "worst"), [("loss", 1 / 41), ("gap", 1)])
+@pytest.mark.parametrize(("at_ms", "verdict"), [(5050, "pass"), (3050, "fail")])
+def test_what_is_lost_at_other_times_does_not_count(
+    check: str, worst: float, at_ms: int, verdict: str, tmp_path: Path
+) -> None:
+    options = [text for path in definitions(tmp_path) for text in ("--gvl", path)]
+    whole = captured(tmp_path, plant(), "whole.pcap").read_bytes()
+    packets, place = [], 24
+    while place < len(whole):
+        length = int.from_bytes(whole[place + 8 : place + 12], "little")
+        packets.append(whole[place : place + 16 + length])
+        place += 16 + length
+    sent = sorted(plant(), key=lambda one: one[0])
+    lost = next(number for number, one in enumerate(sent) if one[:2] == (at_ms, 8))
+    capture = tmp_path / "lossy.pcap"
+    capture.write_bytes(whole[:24] + b"".join(packets[:lost] + packets[lost + 1 :]))
+    (one,) = judged(capture, ruled(tmp_path, f'check = "{check}"\nlist = 8\n{WHEN}'), *options)["rules"]
+    (subject,) = one["subjects"]
+    assert one["verdict"] == verdict
+    if verdict == "fail":
+        assert subject["worst"] == pytest.approx(1 / 40 if check == "loss" else worst)
+        assert subject["first_ns"] == str(BEGIN_NS + 3150 * 10**6)
+
+
+def test_what_is_never_so_leaves_nothing_to_judge(tmp_path: Path) -> None:
+    options = [text for path in definitions(tmp_path) for text in ("--gvl", path)]
+    rule = 'check = "loss"\nlist = 8\nwhen = "var.safety.nMode == 9"'
+    (one,) = judged(captured(tmp_path, plant()), ruled(tmp_path, rule), *options)["rules"]
+    assert (one["verdict"], one["subjects"][0]["reason"]) == ("inconclusive", "when was never so")
+    (one,) = judged(captured(tmp_path, plant()), ruled(tmp_path, f"{rule}\noptional = true"), *options)["rules"]
+    assert one["verdict"] == "pass"
+
+
+@given(
+    modes=st.lists(st.sampled_from([1, 3]), min_size=30, max_size=60),
+    sent=st.lists(st.integers(0, 299), min_size=2, max_size=60, unique=True),
+)
+@examples(30)
+def test_silences_and_intervals_are_those_within(
+    tmp_path_factory: pytest.TempPathFactory, modes: list[int], sent: list[int]
+) -> None:
+    """A second time, in steps of 10 ms, by what is so at each of them."""
+    folder = tmp_path_factory.mktemp("when")
+    sendings: list[Sending] = [(number * 100, 7, [False, mode]) for number, mode in enumerate(modes)]
+    sent = sorted(one for one in sent if one * 20 + 10 < len(modes) * 100)
+    sendings += [(one * 20 + 10, 8, []) for one in sent]
+    end_ms = max(one[0] for one in sendings)
+    longest = silent = 0
+    intervals, last = [], None
+    times = {one * 20 + 10 for one in sent}
+    for at_ms in range(0, end_ms + 10, 10):
+        is_so = modes[min(at_ms // 100, len(modes) - 1)] == 3
+        was_so = at_ms > 0 and modes[min((at_ms - 10) // 100, len(modes) - 1)] == 3
+        silent = silent + 10 if was_so else 0
+        longest = max(longest, silent)
+        if not is_so:
+            silent, last = 0, None
+        if at_ms in times:
+            silent = 0
+            if is_so:
+                intervals += [] if last is None else [at_ms - last]
+                last = at_ms
+    rules = ruled(
+        folder, f'check = "silence"\nlist = 8\nmax = "1h"\n{WHEN}', f'check = "min_gap"\nlist = 8\nmin = "1h"\n{WHEN}',
+    )  # fmt: skip
+    project = read_project(None, definitions=[str(one) for one in definitions(folder)])
+    capture = captured(folder, sendings)
+    found = checked(Inquiry([str(capture)], project), read_rules([str(rules)]))
+    silence, gap = found.decided
+    if 3 not in modes[: end_ms // 100 + 1]:
+        assert [one.verdict for one in found.decided] == [Verdict.INCONCLUSIVE] * 2
+        return
+    if sent and any(modes[min(one * 20 + 10, len(modes) * 100 - 1) // 100] == 3 for one in sent):
+        assert silence.subjects[0].worst == pytest.approx(longest / 1000)
+    assert gap.subjects[0].worst == (pytest.approx(min(intervals) / 1000) if intervals else None)
