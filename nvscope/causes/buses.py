@@ -48,6 +48,7 @@ INCOMPLETE_CYCLES = CauseKind(
     "A list over several frames came without all of them.",
     "Cycles in which identifiers of the list are missing.",
     "Error counters and receive buffers of the device that records, then the sender's transmit queue.",
+    by_moments=True,
 )
 
 _BEFORE_NS = _S_NS = 1_000_000_000

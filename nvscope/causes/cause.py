@@ -17,7 +17,8 @@ class Cause:
 
     ``lists`` are those concerned, ``nodes`` the nodes as numbers of the summary. ``until_ns`` is None where it is still
     so at the end. ``frames`` are those of its first ten events, of ``count``. ``checked`` are facts, the deciding one
-    first; ``findings`` those of which it explains most of the events.
+    first; ``findings`` those of which it explains most of the events. ``last_ns`` is when the last of the events was
+    that it explains.
     """
 
     kind: CauseKind
@@ -33,6 +34,7 @@ class Cause:
     frames: tuple[int, ...] = ()
     count: int = 0
     findings: Sequence[Finding] = ()
+    last_ns: int | None = None
 
     @property
     def of_capture(self) -> bool:

@@ -35,6 +35,7 @@ CAPTURE_INCOMPLETE = CauseKind(
     "moments, or all lists that lose the same share.",
     "Capture with more room: a faster mirror port, one direction only, a capture filter, a larger buffer.",
     measured="{lost} not captured",
+    by_moments=True,
 )
 
 _SENDERS = 3

@@ -17,7 +17,8 @@ class CauseKind:
 
     ``brief`` is what it does to a list, ``measured`` the same with ``{time}`` for how long, or counters of the list:
     in the row of the list. ``meaning`` says what happened, ``evidence`` by what it is told, ``next_step`` what to do
-    first. ``at_least`` is how bad it is, whatever findings it explains.
+    first. ``at_least`` is how bad it is, whatever findings it explains. ``by_moments``: it is told by what happens
+    again and again, and between two of these nothing is wrong.
     """
 
     name: str
@@ -27,3 +28,4 @@ class CauseKind:
     next_step: str
     at_least: Severity = Severity.NOTE
     measured: str = ""
+    by_moments: bool = False

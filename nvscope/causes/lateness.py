@@ -27,6 +27,7 @@ SENDER_LATE = CauseKind(
     "On CAN, of identifiers that no definition knows, a warning only where they kept their time but for once. "
     "Less sure where a node counts all that it sends with one counter: what is lost within one sending shows as late.",
     "The cycle and priority of the task that sends it; a breakpoint, or a task that takes too long.",
+    by_moments=True,
 )
 SENDER_BURSTS = CauseKind(
     "sender-bursts",
@@ -35,6 +36,7 @@ SENDER_BURSTS = CauseKind(
     "Intervals of less than a tenth of the nominal one, or below the MinGap of the definition. "
     "A list without a usual interval shows bursts against a MinGap only.",
     "What triggers its sending: an event that is set in each cycle, or a MinGap that is missing.",
+    by_moments=True,
 )
 
 _LONGEST, _FEW_LISTS, _FEW = 30, 8, 3

@@ -29,6 +29,7 @@ LOSS_AT_SENDER = CauseKind(
     "Losses of at least two lists of the node are due within 100 ms of each other, or all its lists lose alike.",
     "The error counters of the sender's switch port, its cable, and whether its stack drops what it sends at once.",
     measured="{lost} lost",
+    by_moments=True,
 )
 LOSS_OF_LIST = CauseKind(
     "loss-of-list",
@@ -37,6 +38,7 @@ LOSS_OF_LIST = CauseKind(
     "Gaps in the Counter of the list's telegrams, at moments in which no other list loses any.",
     "The error counters of the sender's switch port, and whether its stack drops when a cycle has several telegrams.",
     measured="{lost} lost",
+    by_moments=True,
 )
 
 CAPTURE = "capture-incomplete"

@@ -119,7 +119,7 @@ class AskedRows:
     def runs(self, told: Told, lists: OfLists) -> Iterator[tuple[Runs, list[int]]]:
         """Yield the telegrams of a batch by stream, with the places of the runs that are of some lists."""
         batch = self._batch_of(told)
-        mask = self._mask(lists, told.keys)
+        mask = self.mask(lists, told.keys)
         for one in batch.runs:
             if own := np.flatnonzero(mask[one.lists]).tolist():
                 yield one, own
@@ -130,7 +130,7 @@ class AskedRows:
 
     def own(self, asked: Asked, lists: OfLists, keys: Keys) -> Bool:
         """Tell which telegrams are of some lists."""
-        mask = np.append(self._mask(lists, keys), False)
+        mask = np.append(self.mask(lists, keys), False)
         found: Bool = mask[asked.list]
         return found
 
@@ -150,8 +150,8 @@ class AskedRows:
             self._batch = _Batch(told, latest_ns, runs)
         return self._batch
 
-    def _mask(self, lists: OfLists, keys: Keys) -> Bool:
-        """Tell of each list by number whether it is one of some."""
+    def mask(self, lists: OfLists, keys: Keys) -> Bool:
+        """Tell of each list, by number, whether it is one of some."""
         known = self._own.get(lists, np.zeros(0, np.bool_))
         if len(known) < len(keys.lists):
             self._keys += [keys.list_key(number) for number in range(len(self._keys), len(keys.lists))]
@@ -160,7 +160,7 @@ class AskedRows:
         return known
 
     def _some(self, batch: _Batch, lists: OfLists) -> Asked:
-        mask = self._mask(lists, batch.told.keys)
+        mask = self.mask(lists, batch.told.keys)
         packets, streams, numbers = [], [], []
         for one in batch.runs:
             rows, run = one.rows, np.flatnonzero(mask[one.lists])

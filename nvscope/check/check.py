@@ -73,9 +73,14 @@ class Evidence:
         return Scope.STREAM
 
     def of(self, kind: Of, lists: Collection[ListKey]) -> Iterator[Subject]:
-        """Yield the subjects of a kind that belong to some lists."""
+        """Yield the subjects of a kind that belong to some lists, of which there is anything behind the warm-up."""
         return (
-            one for one in self.subjects if one.of is kind and one.list is not None and self.keys[one.list] in lists
+            one
+            for one in self.subjects
+            if one.of is kind
+            and one.list is not None
+            and self.keys[one.list] in lists
+            and (one.measured.telegrams or any(one.measured.counters.values()))
         )
 
 

@@ -67,7 +67,8 @@ def decided(watched: WatchedRule, known: Evidence, called: CalledLists) -> Decid
         judged.append(Judged(verdict, reason=f"no list is called {name}", vacuous=on_the_wire))
     if rule.lists and rule.check.subject in ("list", "stream"):
         # A rule that names several lists is not kept because one of them is there.
-        told_of = {one.list for one in judged} | set(known.keys.values())
+        came = (known.keys[one.list] for one in known.of(Of.LIST, lists) if one.list is not None)
+        told_of = {one.list for one in judged}.union(came)
         judged += [_never_came(key) for key in lists if key not in told_of]
     if not any(one.measured.telegrams for one in known.of(Of.LIST, known.keys.values())):
         # What must not be there never is where nothing was recorded: that keeps no rule.

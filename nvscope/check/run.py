@@ -20,6 +20,7 @@ from nvscope.check.deciding import Decided, WatchedRule, called_lists, decided, 
 from nvscope.check.figure_windows import FigureWindows
 from nvscope.check.first_frames import FirstFrames
 from nvscope.check.rules import Mistakes, Rule, Rules
+from nvscope.check.stream_intervals import IntervalWatcher
 from nvscope.check.verdict import Verdict
 from nvscope.engine.run import run
 from nvscope.errors import ConfigurationError, UsageError
@@ -111,6 +112,9 @@ class _Judge:
         heard = [one for one in watchers if isinstance(one, CountedWhile)]
         others = Watching(how.ring_bytes, others=watchers, listeners=(self._frames, *heard))
         self._watched = Watched(inquiry, source, others, overdue=any_live(source.infos))
+        for one in watchers:
+            if isinstance(one, IntervalWatcher):
+                one.state = self._watched.state
         since = None if since_ns is None else Since(self._watched.state, since_ns)
         self._counted = BehindWarmUp(inquiry, self._watched.state, since)
         self.source = source if since is None else since.cut(source)
@@ -197,7 +201,7 @@ def _evidence(
     truncated = next((info.truncation.message for info in known.infos if info.truncation), "")
     begin_ns = known.summary.start_ns if since_ns is None else since_ns
     happened = known.happened
-    causes = [one for one in (happened.causes if happened else ()) if _counts(one.until_ns, since_ns)]
+    causes = [one for one in (happened.causes if happened else ()) if _counts(_until_ns(one), since_ns)]
     findings = [one for one in known.findings if _counts(one.last_ns, since_ns)]
 
     def matching(expression: str) -> Sequence[Finding | Cause]:
@@ -216,6 +220,11 @@ def _evidence(
         matching, begin_ns, known.summary.end_ns, drops, truncated,
         [info.start_ns for info in known.infos if info.start_ns is not None], counted.is_ahead,
     )  # fmt: skip
+
+
+def _until_ns(cause: Cause) -> int | None:
+    """Return up to when it is known to be so; None for up to the end."""
+    return cause.last_ns if cause.until_ns is None and cause.kind.by_moments else cause.until_ns
 
 
 def _counts(until_ns: int | None, since_ns: int | None) -> bool:

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.batch import I64
-from nvscope.check.asked_rows import EVERY_LIST, AskedRows, OfLists, Runs
+from nvscope.check.asked_rows import EVERY_LIST, AskedRows, OfLists
 from nvscope.check.while_so import So, WhileSo
 from nvscope.engine.keys import Keys
 from nvscope.engine.told import Told
@@ -17,6 +17,8 @@ from nvscope.list_key import ListKey
 from nvscope.tracker.buckets import bucket_of
 from nvscope.tracker.event_kinds import FRAMES_KEPT
 from nvscope.tracker.histograms import Histogram
+from nvscope.tracker.state import TrackerState
+from nvscope.tracker.timing import BatchIntervals
 
 
 @dataclass(slots=True)
@@ -35,11 +37,10 @@ class StreamIntervals:
 
 
 class IntervalWatcher:
-    """An observer of the intervals between the telegrams of each stream of some lists.
+    """An observer of the intervals of each stream of some lists, as ``state`` measures them: it observes behind that.
 
     ``wanted_ns`` returns what the interval of a list should be, ``tolerance`` is by how much of it one may differ.
     ``since_ns``: intervals that began before do not count, nor those during which something that ``holds`` did not.
-    ``rows`` are the telegrams of batches by stream.
     """
 
     by_stream: ClassVar[bool] = True
@@ -49,9 +50,11 @@ class IntervalWatcher:
         rows: AskedRows | None = None, lists: OfLists = EVERY_LIST, holds: WhileSo | None = None,
     ) -> None:  # fmt: skip
         self.holds = holds
+        self.state: TrackerState | None = None
+        """The state that measures; it has to be there before anything is observed."""
         self._wanted_ns, self._tolerance, self._since_ns = wanted_ns, tolerance, since_ns
-        self._rows, self._lists = AskedRows({}) if rows is None else rows, lists
-        self._streams: dict[tuple[bool, int], StreamIntervals | None] = {}
+        self._lists, self._rows = lists, AskedRows({}) if rows is None else rows
+        self._streams: dict[int, StreamIntervals | None] = {}
 
     @property
     def streams(self) -> list[StreamIntervals]:
@@ -62,41 +65,41 @@ class IntervalWatcher:
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
         so = None if self.holds is None else self.holds.see(told)
-        if not len(told):
+        if self.state is None or not len(told):
             return
-        for runs, places in self._rows.runs(told, self._lists):
-            for run in places:
-                self._take(runs, run, told, so)
+        mask = self._rows.mask(self._lists, told.keys)
+        for one in self.state.senders.intervals:
+            own = np.flatnonzero(mask[told.keys.described(one.run)[0]])
+            if not len(own):
+                continue
+            stop = np.cumsum(one.length)
+            for run, number in zip(own.tolist(), one.run[own].tolist(), strict=True):
+                known = self._stream(number, told.keys)
+                if known is not None:
+                    self._take(known, one, int(stop[run] - one.length[run]), int(stop[run]), told.first_frame, so)
 
-    def _take(self, runs: Runs, run: int, told: Told, so: So | None) -> None:
-        rows = runs.rows
-        known = self._stream(int(rows.run_stream[run]), runs.on_can, told.keys)
-        if known is None:
-            return
-        start, stop = int(rows.start[run]), int(rows.stop[run])
-        before_ns, time_ns = runs.before_ns(run), rows.time_ns[start:stop]
-        chosen = np.ones(stop - start, np.bool_)
-        chosen[0] = not rows.fresh[run]
-        if rows.repeated is not None:
-            chosen &= ~rows.repeated[start:stop]
-        if self._since_ns is not None:
-            chosen &= before_ns >= self._since_ns
-        if so is not None:
-            packets = rows.packet[start:stop]
-            chosen &= so.true[packets] & (before_ns >= so.since_ns[packets])
-        if chosen.any():
-            at = np.flatnonzero(chosen)
-            packet = rows.packet[start + at]
-            self._count(known, time_ns[at] - before_ns[at], time_ns[at], packet + told.first_frame)
+    def _take(
+        self, known: StreamIntervals, found: BatchIntervals, start: int, stop: int, first_frame: int, so: So | None
+    ) -> None:  # fmt: skip
+        place = np.arange(start, stop)
+        packet = found.packets(place)
+        time_ns, interval_ns = found.time_ns[start:stop], found.interval_ns[start:stop]
+        if self._since_ns is not None or so is not None:
+            began_ns = time_ns - interval_ns
+            chosen = np.ones(len(place), np.bool_) if self._since_ns is None else began_ns >= self._since_ns
+            if so is not None:
+                chosen &= so.true[packet] & (began_ns >= so.since_ns[packet])
+            time_ns, interval_ns, packet = time_ns[chosen], interval_ns[chosen], packet[chosen]
+        if len(interval_ns):
+            self._count(known, interval_ns, time_ns, packet + first_frame)
 
-    def _stream(self, number: int, on_can: bool, keys: Keys) -> StreamIntervals | None:
-        place = on_can, number
-        if place not in self._streams:
+    def _stream(self, number: int, keys: Keys) -> StreamIntervals | None:
+        if number not in self._streams:
             lists, node, subindex = (int(column[0]) for column in keys.described(np.array([number])))
             key = keys.list_key(lists)
             wanted_ns = self._wanted_ns(key)
-            self._streams[place] = None if not wanted_ns else StreamIntervals(key, node, subindex, wanted_ns)
-        return self._streams[place]
+            self._streams[number] = None if not wanted_ns else StreamIntervals(key, node, subindex, wanted_ns)
+        return self._streams[number]
 
     def _count(self, known: StreamIntervals, interval_ns: I64, time_ns: I64, frame: I64) -> None:
         distance = np.abs(interval_ns - known.wanted_ns)

@@ -32,10 +32,13 @@ class SenderState:
         self.recent = Recent() if recent else None
         self.cycles = Cycles()
         self.can_cycles = CanCycles()
+        self.intervals: list[BatchIntervals] = []
+        """Those that the last batch ended."""
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
         rows, keys = told.laid.data, told.keys
+        self.intervals = []
         if len(rows):
             own, nodes = self.loss.observe(told, rows)
             intervals = self._observe_intervals(told, rows, own, nodes)
@@ -56,6 +59,7 @@ class SenderState:
         self, told: Told, rows: DataRows, own: Steps, nodes: NodeSteps | NoNodeSteps
     ) -> BatchIntervals:
         intervals = self.timing.observe(told, rows, own, nodes)
+        self.intervals.append(intervals)
         if self.recent is not None and len(intervals):
             self.recent.observe(intervals.stream, intervals.time_ns, intervals.interval_ns)
         return intervals

@@ -102,7 +102,7 @@ class BatchIntervals:
     """The intervals of a batch: of which stream, ending when, how long; columns of shape (n,).
 
     ``usual`` tells of each row of the batch whether it ended one, while the stream's usual interval was known. Those of
-    stream ``run[i]`` are ``length[i]`` in a row.
+    stream ``run[i]`` are ``length[i]`` in a row. ``rows`` are the telegrams of the batch, ``ends`` those that end one.
     """
 
     usual: Bool
@@ -110,6 +110,8 @@ class BatchIntervals:
     length: I64
     time_ns: I64
     interval_ns: I64
+    rows: TimedRows
+    ends: KeptRows
 
     def __len__(self) -> int:
         return len(self.interval_ns)
@@ -117,6 +119,11 @@ class BatchIntervals:
     @property
     def stream(self) -> I64:
         return np.repeat(self.run, self.length)
+
+    def packets(self, place: I64) -> I64:
+        """Return the packets that end the intervals at some places."""
+        packet: I64 = self.rows.packet[self.ends.rows(place)]
+        return packet
 
 
 class Timing:
@@ -163,7 +170,7 @@ class Timing:
         if len(interval):
             self._add(interval, ends)
             usual[ends.rows(self._sort_in(told, rows, ends, interval, loss))] = False
-        return BatchIntervals(usual, ends.run, ends.stop - ends.start, time_ns, interval)
+        return BatchIntervals(usual, ends.run, ends.stop - ends.start, time_ns, interval, rows, ends)
 
     def resume(self, unheard: Unheard) -> None:
         """Let no interval go on from the unheard; how long each was silent before is kept, unless that was usual."""

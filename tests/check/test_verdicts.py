@@ -13,11 +13,14 @@ from nvscope.capture.open import open_sink, open_source
 from nvscope.capture.source import Circumstances
 from nvscope.check.catalogue import CATALOGUE
 from nvscope.check.stream_intervals import IntervalWatcher
+from nvscope.engine.reading import Reading
+from nvscope.engine.run import run
+from nvscope.tracker.state import TrackerState
 from tests.capture.mcap.recordings import Packet, write
 from tests.check.plants import BEGIN_NS, captured, definitions, judged, ruled
 from tests.laws import examples
 from tests.oracle.builders import data_frame, telegram
-from tests.packets import batch_of, observed
+from tests.packets import Batches, batch_of
 from tests.program import run_text
 
 ROOT = Path(__file__).parents[2]
@@ -158,7 +161,10 @@ def test_intervals_are_counted_one_by_one(
         size = sizes[len(batches) % len(sizes)]
         batches.append(whole[begin : begin + size])
         begin += size
-    watcher = observed(IntervalWatcher(lambda _: wanted_ms * 10**6, tolerance), batches)
+    watcher = IntervalWatcher(lambda _: wanted_ms * 10**6, tolerance)
+    watcher.state = TrackerState()
+    for _ in run(Batches(batches, []), Reading(), [watcher.state, watcher]):
+        pass
     (found,) = watcher.streams
     outside = [number for number, step in enumerate(steps_ms) if abs(step - wanted_ms) > wanted_ms * tolerance]
     assert (found.count, found.outside) == (len(steps_ms), len(outside))

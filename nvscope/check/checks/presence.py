@@ -64,7 +64,7 @@ def _absent(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]
         verdict = Verdict.FAIL if telegrams else Verdict.PASS
         yield Judged(
             verdict, key, worst=telegrams, limit=0, unit="telegrams", count=telegrams,
-            first_ns=first.get(key) if telegrams else None,
+            first_ns=max(first[key], known.since_ns or 0) if telegrams and key in first else None,
         )  # fmt: skip
 
 
@@ -73,19 +73,26 @@ def _single_sender(known: Evidence, lists: Collection[ListKey], told: Mapping[st
     for entry in known.summary.lists:
         if entry.key not in lists:
             continue
-        senders = [known.summary.addresses[node] for node in entry.senders]
+        sending = [one for one in entry.streams if one.telegrams]
+        senders = [known.summary.addresses[node] for node in dict.fromkeys(one.node for one in sending)]
+        if not senders:
+            continue
         strangers = (
             [one for one in senders if not {one, known.project.node_names.get(one, one)} & named] if named else []
         )
         fails = len(senders) > 1 or bool(strangers)
         reason = f"{', '.join(senders)} send it" if len(senders) > 1 else ""
         if strangers:
-            reason = f"{', '.join(strangers)} sends it, and is not named"
-        begins = sorted((one.first_ns, known.summary.addresses[one.node]) for one in entry.streams)
+            verb = "send it, and are not named" if len(strangers) > 1 else "sends it, and is not named"
+            reason = f"{', '.join(strangers)} {verb}"
+        begins = sorted((one.first_ns, known.summary.addresses[one.node]) for one in sending)
         others = [first_ns for first_ns, node in begins if node in (strangers or [begins[-1][1]])]
+        # One that is alone and not named is one too many.
+        worst, limit = (len(strangers), 0) if strangers and len(senders) == 1 else (len(senders), 1)
         yield Judged(
-            Verdict.FAIL if fails else Verdict.PASS, entry.key, reason=reason, worst=len(senders), limit=1,
-            unit="senders", count=len(senders) if fails else 0, first_ns=min(others) if fails and others else None,
+            Verdict.FAIL if fails else Verdict.PASS, entry.key, reason=reason, worst=worst, limit=limit,
+            unit="senders", count=len(senders) if fails else 0,
+            first_ns=max(min(others), known.since_ns or 0) if fails and others else None,
         )  # fmt: skip
 
 
@@ -94,12 +101,18 @@ def _known_nodes(known: Evidence, lists: Collection[ListKey], told: Mapping[str,
     if not named:
         yield Judged(Verdict.INCONCLUSIVE, reason="no node is named, neither by the rule nor by the project")
         return
-    sending = dict.fromkeys(node for entry in known.summary.lists if entry.key in lists for node in entry.senders)
-    addresses = [known.summary.addresses[node] for node in sending]
-    strangers = [one for one in addresses if not {one, known.project.node_names.get(one, one)} & named]
+    begins: dict[str, int] = {}
+    for one in (one for entry in known.summary.lists if entry.key in lists for one in entry.streams if one.telegrams):
+        node = known.summary.addresses[one.node]
+        begins[node] = min(one.first_ns, begins.get(node, one.first_ns))
+    if not begins:
+        yield Judged(Verdict.INCONCLUSIVE, reason="nobody sends anything that has an address", vacuous=True)
+        return
+    strangers = [one for one in begins if not {one, known.project.node_names.get(one, one)} & named]
     yield Judged(
         Verdict.FAIL if strangers else Verdict.PASS, reason=f"not named: {', '.join(strangers)}" if strangers else "",
         worst=len(strangers), limit=0, unit="nodes", count=len(strangers),
+        first_ns=max(min(begins[one] for one in strangers), known.since_ns or 0) if strangers else None,
     )  # fmt: skip
 
 

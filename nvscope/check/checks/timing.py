@@ -54,12 +54,13 @@ def _watch_jitter(setting: Setting, told: Mapping[str, Any]) -> SpreadWatcher | 
 def _cycle(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
     watcher: IntervalWatcher = told["watched"]
     judged = set()
+    there = {_named(known, one) for one in known.of(Of.STREAM, lists)}
     for one in watcher.streams:
-        if one.key in lists:
+        if (one.key, known.node(one.node), one.subindex) in there:
             judged.add(one.key)
             yield _of_stream(known, one, told)
     # Of every list that there is, only some have an interval.
-    others = (set(lists) & set(known.keys.values())) - judged
+    others = {key for key, *_ in there} - judged
     for key in sorted(others) if told["list_named"] or told["interval"] or not judged else ():
         yield Judged(Verdict.INCONCLUSIVE, key, reason=_NO_NOMINAL if not told["interval"] else _TOO_FEW)
 
