@@ -254,7 +254,10 @@ def _of_figures(a: _Side, b: _Side, key: ListKey) -> Iterator[Difference]:
         own, other = before.counters.get(name), now.counters.get(name)
         if own is None or other is None:
             continue
-        of, of_other = max(before.telegrams + own, 1), max(now.telegrams + other, 1)
+        of, of_other = (
+            max(telegrams + (count if name == "lost" else 0), 1)
+            for telegrams, count in ((before.telegrams, own), (now.telegrams, other))
+        )
         # What is lost at one time is one event, however many telegrams it was.
         gaps = [one.counters.get("gaps") or 1 for one in (before, now)] if name == "lost" else [own, other]
         at_once = max(1.0, own / max(gaps[0], 1), other / max(gaps[1], 1))

@@ -31,7 +31,8 @@ class Evidence:
     ``summary`` and ``subjects`` are of the time behind the warm-up, which begins at ``since_ns`` and ends at
     ``until_ns``; ``keys`` are the keys of lists by number. ``frames`` are those of the first events. ``drops`` is how
     many packets the capture says it lost, ``truncated`` why it ends before its end, "" where it does not; ``starts_ns``
-    is when each of the captures begins; ``ends_early``: before the warm-up is over.
+    is when each of the captures begins; ``ends_early``: before the warm-up is over. ``first_frame`` is that of a
+    stream's first telegram; ``open_waits`` are since when telegrams of lists wait, ``open_requests`` nodes that ask.
     """
 
     summary: Summary
@@ -50,6 +51,17 @@ class Evidence:
     truncated: str = ""
     starts_ns: Sequence[int] = ()
     ends_early: bool = False
+    first_frame: Callable[[int], int | None] = lambda stream: None
+    open_waits: Mapping[int, Sequence[int]] = field(default_factory=dict)
+    open_requests: Mapping[int, Sequence[int]] = field(default_factory=dict)
+
+    def waiting_ns(self, number: int) -> Sequence[int]:
+        """Return for how long telegrams of a list have waited to be acknowledged, that still do at the end."""
+        return [(self.until_ns or one) - one for one in self.open_waits.get(number, ())]
+
+    def asking_ns(self, number: int) -> Sequence[int]:
+        """Return for how long nodes have waited for the values of a list, that still do at the end."""
+        return [(self.until_ns or one) - one for one in self.open_requests.get(number, ())]
 
     def began_between(self, since_ns: int, until_ns: int) -> bool:
         """Tell whether one of the captures begins within a time."""

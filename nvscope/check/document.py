@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -41,6 +42,11 @@ def _rule(decided: Decided) -> Mapping[str, Any]:
     }
 
 
+def _finite(value: float | None) -> float | None:
+    """Return a value as JSON has it, which knows neither infinity nor NaN."""
+    return value if value is not None and math.isfinite(value) else None
+
+
 def _subject(judged: Judged) -> Mapping[str, Any]:
     return {
         "list": None if judged.list is None else str(judged.list),
@@ -50,10 +56,10 @@ def _subject(judged: Judged) -> Mapping[str, Any]:
         "channel": judged.channel,
         "verdict": judged.verdict.value,
         "reason": judged.reason,
-        "worst": judged.worst,
+        "worst": _finite(judged.worst),
         "limit": judged.limit,
-        "margin": judged.margin,
-        "margin_percent": judged.margin_percent,
+        "margin": _finite(judged.margin),
+        "margin_percent": _finite(judged.margin_percent),
         "unit": judged.unit,
         "count": judged.count,
         "first_ns": time_text(judged.first_ns),

@@ -10,17 +10,23 @@ BEGAN_LATER = "one of the captures began later: it may be the one that has it"
 _AROUND_NS = 1_000_000_000
 
 
-def doubt(known: Evidence, at_ns: int | None) -> str:
+def doubt(known: Evidence, at_ns: int | None, needed: int = 1) -> str:
     """Return why something that was missing at a time may have been there; "" where nothing says so.
 
-    Nobody knows when a capture lost frames: it may have been at any time. A clock that stepped, or an end that is cut
-    off, explains what is near to it. ``at_ns`` is None for what was missing up to the end.
+    Nobody knows when a capture lost frames: it may have been at any time. ``needed`` is how many it must have lost for
+    that to explain what was missing. A clock that stepped, or an end that is cut off, explains what is near to it.
+    ``at_ns`` is None for what was missing up to the end.
     """
-    if known.drops:
+    if known.drops >= max(needed, 1):
         return f"the capture itself lost {count_of(known.drops, 'frame')}: it may have been these"
     if known.truncated and (at_ns is None or known.until_ns is None or known.until_ns - at_ns <= _AROUND_NS):
         return f"the capture was cut: {known.truncated}"
     return doubt_of_clock(known, at_ns)
+
+
+def parts(length_ns: int, most_ns: int) -> int:
+    """Return how many telegrams within a time leave no part of it longer than so long."""
+    return -(-length_ns // most_ns) - 1 if most_ns > 0 else 1
 
 
 def doubt_of_clock(known: Evidence, at_ns: int | None) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +17,9 @@ _EVERY = -1
 """In place of a scope: no Counter is looked at."""
 
 _MOST_STEPS = 10_000
-_TIMED = frozenset({EventKind.BOOT_UP_ANSWERED})
+_TIMED = frozenset({EventKind.BOOT_UP_ANSWERED, EventKind.ACKNOWLEDGED})
+"""Those of which the one is kept that took longest."""
+
 _KINDS = (
     frozenset(
         {step.kind for steps in STEPS.values() for step in steps}
@@ -25,6 +28,14 @@ _KINDS = (
     | _TIMED
 )
 """Those that verdicts show; of the others, some happen to every telegram."""
+
+
+class Longest(NamedTuple):
+    """An event that took so long, the frame that it is told of, and when it was over."""
+
+    took_ns: int
+    frame: int
+    time_ns: int
 
 
 class FirstFrames:
@@ -36,7 +47,7 @@ class FirstFrames:
     def __init__(self, since_ns: int | None = None) -> None:
         self._since_ns = since_ns
         self._frames: dict[tuple[int, int, int], list[tuple[int, int]]] = defaultdict(list)
-        self._longest_ns: dict[tuple[int, int], int] = {}
+        self._longest: dict[tuple[int, int], Longest] = {}
         self.clock_steps: list[tuple[int, int]] = []
 
     def hear(self, events: EventBatch) -> None:
@@ -51,10 +62,8 @@ class FirstFrames:
             return
         scope = _EVERY if events.scope is None else int(events.scope)
         if events.kind in _TIMED:
-            took_ns = events.time_ns - events.since_ns
-            for number, took in zip(events.list.tolist(), took_ns.tolist(), strict=True):
-                place = int(events.kind), number
-                self._longest_ns[place] = max(took, self._longest_ns.get(place, 0))
+            self._hear_times(events)
+            return
         columns = (events.list.tolist(), events.frame.tolist(), events.time_ns.tolist())
         for number, frame, time_ns in zip(*columns, strict=True):
             kept = self._frames[int(events.kind), number, min(scope, int(Scope.NODE_TELEGRAM))]
@@ -69,6 +78,16 @@ class FirstFrames:
         found = [one for kind in kinds for at in (own, _EVERY) for one in self._frames.get((int(kind), number, at), ())]
         return sorted(set(found))[:FRAMES_KEPT]
 
-    def longest_ns(self, kind: EventKind, number: int) -> int | None:
-        """Return how long the longest event of a kind and list took, from since when it waited; None without any."""
-        return self._longest_ns.get((int(kind), number))
+    def _hear_times(self, events: EventBatch) -> None:
+        took_ns = events.time_ns - events.since_ns
+        order = np.lexsort((-events.frame, took_ns, events.list))
+        last = np.flatnonzero(np.diff(events.list[order], append=-1))
+        for row in order[last].tolist():
+            place = int(events.kind), int(events.list[row])
+            known = self._longest.get(place)
+            if known is None or took_ns[row] > known.took_ns:
+                self._longest[place] = Longest(int(took_ns[row]), int(events.frame[row]), int(events.time_ns[row]))
+
+    def longest(self, kind: EventKind, number: int) -> Longest | None:
+        """Return the event of a kind and list that took longest, from since when it waited; None without any."""
+        return self._longest.get((int(kind), number))

@@ -15,13 +15,20 @@ from nvscope.view.escape import visible
 _MOST_SUBJECTS = 50
 
 
-def junit(found: Checked, paths: Sequence[str], *, inconclusive_fails: bool = False) -> bytes:
-    """Return the document; with ``inconclusive_fails`` what could not be decided is a failure, else it is skipped."""
+def junit(
+    found: Checked, paths: Sequence[str], *, inconclusive_fails: bool = False, failing: Sequence[str] = ("error",)
+) -> bytes:  # fmt: skip
+    """Return the document.
+
+    Rules of the severities that are ``failing`` are failures where they are broken; others are skipped then, with what
+    broke them: a build server goes red for nothing that ``check`` does not exit with 1 for. With ``inconclusive_fails``
+    what could not be decided is a failure, too.
+    """
     root = Element("testsuites", name="nvscope")
     for path, group in groupby(found.decided, key=lambda one: one.rule.path):
         rules = list(group)
-        failed = [one for one in rules if _fails(one, inconclusive_fails)]
-        skipped = [one for one in rules if one.verdict is Verdict.INCONCLUSIVE and one not in failed]
+        failed = [one for one in rules if _fails(one, inconclusive_fails, failing)]
+        skipped = [one for one in rules if one.verdict is not Verdict.PASS and one not in failed]
         suite = SubElement(
             root, "testsuite", name=visible(path), tests=str(len(rules)), failures=str(len(failed)), errors="0",
             skipped=str(len(skipped)), time="0",
@@ -35,14 +42,18 @@ def junit(found: Checked, paths: Sequence[str], *, inconclusive_fails: bool = Fa
                 text = _text(found, decided, paths)
                 SubElement(case, "failure", message=text[0], type=decided.verdict.value).text = "\n".join(text)
             elif decided in skipped:
-                SubElement(case, "skipped", message=_text(found, decided, paths)[0])
+                told = _text(found, decided, paths)[0]
+                is_broken = decided.verdict is Verdict.FAIL
+                SubElement(case, "skipped", message=f"{decided.rule.severity}: {told}" if is_broken else told)
     indent(root)
     content: bytes = tostring(root, encoding="utf-8", xml_declaration=True)
     return content + b"\n"
 
 
-def _fails(decided: Decided, inconclusive_fails: bool) -> bool:
-    return decided.verdict is Verdict.FAIL or (inconclusive_fails and decided.verdict is Verdict.INCONCLUSIVE)
+def _fails(decided: Decided, inconclusive_fails: bool, failing: Sequence[str]) -> bool:
+    if decided.verdict is Verdict.FAIL:
+        return decided.rule.severity in failing
+    return inconclusive_fails and decided.verdict is Verdict.INCONCLUSIVE
 
 
 def _text(found: Checked, decided: Decided, paths: Sequence[str]) -> list[str]:

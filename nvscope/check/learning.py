@@ -100,7 +100,7 @@ def _loosest(lists: Sequence[LearntList], defined: bool) -> Iterator[dict[str, A
     """Yield rules that nothing breaks, whose worst values teach limits."""
     limits: dict[str, dict[str, Any]] = {
         "silence": {"max": _EVER}, "loss": {"max": _ANY}, "coherence": {"max": _ANY}, "bus_load": {"max": _ANY},
-        "boot_up": {"within": _EVER}, "acknowledged": {"min": "0%"}, "capture_quality": {},
+        "boot_up": {}, "acknowledged": {"min": "0%"}, "capture_quality": {},
         **{name: {"max": _NOTHING_BREAKS} for name in _COUNTERS},
     }  # fmt: skip
     for name, limit in limits.items():
@@ -131,6 +131,8 @@ class _Teacher:
         self._decided: Mapping[str, Decided] = {one.rule.id: one for one in found.decided}
         self._summary = found.known.summary
         self._lesson = Lesson(lists=len(lists), telegrams=sum(one.measured.telegrams for one in lists))
+        # What answers later than that is no answer.
+        self._patience_ns = inquiry.timeout_ns or inquiry.project.limits.acknowledgement_ns
         self._span_ns = (self._summary.end_ns or 0) - (self._summary.start_ns or 0)
 
     def lesson(self) -> Lesson:
@@ -256,7 +258,7 @@ class _Teacher:
         for one in answered:
             assert one.worst is not None
             known = next(each for each in self._lists if each.key == one.list)
-            within_ns = time_with_room(round(one.worst * 1e9), _SILENCE_ROOM)
+            within_ns = min(time_with_room(round(one.worst * 1e9), _SILENCE_ROOM), self._patience_ns)
             told = f"slowest: {duration(round(one.worst * 1e9))}, which makes it hardly more than a guess"
             keys = {"list": known.word, "within": format_duration(within_ns), "optional": True}
             yield Learnt(known.id("boot-up"), "boot_up", keys, told, thin=True)
@@ -342,7 +344,7 @@ class _Teacher:
         if share is None or share.worst is None or latency is None or not latency.count or latency.maximum is None:
             return
         asked = latency.count + share.count
-        within_ns = time_with_room(latency.maximum, _SILENCE_ROOM)
+        within_ns = min(time_with_room(latency.maximum, _SILENCE_ROOM), self._patience_ns)
         keys: dict[str, Value] = {"list": one.word, "within": format_duration(within_ns)}
         told = f"slowest: {duration(latency.maximum)}; missing: {how_sure(asked, 'telegram')}"
         if share.count:

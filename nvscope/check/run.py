@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.analysis.watching import Scene, Watched, Watching
@@ -19,6 +21,7 @@ from nvscope.check.counted_while import CountedWhile
 from nvscope.check.deciding import Decided, WatchedRule, called_lists, decided, tell_of_unknown
 from nvscope.check.figure_windows import FigureWindows
 from nvscope.check.first_frames import FirstFrames
+from nvscope.check.first_telegrams import FirstTelegrams
 from nvscope.check.rules import Mistakes, Rule, Rules
 from nvscope.check.stream_intervals import IntervalWatcher
 from nvscope.check.verdict import Verdict
@@ -27,10 +30,12 @@ from nvscope.errors import ConfigurationError, UsageError
 from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey
 from nvscope.tracker.since import Since
+from nvscope.tracker.state import TrackerState
 from nvscope.tracker.subjects import subjects
 
 _RING_BYTES = 0
 _LOOK_S = 1.0
+_OF_ANSWERS = ("acknowledged", "boot_up")
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +78,7 @@ def checked(inquiry: Inquiry, rules: Rules, how: Judging | None = None) -> Check
     given that say what there is.
     """
     how = how or Judging()
+    inquiry = _patient(inquiry, rules.rules)
     # What is wrong is told before anything is waited for.
     watched = watching(inquiry, rules, None)
     opened = inquiry.open()
@@ -94,6 +100,14 @@ def checked(inquiry: Inquiry, rules: Rules, how: Judging | None = None) -> Check
     return judge.checked()
 
 
+def _patient(inquiry: Inquiry, rules: Sequence[Rule]) -> Inquiry:
+    """Return the inquiry with answers waited for as long as some rule allows them to take."""
+    every = [inner for rule in rules for inner in (rule, *rule.inner)]
+    longest_ns = max((one.parameters["within"] or 0 for one in every if one.check.name in _OF_ANSWERS), default=0)
+    patience_ns = inquiry.timeout_ns or inquiry.project.limits.acknowledgement_ns
+    return replace(inquiry, timeout_ns=longest_ns) if longest_ns > patience_ns else inquiry
+
+
 class _Judge:
     """What watches for all rules, and what is known of them at any time."""
 
@@ -102,7 +116,7 @@ class _Judge:
     ) -> None:  # fmt: skip
         self._inquiry = inquiry
         self._rules = rules
-        self._frames = FirstFrames(since_ns)
+        self._frames, self._telegrams = FirstFrames(since_ns), FirstTelegrams(since_ns)
         # Several rules may have one in common.
         every = [one for rule in self._rules for one in rule.each()]
         watchers = list({id(one.watcher): one.watcher for one in every if one.watcher is not None}.values())
@@ -110,7 +124,7 @@ class _Judge:
             if isinstance(one, FigureWindows):
                 source = one.windows.cut(source)
         heard = [one for one in watchers if isinstance(one, CountedWhile)]
-        others = Watching(how.ring_bytes, others=watchers, listeners=(self._frames, *heard))
+        others = Watching(how.ring_bytes, others=[self._telegrams, *watchers], listeners=(self._frames, *heard))
         self._watched = Watched(inquiry, source, others, overdue=any_live(source.infos))
         for one in watchers:
             if isinstance(one, IntervalWatcher):
@@ -144,7 +158,8 @@ class _Judge:
             return self._watched.look()
 
     def _evidence(self, scene: Scene) -> Evidence:
-        return _evidence(self._inquiry, scene, self._counted, self._frames)
+        state, telegrams = self._watched.state, self._telegrams
+        return _evidence(self._inquiry, scene, self._counted, self._frames, state, telegrams.frame)
 
 
 def watching(inquiry: Inquiry, rules: Rules, since_ns: int | None) -> list[WatchedRule]:
@@ -191,7 +206,8 @@ def _mistakes(rule: Rule, inquiry: Inquiry) -> Iterator[ConfigurationError]:
 
 
 def _evidence(
-    inquiry: Inquiry, scene: Scene, counted: BehindWarmUp, frames: FirstFrames
+    inquiry: Inquiry, scene: Scene, counted: BehindWarmUp, frames: FirstFrames, state: TrackerState,
+    first_frame: Callable[[int], int | None],
 ) -> Evidence:  # fmt: skip
     project, known, since_ns = inquiry.project, scene.snapshot, counted.since_ns
     summary = counted.summary(scene)
@@ -219,7 +235,23 @@ def _evidence(
         summary, list(subjects(summary)), keys, names, findings, causes, frames, project, counted.cycles(),
         matching, begin_ns, known.summary.end_ns, drops, truncated,
         [info.start_ns for info in known.infos if info.start_ns is not None], counted.is_ahead,
+        first_frame, *_open_waits(scene, state),
     )  # fmt: skip
+
+
+def _open_waits(scene: Scene, state: TrackerState) -> tuple[Mapping[int, list[int]], Mapping[int, list[int]]]:
+    """Return since when telegrams of lists wait to be acknowledged, and nodes for values, up to the end."""
+    waits: dict[int, list[int]] = {}
+    requests: dict[int, list[int]] = {}
+    known = state.lists.acknowledgement
+    stream = np.flatnonzero(known.waits.column("open"))
+    lists = state.keys.described(stream)[0] if len(stream) else stream
+    for number, since_ns in zip(lists.tolist(), known.waits.since_ns[stream].tolist(), strict=True):
+        waits.setdefault(number, []).append(since_ns)
+    asked = known.boot_up_waits
+    for number, deadline_ns in zip(asked.list.tolist(), asked.deadline_ns.tolist(), strict=True):
+        requests.setdefault(number, []).append(deadline_ns - known.timeout_ns)
+    return waits, requests
 
 
 def _until_ns(cause: Cause) -> int | None:

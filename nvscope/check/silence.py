@@ -21,8 +21,9 @@ from nvscope.list_key import ListKey
 
 @dataclass(slots=True)
 class Silence:
-    """The longest time without a telegram of a list: how long, since when, and the frame that ended it, None for none.
+    """The longest time without a telegram of a list: how long, since when, and a frame.
 
+    That is the one that ended it; of a silence up to the end, the one before it. None where there is none.
     ``is_first``: it was before its first telegram.
     """
 
@@ -155,6 +156,7 @@ class SilenceWatcher:
         known.frame[own[longer]] = packet[row[longer]] + first_frame
         known.first[own[longer]] = ~known.came[own[longer]] & (row[longer] == begin[longer])
         known.last_ns[own] = behind_ns[np.append(begin[1:], len(lists)) - 1]
+        known.last_frame[own] = packet[np.append(begin[1:], len(lists)) - 1] + first_frame
         known.came[own] = True
 
     def of(self, lists: Collection[ListKey], until_ns: int) -> Mapping[ListKey, Silence]:
@@ -167,7 +169,8 @@ class SilenceWatcher:
                 continue
             last_ns, longest_ns = int(known.last_ns[number]), int(known.longest_ns[number])
             if until_ns - last_ns > longest_ns and not known.paused[number]:
-                found[key] = Silence(until_ns - last_ns, last_ns, None, is_first=False)
+                last = int(known.last_frame[number]) or None
+                found[key] = Silence(until_ns - last_ns, last_ns, last, is_first=False)
                 continue
             frame = int(known.frame[number]) or None
             found[key] = Silence(longest_ns, int(known.begin_ns[number]), frame, is_first=bool(known.first[number]))
@@ -193,6 +196,7 @@ class _SilentColumns(KeyedColumns):
     longest_ns: I64
     begin_ns: I64
     frame: I64
+    last_frame: I64
     COLUMNS: ClassVar = {
         "came": (np.False_, 1),
         "paused": (np.False_, 1),
@@ -201,4 +205,5 @@ class _SilentColumns(KeyedColumns):
         "longest_ns": (np.int64(0), 1),
         "begin_ns": (np.int64(0), 1),
         "frame": (np.int64(0), 1),
+        "last_frame": (np.int64(0), 1),
     }

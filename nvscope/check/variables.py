@@ -21,6 +21,7 @@ from nvscope.expression.typed_columns import Column, FieldType, TextColumn
 from nvscope.tracker.event_kinds import FRAMES_KEPT
 
 _COUNTERS = 1 << 16
+_ROUNDED = 1e-9
 _LATE = 16
 """A telegram whose Counter is at most so many behind the highest one was overtaken, or came again."""
 
@@ -248,7 +249,8 @@ class RateWatch(_Stepwise):
             return
         per_second = np.abs(step[timed].astype(np.float64)) / took_ns[timed] * 1e9
         self.worst = max(self.worst or 0, np.nanmax(per_second, initial=0).item())
-        self.breaks(values, row[timed][~(per_second <= self.most)])
+        # Decimal fractions are no binary ones: 0.1 in 100 ms is no more than 1 a second.
+        self.breaks(values, row[timed][~(per_second <= self.most * (1 + _ROUNDED))])
 
 
 @dataclass(slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from collections import Counter
 from collections.abc import Sequence
@@ -27,14 +28,14 @@ def value_in_words(value: float | None, unit: str) -> str:
         return units.duration(round(value * 1_000_000_000))
     if unit == "ratio":
         return units.load(100 * value)
-    number = units.count(int(value)) if float(value).is_integer() else f"{value:g}"
+    number = units.count(int(value)) if float(value).is_integer() else f"{value:g}".replace("-", "−")
     return f"{number} {unit.removesuffix('s') if value == 1 else unit}" if unit else number
 
 
 def margin(judged: Judged) -> str:
     """Return how far the worst value is from the limit, in percent of that."""
     percent = judged.margin_percent
-    if percent is None:
+    if percent is None or math.isnan(percent):
         return "-"
     if abs(percent) > _MOST_PERCENT:
         return f"{'below −' if percent < 0 else 'above '}{units.count(_MOST_PERCENT)} %"

@@ -158,7 +158,7 @@ def check(
     if wanted:
         from nvscope.cli.check_files import write_files
 
-        write_files(inquiry, found, wanted, told.paths, inconclusive_fails=fail_on == "inconclusive", force=force)
+        write_files(inquiry, found, wanted, told.paths, fail_on=fail_on, force=force)
     if as_annotations:
         from nvscope.check.github import annotation_lines
 

@@ -32,7 +32,7 @@ class Wanted(NamedTuple):
 
 
 def write_files(
-    inquiry: Inquiry, found: Checked, wanted: Wanted, rules: Sequence[str], *, inconclusive_fails: bool, force: bool
+    inquiry: Inquiry, found: Checked, wanted: Wanted, rules: Sequence[str], *, fail_on: str, force: bool
 ) -> None:  # fmt: skip
     """Write what is wanted, all of it or nothing, onto no input."""
     from nvscope.check.junit import junit
@@ -40,10 +40,12 @@ def write_files(
     from nvscope.report import json
     from nvscope.whole_files import Existing, WholeFiles
 
+    inconclusive_fails = fail_on == "inconclusive"
+    failing = ("error", "warning") if fail_on in ("warning", "inconclusive") else ("error",)
     files = WholeFiles([*inquiry.paths, *rules, *inquiry.project.inputs], force=force)
     try:
         if wanted.junit is not None:
-            content = junit(found, inquiry.paths, inconclusive_fails=inconclusive_fails)
+            content = junit(found, inquiry.paths, inconclusive_fails=inconclusive_fails, failing=failing)
             files.write(wanted.junit, content, Existing.REPLACED)
         if wanted.sarif is not None:
             log = sarif(found, inquiry.paths, inconclusive_fails=inconclusive_fails)

@@ -30,7 +30,7 @@ def test_a_suite_a_file_and_a_case_a_rule(tmp_path: Path) -> None:
     root = junit(PLANT, RULES, tmp_path)
     (suite,) = root
     assert (root.tag, suite.tag, suite.get("name")) == ("testsuites", "testsuite", str(RULES))
-    assert [suite.get(name) for name in ("tests", "failures", "errors", "skipped")] == ["10", "5", "0", "0"]
+    assert [suite.get(name) for name in ("tests", "failures", "errors", "skipped")] == ["10", "4", "0", "1"]
     cases = {one.get("name"): one for one in suite}
     assert [one.get("classname") for one in suite][:2] == ["nvscope.loss", "nvscope.gap"]
     assert [child.tag for child in cases["axis-complete"]] == ["failure"]
@@ -39,6 +39,10 @@ def test_a_suite_a_file_and_a_case_a_rule(tmp_path: Path) -> None:
     assert failure.get("message").startswith("list 7, worst 0.")
     assert failure.get("message").endswith("first at 7.0 s, frame 278")
     command = f"nvscope packets {PLANT} -Y 'frame.number >= 274 && frame.number <= 282'"
+    assert cases["no-restart"][0].tag == "skipped"
+    assert cases["no-restart"][0].get("message").startswith("warning: list 9, worst 1 event")
+    (strict,) = junit(PLANT, RULES, tmp_path, "--fail-on", "warning")
+    assert (strict.get("failures"), strict.get("skipped")) == ("5", "0")
     assert failure.text.splitlines() == [
         failure.get("message"), command, "the drives stop at a second lost setpoint",
     ]  # fmt: skip

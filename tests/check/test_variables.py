@@ -63,7 +63,7 @@ def test_a_variable(
 def test_what_is_no_number_is_outside_of_every_range(tmp_path: Path) -> None:
     sent = valve(lambda number: [False, float("nan") if number == 20 else 1.0])
     told, subject = of_plant(tmp_path, sent, 'check = "range"\nvariable = "fPos"\nmin = 0\nmax = 2')
-    assert (told, subject["frames"], subject["reason"]) == ("fail", [21], "1 of its values are no number (NaN)")
+    assert (told, subject["frames"], subject["reason"]) == ("fail", [21], "1 value is no number (NaN)")
 
 
 def test_times_are_told_with_units(tmp_path: Path) -> None:

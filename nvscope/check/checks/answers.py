@@ -28,10 +28,18 @@ def _acknowledged(known: Evidence, lists: Collection[ListKey], told: Mapping[str
             reason = "what readers answer is not to be seen in this capture"
             yield Judged(Verdict.INCONCLUSIVE, key, reason=reason, limit=least, above=False, unit="ratio")
             continue
+        waiting_ns = known.waiting_ns(subject.list)
+        late = sum(one > within_ns for one in waiting_ns) if within_ns is not None else 0
+        missing += late
         if not came + missing:
-            if told["list_named"]:
+            if told["list_named"] or waiting_ns:
                 reason = "none of its telegrams asks to be acknowledged"
-                yield Judged(Verdict.INCONCLUSIVE, key, reason=reason, limit=least, above=False, unit="ratio")
+                if waiting_ns:
+                    reason = "the capture ended before an acknowledgement was due"
+                yield Judged(
+                    Verdict.INCONCLUSIVE, key, reason=reason, limit=least, above=False, unit="ratio",
+                    vacuous=not waiting_ns,
+                )  # fmt: skip
             continue
         share = came / (came + missing)
         frames = known.frames.of([EventKind.NO_ACKNOWLEDGEMENT], subject.list)
@@ -40,14 +48,16 @@ def _acknowledged(known: Evidence, lists: Collection[ListKey], told: Mapping[str
         verdict, reason = Verdict.PASS, ""
         if share < least:
             verdict = Verdict.FAIL
-            if known.drops:
+            if known.drops and (came + min(known.drops, missing)) / (came + missing) >= least:
                 verdict = Verdict.INCONCLUSIVE
                 reason = f"the capture itself lost {count_of(known.drops, 'frame')}: it may have been these"
         if is_slow and verdict is not Verdict.FAIL:
             assert slowest_ns is not None
+            slowest = known.frames.longest(EventKind.ACKNOWLEDGED, subject.list)
             yield Judged(
                 Verdict.FAIL, key, reason="the slowest acknowledgement", worst=slowest_ns / _SECOND_NS,
-                limit=within_ns / _SECOND_NS, unit="s",
+                limit=within_ns / _SECOND_NS, unit="s", count=1, first_ns=slowest.time_ns if slowest else None,
+                frames=(slowest.frame,) if slowest else (),
             )  # fmt: skip
             continue
         if slowest_ns is not None and verdict is Verdict.PASS and within_ns is not None:
@@ -68,14 +78,18 @@ def _boot_up(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any
         if unanswered is None or not asked:
             if told["list_named"]:
                 reason = "nobody asked for its values" if asked == 0 else "nobody knows what was answered"
-                yield Judged(Verdict.INCONCLUSIVE, key, reason=reason, limit=limit, unit="s")
+                yield Judged(Verdict.INCONCLUSIVE, key, reason=reason, limit=limit, unit="s", vacuous=asked == 0)
             continue
-        slowest_ns = known.frames.longest_ns(EventKind.BOOT_UP_ANSWERED, subject.list)
+        unanswered += sum(one > told["within"] for one in known.asking_ns(subject.list))
+        slowest = known.frames.longest(EventKind.BOOT_UP_ANSWERED, subject.list)
+        slowest_ns = slowest.took_ns if slowest else None
         late = slowest_ns is not None and slowest_ns > told["within"]
         frames = known.frames.of([EventKind.BOOT_UP_UNANSWERED], subject.list)
         verdict = Verdict.FAIL if unanswered or late else Verdict.PASS
-        reason = f"{unanswered} of {count_of(asked, 'request')} had no answer" if unanswered else ""
-        if unanswered and known.drops:
+        reason = f"{unanswered} of {count_of(asked, 'request')} had no answer in time" if unanswered else ""
+        if not frames and late and slowest:
+            frames = [(slowest.frame, slowest.time_ns)]
+        if unanswered and unanswered <= known.drops:
             verdict = Verdict.FAIL if late else Verdict.INCONCLUSIVE
             reason = f"the capture itself lost {count_of(known.drops, 'frame')}: it may have been these"
         if slowest_ns is None and not unanswered:

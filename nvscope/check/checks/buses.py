@@ -70,7 +70,12 @@ def _bus_load(known: Evidence, lists: Collection[ListKey], told: Mapping[str, An
         yield Judged(
             Verdict.INCONCLUSIVE, channel=name, reason="there is no frame of it", limit=told["max"], unit="ratio"
         )
+    length_ns = 0 if known.since_ns is None or known.until_ns is None else known.until_ns - known.since_ns
     for bus in buses:
+        if length_ns < watcher.length_ns:
+            reason = "the capture is shorter than the rule needs"
+            yield Judged(Verdict.INCONCLUSIVE, channel=bus.channel, reason=reason, limit=told["max"], unit="ratio")
+            continue
         busiest = watcher.busiest.get(bus.channel)
         if bus.bit_rate is None or busiest is None:
             reason = (

@@ -21,8 +21,7 @@ _OF_NETWORK = ("lost", "gaps", "longest_gap")
 """What the capture itself may have lost."""
 
 
-_OF_HEADERS = ("malformed", "duplicates", "overtaken")
-"""What a header tells: frames of CAN have none."""
+_OF_COUNTERS = ("longest_gap", "duplicates", "overtaken", "restarts")
 
 
 def _is_on_can(known: Evidence, subject: Subject) -> bool:
@@ -55,7 +54,7 @@ def _at_most(
     if value <= limit:
         return Judged(Verdict.PASS, key, worst=value, limit=limit, unit=unit)
     verdict, reason = Verdict.FAIL, ""
-    if known.drops and figure in _OF_NETWORK:
+    if figure in _OF_NETWORK and _may_be_drops(known, subject, figure, value, told):
         verdict = Verdict.INCONCLUSIVE
         reason = f"the capture itself lost {count_of(known.drops, 'frame')}: it may have been these"
     scope = known.scope_of(subject.list)
@@ -67,6 +66,17 @@ def _at_most(
     )  # fmt: skip
 
 
+def _may_be_drops(known: Evidence, subject: Subject, figure: str, value: float, told: Mapping[str, Any]) -> bool:
+    """Tell whether what the capture itself lost explains that a limit is broken: the rest of it would be kept."""
+    if not known.drops:
+        return False
+    if figure != "lost":
+        return bool(value - known.drops <= told["max"])
+    telegrams = telegrams_of(subject, told["watched"])
+    lost = _figure(known, subject, "lost", told["watched"]) or 0
+    return bool(max(lost - known.drops, 0) <= told["max"] * (lost + telegrams))
+
+
 def kinds_of(figure: str) -> tuple[EventKind, ...]:
     """Return the kinds of events that a figure counts up by."""
     return tuple(step.kind for step in STEPS[figure] if step.by > 0)
@@ -75,6 +85,10 @@ def kinds_of(figure: str) -> tuple[EventKind, ...]:
 def _loss(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
     for subject in known.of(Of.LIST, lists):
         lost, telegrams = _figure(known, subject, "lost", told["watched"]), telegrams_of(subject, told["watched"])
+        if lost is None and _is_on_can(known, subject):
+            if told["list_named"]:
+                yield _without_header(known, subject, told["max"], "ratio")
+            continue
         share = None if lost is None else lost / (lost + telegrams) if lost + telegrams else 0.0
         yield _at_most(known, subject, "lost", share, told, "ratio")
 
@@ -83,7 +97,12 @@ def _counted(figure: str, unit: str) -> Judge:
     def judge(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
         for subject in known.of(Of.LIST, lists):
             value = _figure(known, subject, figure, told["watched"])
-            if value is None and figure in _OF_HEADERS and _is_on_can(known, subject):
+            lost = _figure(known, subject, "lost", told["watched"])
+            if figure in _OF_COUNTERS and lost is None:
+                value = None  # they are told by the same counters
+            elif figure == "longest_gap" and value is not None and lost is not None:
+                value = min(value, max(lost, 0))  # what came late is not missing
+            if value is None and _is_on_can(known, subject):
                 if told["list_named"]:
                     yield _without_header(known, subject, told["max"], unit)
                 continue

@@ -8,7 +8,7 @@ from typing import Any
 from nvscope.causes.cause import Cause
 from nvscope.check.check import Check, Evidence, Setting
 from nvscope.check.condition import told_of_plants
-from nvscope.check.doubt import doubt
+from nvscope.check.doubt import doubt, parts
 from nvscope.check.figure_windows import FigureWindows
 from nvscope.check.moments import FirstWatcher, SequenceWatcher, TruthWatcher, WaitWatcher
 from nvscope.check.occurrences import Occurrences
@@ -44,7 +44,7 @@ def _implies(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any
         verdict, reason = Verdict.FAIL, f"{watcher.late} of {count_of(watcher.waits, 'time')}"
         if not watcher.known:
             verdict, reason = Verdict.INCONCLUSIVE, "nobody knows whether then was so: what it names never came"
-        elif why := doubt(known, watcher.first_ns):
+        elif why := doubt(known, watcher.first_ns, watcher.late):
             verdict, reason = Verdict.INCONCLUSIVE, why
     elif watcher.undecided == watcher.waits:
         verdict, reason = Verdict.INCONCLUSIVE, _TOO_SHORT
@@ -68,12 +68,16 @@ def _sequence(known: Evidence, lists: Collection[ListKey], told: Mapping[str, An
     verdict, reason = Verdict.PASS, ""
     if watcher.broken:
         verdict, reason = Verdict.FAIL, f"{watcher.reason}, {watcher.broken} of {count_of(watcher.runs, 'run')}"
-        if why := doubt(known, watcher.first_ns):
+        if why := doubt(known, watcher.first_ns, watcher.broken):
             verdict, reason = Verdict.INCONCLUSIVE, why
     elif watcher.undecided == watcher.runs:
         verdict, reason = Verdict.INCONCLUSIVE, _TOO_SHORT
+    # A run that was broken by its order has no time.
+    longest_ns = watcher.longest_ns
+    if watcher.broken and longest_ns is not None and longest_ns <= told["within"]:
+        longest_ns = None
     yield Judged(
-        verdict, reason=reason, worst=_seconds(watcher.longest_ns), limit=limit, unit="s", count=watcher.broken,
+        verdict, reason=reason, worst=_seconds(longest_ns), limit=limit, unit="s", count=watcher.broken,
         first_ns=watcher.first_ns, frames=tuple(watcher.frames),
     )  # fmt: skip
 
@@ -94,7 +98,9 @@ def _truth(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any])
         yield Judged(Verdict.INCONCLUSIVE, reason=reason, limit=limit, unit="s", vacuous=True)
         return
     verdict, reason = Verdict.FAIL if broken.count else Verdict.PASS, ""
-    if broken.count and (why := doubt(known, broken.first_ns)):
+    # What was seen was so; but for how long it was, telegrams that are missing could tell otherwise.
+    needed = parts(broken.longest_ns or 0, told["for"]) if told["for"] else known.drops + 1
+    if broken.count and (why := doubt(known, broken.first_ns, needed)):
         verdict, reason = Verdict.INCONCLUSIVE, why
     yield Judged(
         verdict, reason=reason, worst=(broken.longest_ns or 0) / _SECOND_NS, limit=limit, unit="s", count=broken.count,
@@ -178,6 +184,8 @@ def _occurrence(known: Evidence, lists: Collection[ListKey], told: Mapping[str, 
 def _watch_occurrences(setting: Setting, told: Mapping[str, Any]) -> Occurrences:
     if told["min"] is None and told["max"] is None:
         raise Unfit("an occurrence needs min, max, or both")
+    if told["min"] is not None and told["max"] is not None and told["min"] > told["max"]:
+        raise Unfit("min is more than max", "min")
     return Occurrences(setting, told["expr"], told["per"], told["min"], told["max"])
 
 
@@ -200,7 +208,7 @@ def _of_windows(
     verdict, reason = Verdict.FAIL if room < 0 else Verdict.PASS, ""
     if room < 0:
         reason = f"{counts.broken} of {count_of(windows, 'window')}"
-        if not above and (why := doubt(known, counts.first_ns)):
+        if not above and (why := doubt(known, counts.first_ns, least - fewest)):
             verdict, reason = Verdict.INCONCLUSIVE, why
     unit = "telegrams" if key is not None else "events"
     return Judged(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 from nvscope.check.check import Check, Evidence
@@ -12,7 +12,9 @@ from nvscope.check.parameters import Parameter
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.list_key import ListKey
 from nvscope.toml_table import LENGTH, TEXT, array
+from nvscope.tracker.event_kinds import FRAMES_KEPT
 from nvscope.tracker.figures import Of
+from nvscope.tracker.stream_summary import StreamSummary
 
 _SECOND_NS = 1_000_000_000
 _TOO_SHORT = "the capture is shorter than the rule needs"
@@ -27,6 +29,24 @@ def _first_ns(known: Evidence, counted: CountedWhile | None) -> Mapping[ListKey,
     return found | {
         one.key: min(stream.first_ns for stream in one.streams) for one in known.summary.can.lists if one.streams
     }
+
+
+def _first_frames(known: Evidence, streams: Iterable[StreamSummary], nodes: Collection[str]) -> tuple[int, ...]:
+    """Return the first frame of each of some nodes in some streams, the first of them in front."""
+    frames: dict[int, int] = {}
+    for one in streams:
+        frame = known.first_frame(one.stream)
+        if frame is not None and known.summary.addresses[one.node] in nodes:
+            frames[one.node] = min(frame, frames.get(one.node, frame))
+    return tuple(sorted(frames.values())[:FRAMES_KEPT])
+
+
+def _frames_of(known: Evidence, key: ListKey) -> tuple[int, ...]:
+    """Return the first frame of a list, nothing where none came."""
+    own = [stream.stream for one in known.summary.lists if one.key == key for stream in one.streams]
+    own += [stream.stream for one in known.summary.can.lists if one.key == key for stream in one.streams]
+    frames = [known.first_frame(one) for one in own]
+    return tuple(sorted(one for one in frames if one is not None)[:1])
 
 
 def _present(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
@@ -45,7 +65,10 @@ def _present(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any
         elif came_ns is not None and known.since_ns is not None and known.began_between(known.since_ns, came_ns):
             verdict, reason = Verdict.INCONCLUSIVE, BEGAN_LATER
         worst_s = None if took_ns is None else took_ns / _SECOND_NS
-        yield Judged(verdict, key, reason=reason, worst=worst_s, limit=limit_s, unit="s", first_ns=came_ns)
+        yield Judged(
+            verdict, key, reason=reason, worst=worst_s, limit=limit_s, unit="s", first_ns=came_ns,
+            frames=_frames_of(known, key) if verdict is Verdict.FAIL else (),
+        )  # fmt: skip
 
 
 def _is_too_short(known: Evidence, within_ns: int | None) -> bool:
@@ -65,6 +88,7 @@ def _absent(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]
         yield Judged(
             verdict, key, worst=telegrams, limit=0, unit="telegrams", count=telegrams,
             first_ns=max(first[key], known.since_ns or 0) if telegrams and key in first else None,
+            frames=_frames_of(known, key) if telegrams and counted is None else (),
         )  # fmt: skip
 
 
@@ -87,12 +111,13 @@ def _single_sender(known: Evidence, lists: Collection[ListKey], told: Mapping[st
             reason = f"{', '.join(strangers)} {verb}"
         begins = sorted((one.first_ns, known.summary.addresses[one.node]) for one in sending)
         others = [first_ns for first_ns, node in begins if node in (strangers or [begins[-1][1]])]
+        frames = _first_frames(known, sending, strangers or [begins[-1][1]]) if fails else ()
         # One that is alone and not named is one too many.
         worst, limit = (len(strangers), 0) if strangers and len(senders) == 1 else (len(senders), 1)
         yield Judged(
             Verdict.FAIL if fails else Verdict.PASS, entry.key, reason=reason, worst=worst, limit=limit,
             unit="senders", count=len(senders) if fails else 0,
-            first_ns=max(min(others), known.since_ns or 0) if fails and others else None,
+            first_ns=max(min(others), known.since_ns or 0) if fails and others else None, frames=frames,
         )  # fmt: skip
 
 
@@ -102,7 +127,8 @@ def _known_nodes(known: Evidence, lists: Collection[ListKey], told: Mapping[str,
         yield Judged(Verdict.INCONCLUSIVE, reason="no node is named, neither by the rule nor by the project")
         return
     begins: dict[str, int] = {}
-    for one in (one for entry in known.summary.lists if entry.key in lists for one in entry.streams if one.telegrams):
+    sending = [one for entry in known.summary.lists if entry.key in lists for one in entry.streams if one.telegrams]
+    for one in sending:
         node = known.summary.addresses[one.node]
         begins[node] = min(one.first_ns, begins.get(node, one.first_ns))
     if not begins:
@@ -113,6 +139,7 @@ def _known_nodes(known: Evidence, lists: Collection[ListKey], told: Mapping[str,
         Verdict.FAIL if strangers else Verdict.PASS, reason=f"not named: {', '.join(strangers)}" if strangers else "",
         worst=len(strangers), limit=0, unit="nodes", count=len(strangers),
         first_ns=max(min(begins[one] for one in strangers), known.since_ns or 0) if strangers else None,
+        frames=_first_frames(known, sending, strangers),
     )  # fmt: skip
 
 

@@ -70,7 +70,8 @@ def _coherence(known: Evidence, lists: Collection[ListKey], told: Mapping[str, A
             counted = known.cycles(own)
             if counted is None or not counted[0]:
                 yield Judged(
-                    Verdict.INCONCLUSIVE, entry.key, known.node(node), reason="no whole cycle of it is there",
+                    Verdict.INCONCLUSIVE, entry.key, known.node(node),
+                    reason="it came for too short: cycles are told once its intervals are known",
                     limit=most, unit="ratio",
                 )  # fmt: skip
                 continue
@@ -92,7 +93,7 @@ def _of_cycles(
     frames = known.frames.of([EventKind.TORN_CYCLE], number) if torn else []
     if share > most:
         verdict = Verdict.FAIL
-        if known.drops:
+        if known.drops and torn - known.drops <= most * cycles:
             verdict = Verdict.INCONCLUSIVE
             reason = f"the capture itself lost {count_of(known.drops, 'frame')}: it may have been these"
     elif skew_limit_ns is not None:

@@ -7,7 +7,7 @@ from typing import Any
 
 from nvscope.check.asked_rows import EVERY_LIST, OfLists
 from nvscope.check.check import Check, Evidence, Setting
-from nvscope.check.doubt import BEGAN_LATER, doubt, doubt_of_clock
+from nvscope.check.doubt import BEGAN_LATER, doubt, doubt_of_clock, parts
 from nvscope.check.parameters import PERCENT_OR_TIME, RATIO, REQUIRED, Parameter
 from nvscope.check.silence import SilenceWatcher
 from nvscope.check.stream_intervals import IntervalWatcher, SpreadWatcher, StreamIntervals
@@ -74,7 +74,9 @@ def _of_stream(known: Evidence, one: StreamIntervals, told: Mapping[str, Any]) -
         verdict, reason = Verdict.INCONCLUSIVE, _TOO_FEW
     elif one.outside > told["exceptions"] * one.count:
         verdict = Verdict.FAIL
-        if (one.outside == 1 or known.drops) and (why := doubt(known, one.first_ns)):
+        # Each frame that was not captured makes one interval longer.
+        more = one.outside - int(told["exceptions"] * one.count)
+        if (why := doubt(known, one.first_ns, more)) and (more == 1 or more <= known.drops):
             verdict, reason = Verdict.INCONCLUSIVE, why
     elif one.outside:
         reason = f"{one.outside} of {one.count} intervals lie outside, as is allowed"
@@ -138,6 +140,21 @@ def _min_gap(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any
         )  # fmt: skip
 
 
+def _silent_all_the_time(known: Evidence, key: ListKey, most_ns: int) -> Judged:
+    assert known.since_ns is not None
+    assert known.until_ns is not None
+    length_ns, limit = known.until_ns - known.since_ns, most_ns / _SECOND_NS
+    verdict, reason = Verdict.FAIL, "it never came"
+    if length_ns <= most_ns:
+        verdict, reason = Verdict.INCONCLUSIVE, "it never came, and the capture is shorter than the rule needs"
+    elif why := doubt(known, None, parts(length_ns, most_ns)):
+        verdict, reason = Verdict.INCONCLUSIVE, f"it never came; {why}"
+    return Judged(
+        verdict, key, reason=reason, worst=length_ns / _SECOND_NS, limit=limit, unit="s", count=1,
+        first_ns=known.since_ns,
+    )  # fmt: skip
+
+
 def _watch_silence(setting: Setting, told: Mapping[str, Any]) -> SilenceWatcher:
     return setting.shared(
         ("silence", setting.when),
@@ -154,14 +171,15 @@ def _silence(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any
     for key in sorted(lists):
         silence = found.get(key)
         if silence is None:
-            yield Judged(Verdict.INCONCLUSIVE, key, reason="it never came", limit=limit, unit="s")
+            if told["list_named"]:
+                yield _silent_all_the_time(known, key, told["max"])
             continue
         worst = silence.longest_ns / _SECOND_NS
         fails = silence.longest_ns > told["max"]
         verdict, reason = Verdict.FAIL if fails else Verdict.PASS, ""
         if fails and silence.is_first and known.began_between(silence.begin_ns, silence.begin_ns + silence.longest_ns):
             verdict, reason = Verdict.INCONCLUSIVE, BEGAN_LATER
-        elif fails and (why := doubt(known, silence.begin_ns)):
+        elif fails and (why := doubt(known, silence.begin_ns, parts(silence.longest_ns, told["max"]))):
             verdict, reason = Verdict.INCONCLUSIVE, why
         elif not fails and known.until_ns - known.since_ns < told["max"]:
             verdict, reason = Verdict.INCONCLUSIVE, "the capture is shorter than the rule needs"

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 from nvscope.check.check import Check, Evidence, Setting
-from nvscope.check.doubt import doubt
+from nvscope.check.doubt import doubt, doubt_of_clock, parts
 from nvscope.check.parameters import NUMBER_OR_TIME, REQUIRED, VALUE, Parameter, Unfit
 from nvscope.check.variable_places import VariablePlace, variable_places
 from nvscope.check.variables import (
@@ -24,10 +25,13 @@ from nvscope.check.verdict import Judged, Verdict
 from nvscope.expression.typed_columns import FieldType
 from nvscope.list_key import ListKey
 from nvscope.toml_table import FLAG, LENGTH, SPAN, TEXT, array, choice, number
+from nvscope.units import count_of
 
 _SECOND_NS = 1_000_000_000
 _NEVER_CAME = "no telegram with its value came"
 _NEVER_JUDGED = "at no moment it was to be judged"
+
+_TRUTHS = {"true": True, "false": False}
 
 Make = Callable[[VariablePlace, Mapping[str, Any]], Watch]
 
@@ -109,13 +113,18 @@ def _range(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any])
         if one.most is not None and one.highest is not None:
             rooms.append((one.most - one.highest, one.highest, one.most, True))
         _, worst, limit, above = min(rooms, default=(0, None, None, True))
-        reason = f"{one.nan} of its values are no number (NaN)" if one.nan else ""
+        are = "is" if one.nan == 1 else "are"
+        reason = f"{count_of(one.nan, 'value')} {are} no number (NaN)" if one.nan else ""
+        if one.broken and one.broken == one.nan:
+            worst = None
         yield _judged(known, one, worst=worst, limit=limit, above=above, unit=_unit(one.place), reason=reason)
 
 
 def _make_range(place: VariablePlace, told: Mapping[str, Any]) -> Watch:
     if told["min"] is None and told["max"] is None:
         raise Unfit("a range needs min, max, or both")
+    if told["min"] is not None and told["max"] is not None and told["min"] > told["max"]:
+        raise Unfit("min is more than max", "min")
     return RangeWatch(place, least=_limit(place, told["min"]), most=_limit(place, told["max"]))
 
 
@@ -129,6 +138,9 @@ def _make_enum(place: VariablePlace, told: Mapping[str, Any]) -> Watch:
     allowed: set[int | float | str] = set()
     for one in wanted:
         is_text = place.field.type is FieldType.TEXT
+        if place.field.type is FieldType.BOOL and str(one).lower() in _TRUTHS:
+            allowed.add(_TRUTHS[str(one).lower()])
+            continue
         if isinstance(one, str) != is_text and (not isinstance(one, str) or one.lower() not in names):
             raise Unfit(f"'{one}' is no value of '{place.name}', which is {place.field.help}", "values")
         allowed.add(names[one.lower()] if isinstance(one, str) and not is_text else one)
@@ -164,7 +176,10 @@ def _rate(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) 
     for one, missing in _each(known, told["watched"]):
         once = _once(known, one) if one.worst is None else None
         unit = "s per second" if _unit(one.place) else "per second"
-        yield missing or once or _judged(known, one, worst=one.worst, limit=one.most, unit=unit)
+        judged = missing or once or _judged(known, one, worst=one.worst, limit=one.most, unit=unit)
+        if judged.verdict is Verdict.FAIL and judged.count == 1 and (why := doubt_of_clock(known, judged.first_ns)):
+            judged = replace(judged, verdict=Verdict.INCONCLUSIVE, reason=why)
+        yield judged
 
 
 def _frozen(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
@@ -208,10 +223,10 @@ def _hops(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) 
     name, limit = f"{told['from']} → {told['to']}", told["max_delay"] / _SECOND_NS
     if not watcher.known or not watcher.changes:
         reason = "not both of them came" if not watcher.known else f"{told['from']} never changed"
-        yield Judged(Verdict.INCONCLUSIVE, reason=reason, variable=name, limit=limit, unit="s")
+        yield Judged(Verdict.INCONCLUSIVE, reason=reason, variable=name, limit=limit, unit="s", vacuous=True)
         return
     verdict, reason = Verdict.FAIL if apart.count else Verdict.PASS, ""
-    if apart.count and (why := doubt(known, apart.first_ns)):
+    if apart.count and (why := doubt(known, apart.first_ns, parts(apart.longest_ns or 0, told["max_delay"]))):
         verdict, reason = Verdict.INCONCLUSIVE, why
     yield Judged(
         verdict, reason=reason, variable=name, worst=(apart.longest_ns or 0) / _SECOND_NS, limit=limit, unit="s",
