@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
+from itertools import islice
 from typing import Any
 
 from nvscope.duration import parse_duration
@@ -12,6 +14,8 @@ from nvscope.errors import UsageError
 from nvscope.toml_table import TEXT, Place, ValueKind, array, number
 
 _PERCENT = re.compile(r"\s*([0-9]{1,9}(?:\.[0-9]{1,9})?)\s*%\s*")
+
+_MOST_COMPARED, _MOST_NAMES = 80, 2_000
 
 REQUIRED = object()
 """In place of the default of a parameter that has to be told."""
@@ -71,6 +75,37 @@ def _name(value: Any, place: Place) -> str:
 
 
 NAME = ValueKind("text, or a number", _name, schema={"type": ["string", "integer"]})
+_LISTS = array(NAME, single=True)
+
+
+def _lists(value: Any, place: Place) -> tuple[str, ...]:
+    found: tuple[str, ...] = _LISTS.read(value, place)
+    if not found:
+        raise place.error("no list is in it", "Name one, or leave the key out for every list.")
+    return found
+
+
+LISTS = ValueKind(_LISTS.name, _lists, schema=_LISTS.schema)
+
+
+def one_of(what: str, names: Sequence[str]) -> ValueKind:
+    """Return the kind of texts that are one of many names; ``what`` they are, for people."""
+
+    def read(value: Any, place: Place) -> str:
+        text = str(TEXT.read(value, place))
+        if text not in names:
+            raise place.error(f"'{text[:60]}' is no {what}", near(text, names))
+        return text
+
+    return ValueKind(what, read, schema={"enum": list(names)})
+
+
+def near(text: str, names: Iterable[str]) -> str:
+    """Return which of many names come near to a text, "" where none does."""
+    found = get_close_matches(text[:_MOST_COMPARED], list(islice(names, _MOST_NAMES)), n=3)
+    return f"perhaps {', '.join(found)}" if found else ""
+
+
 _PERCENT_SCHEMA = {"type": "string", "pattern": r"^\s*[0-9]+(\.[0-9]+)?\s*%\s*$"}
 RATIO = ValueKind("share in percent", _ratio, schema=_PERCENT_SCHEMA)
 PERCENTS = (RATIO,)

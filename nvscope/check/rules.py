@@ -11,7 +11,7 @@ from typing import Any
 
 from nvscope.check.catalogue import CATALOGUE
 from nvscope.check.check import Check
-from nvscope.check.parameters import EXPRESSION, EXPRESSIONS, NAME, NUMBER_OR_TIME, REQUIRED, RULE_FILE, Unfit
+from nvscope.check.parameters import EXPRESSION, EXPRESSIONS, LISTS, NUMBER_OR_TIME, REQUIRED, RULE_FILE, Unfit
 from nvscope.errors import ConfigurationError, UsageError
 from nvscope.toml_table import FLAG, LENGTH, SPAN, TEXT, Place, ValueKind, array, choice, mapping, nearest, read_toml
 
@@ -25,7 +25,7 @@ _MOST_INCLUDED = 100
 COMMON: Mapping[str, tuple[ValueKind, str, Any]] = {
     "id": (TEXT, "what it is called everywhere; no two rules are called alike", REQUIRED),
     "check": (choice(*CATALOGUE), "what is checked: one of the catalogue", REQUIRED),
-    "list": (array(NAME, single=True), "lists by name, identifier, key, or a pattern of these; else every list", ()),
+    "list": (LISTS, "lists by name, identifier, key, or a pattern of these; else every list", ()),
     "severity": (choice(*SEVERITIES), "an error fails the build; the others are shown", None),
     "description": (TEXT, "why it is so", ""),
     "optional": (FLAG, "where it is for nothing that is there, it is kept", False),
@@ -136,9 +136,11 @@ class Rules:
 class Mistakes(UsageError):
     """All that is wrong with rule files, in the order of the files."""
 
-    def __init__(self, mistakes: Sequence[ConfigurationError]) -> None:
+    def __init__(self, mistakes: Sequence[ConfigurationError], readable: Rules | None = None) -> None:
+        """``readable`` are the rules without a mistake, as far as reading them tells."""
         super().__init__(f"{len(mistakes)} mistakes in rules" if len(mistakes) > 1 else "a mistake in rules")
         self.mistakes = mistakes
+        self.readable = readable or Rules()
 
     def __str__(self) -> str:
         return "\n".join(map(str, self.mistakes))
@@ -155,7 +157,7 @@ def read_rules(paths: Sequence[str]) -> Rules:
             ConfigurationError("there is no rule in it", where=where, next_step="a rule begins with [[rule]]")
         )
     if reader.mistakes:
-        raise Mistakes(reader.mistakes)
+        raise Mistakes(reader.mistakes, reader.found)
     return reader.found
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from nvscope.check.check import Setting
 from nvscope.check.lists import names_of
-from nvscope.check.parameters import Unfit
+from nvscope.check.parameters import Unfit, near
 from nvscope.check.patterns import fits, is_pattern
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.sent_elements import typed
@@ -59,6 +59,10 @@ class CalledVariables:
             if any(fits(own, text) for own in patterns for text in one.called):
                 yield one
 
+    def near(self, pattern: str) -> str:
+        """Return which names come near to one that nothing is called."""
+        return near(pattern, (name for one in self._variables for name in (one.field.removeprefix(_PREFIX), one.name)))
+
 
 def _wholes(name: str) -> Iterator[str]:
     """Yield a name, and the names of all that it is a part of."""
@@ -81,7 +85,7 @@ def variable_places(setting: Setting, wanted: Sequence[str], key: str = "variabl
         if not own:
             raise Unfit(
                 f"no variable is called '{pattern}'", key,
-                next_step="`nvscope gvl layout` shows all names of the definitions",
+                next_step=known.near(pattern) or "`nvscope gvl layout` shows all names of the definitions",
             )  # fmt: skip
         found |= {(one.list, one.name): one for one in own}
         if len(found) > MOST_VARIABLES:

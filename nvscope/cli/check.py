@@ -124,7 +124,7 @@ def check(
     rules = [*(rules or ()), *named]
     if self_test or (dry_run and not (sources or read or live.interfaces)):
         plant = project_of(project, gvl, ())
-        told = _read(rules or _found(plant))
+        told = _read(rules or _found(plant), plant)
         if self_test:
             _self_test(told, plant, colour)
         else:
@@ -138,7 +138,7 @@ def check(
     plant = with_channels(project_of(project, gvl, paths), channel_map)
     plant = replace(plant, buses=plant.buses.overridden(bit_rates or ()))
     files = rules or _found(plant)
-    told = _read(files)
+    told = _read(files, plant)
 
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.check.run import checked
@@ -258,12 +258,28 @@ def _found(plant: Project) -> list[str]:
     return found
 
 
-def _read(files: Sequence[str]) -> Rules:
-    """Return the rules of files; each mistake in them is told, then it ends."""
-    from nvscope.check.rules import read_rules
+def _read(files: Sequence[str], plant: Project) -> Rules:
+    """Return the rules of files; each mistake in them is told, also in their expressions, then it ends."""
+    from nvscope.analysis.inquiry import Inquiry
+    from nvscope.check.rules import Mistakes, read_rules
+    from nvscope.check.run import watching
 
-    with _each_mistake_told():
+    try:
         return read_rules(files)
+    except Mistakes as error:
+        mistakes = list(error.mistakes)
+        try:
+            watching(Inquiry((), plant), error.readable, None)
+        except Mistakes as others:
+            mistakes += others.mistakes
+    _tell(sorted(mistakes, key=_place))
+    raise typer.Exit(ExitCode.USAGE)
+
+
+def _place(mistake: NvscopeError) -> tuple[str, int]:
+    path, _, rest = mistake.where.partition(", line ")
+    line = rest.partition(",")[0]
+    return path, int(line) if line.isdigit() else 0
 
 
 @contextmanager

@@ -41,7 +41,7 @@ def write_files(
     from nvscope.whole_files import Existing, WholeFiles
 
     inconclusive_fails = fail_on == "inconclusive"
-    failing = ("error", "warning") if fail_on in ("warning", "inconclusive") else ("error",)
+    failing = ("error", "warning") if fail_on == "warning" else ("error",)
     files = WholeFiles([*inquiry.paths, *rules, *inquiry.project.inputs], force=force)
     try:
         if wanted.junit is not None:

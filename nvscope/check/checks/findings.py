@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
+from nvscope.causes.catalogue import KINDS
 from nvscope.check.check import Check, Evidence
-from nvscope.check.parameters import AMOUNT, Parameter
+from nvscope.check.parameters import AMOUNT, Parameter, one_of
 from nvscope.check.verdict import Judged, Verdict
+from nvscope.findings.catalogue import CATALOGUE as FINDINGS
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import Severity
 from nvscope.list_key import ListKey
@@ -16,6 +18,8 @@ from nvscope.tracker.event_kinds import FRAMES_KEPT
 from nvscope.units import duration
 
 _SEVERITY = choice(*(one.name.lower() for one in Severity))
+_FINDINGS = one_of("code or name of a finding", [text for one in FINDINGS.values() for text in (one.code, one.name)])
+_CAUSES = one_of("kind of a cause", [one.name for one in KINDS])
 _MOST_NAMED = 3
 
 
@@ -100,7 +104,7 @@ CHECKS = (
         'check = "findings"\nseverity = "error"\nallow = ["NV502"]', _findings,
         (
             Parameter("severity", _SEVERITY, "from which on they count", "warning"),
-            Parameter("allow", array(TEXT, single=True), "codes or names of those that may be", ()), _NODE,
+            Parameter("allow", array(_FINDINGS, single=True), "codes or names of those that may be", ()), _NODE,
         ),
     ),
     Check(
@@ -108,7 +112,7 @@ CHECKS = (
         'check = "causes"\nallow = ["node-restart"]', _causes,
         (
             Parameter("severity", _SEVERITY, "from which on they count", "warning"),
-            Parameter("allow", array(TEXT, single=True), "kinds of those that may be", ()), _NODE,
+            Parameter("allow", array(_CAUSES, single=True), "kinds of those that may be", ()), _NODE,
         ),
     ),
     Check(

@@ -10,7 +10,7 @@ from nvscope.check.check import Check, Evidence, Setting
 from nvscope.check.doubt import BEGAN_LATER, doubt, doubt_of_clock, parts
 from nvscope.check.parameters import PERCENT_OR_TIME, RATIO, REQUIRED, Parameter
 from nvscope.check.silence import SilenceWatcher
-from nvscope.check.stream_intervals import IntervalWatcher, SpreadWatcher, StreamIntervals
+from nvscope.check.stream_intervals import IntervalWatcher, SpreadWatcher, StreamIntervals, StreamSpread
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.check.while_so import while_so
 from nvscope.list_key import ListKey
@@ -92,9 +92,16 @@ def _named(known: Evidence, subject: Subject) -> tuple[ListKey, str | None, int 
     return known.keys[subject.list], known.node(subject.node), subject.subindex
 
 
+def _by_stream(
+    known: Evidence, watcher: SpreadWatcher | None
+) -> Mapping[tuple[ListKey, str | None, int | None], StreamSpread]:
+    spreads = watcher.spreads if watcher else []
+    return {(one.key, known.node(one.node), one.subindex): one for one in spreads}
+
+
 def _jitter(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
     most, watcher = told["max"], told["watched"]
-    spreads = {(one.key, one.node, one.subindex): one.histogram for one in watcher.spreads} if watcher else {}
+    spreads = _by_stream(known, watcher)
     for subject in known.of(Of.STREAM, lists):
         intervals = subject.measured.intervals
         where = _named(known, subject)
@@ -102,8 +109,8 @@ def _jitter(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]
             continue
         count, p50, p99, nominal = intervals.count, intervals.p50, intervals.p99, intervals.nominal
         if watcher:
-            assert subject.list is not None
-            own = spreads.get((known.keys[subject.list], subject.node or 0, subject.subindex or 0))
+            spread = spreads.get(where)
+            own = None if spread is None else spread.histogram
             count = 0 if own is None else int(own.count.sum())
             p50, p99 = (None if own is None else own.percentile_ns(percent) for percent in (50, 99))
         if count < _LEAST_INTERVALS or p99 is None or p50 is None:
@@ -122,11 +129,10 @@ def _jitter(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]
 
 def _min_gap(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
     watcher: SpreadWatcher = told["watched"]
-    spreads = {(one.key, one.node, one.subindex): one for one in watcher.spreads}
+    spreads = _by_stream(known, watcher)
     for subject in known.of(Of.STREAM, lists):
         where = _named(known, subject)
-        assert subject.list is not None
-        spread = spreads.get((known.keys[subject.list], subject.node or 0, subject.subindex or 0))
+        spread = spreads.get(where)
         if spread is None or spread.least_ns is None:
             yield Judged(Verdict.INCONCLUSIVE, *where, reason=_TOO_FEW)
             continue
