@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
 
+from nvscope.check.asked_rows import EVERY_LIST, OfLists
 from nvscope.check.check import Evidence, Setting
-from nvscope.check.lists import CalledLists
+from nvscope.check.doubt import doubt
 from nvscope.check.parameters import Unfit
 from nvscope.check.verdict import Judged, Verdict
+from nvscope.check.window_counts import COUNTED, Counted, WindowCounts
 from nvscope.engine.told import Told
 from nvscope.errors import UsageError
-from nvscope.expression.expression import compile_expression
+from nvscope.expression.expression import Expression, compile_expression
 from nvscope.expression.typed_columns import Column, FieldType, Named, TextColumn
 from nvscope.list_key import ListKey
+from nvscope.tracker.event_kinds import FRAMES_KEPT
 from nvscope.tracker.figures import BY_NAME, Of, Value, figures_of
 from nvscope.tracker.measured import Measured
 from nvscope.tracker.subjects import subjects
@@ -25,106 +28,236 @@ from nvscope.view.fields.verdicts import TYPES
 
 _SECOND_NS = 1_000_000_000
 _PREFIX = "list."
+_RATE = "rate"
+_LEAST_NS = 100_000_000
+"""Figures of intervals and answers are looked at in windows of so long at least: each is a look at the whole state."""
 
 
 class FigureWindows:
     """An observer of the figures of each list in windows, end to end; an incomplete last one is left out.
 
     An expression over them is ``wanted`` to be true, or false, of each window; where it is not, for no longer than
-    ``limit_ns``. It has to be run on the source that ``windows`` cut.
+    ``limit_ns``. What telegrams and events count is counted by ``counts``; other figures are looked up, in ``windows``,
+    on whose cut source it has to be run then. Several rules have either in common.
     """
 
     by_stream: ClassVar[bool] = True
 
     def __init__(self, setting: Setting, text: str, length_ns: int, limit_ns: int, *, wanted: bool) -> None:
-        names = {f"{_PREFIX}{one.name}": Named(TYPES.get(one.unit, FieldType.SIGNED)) for one in figures_of(Of.LIST)}
         if setting.when:
             raise Unfit(
                 "figures of windows are not judged only at times", "when", next_step="leave when, or window, out"
             )
-        try:
-            self._expression = compile_expression(text, names)
-        except UsageError as error:
-            raise Unfit(error.what, expression=text, next_step=error.next_step, excerpt=error.excerpt) from None
-        self.windows = Windows(length_ns, setting.since_ns)
+        self._expression = _compiled(text)
         self._setting, self._wanted = setting, wanted
+        self._lists = OfLists(patterns=setting.lists) if setting.lists else EVERY_LIST
         self._length_ns, self._limit_ns = length_ns, limit_ns
-        self._lists: dict[ListKey, _Run] = {}
-        self._holes: list[tuple[int, int | None]] = []
-        """Since when nobody listened, and until when; None: still."""
+        self._runs: dict[int, _Run] = {}
+        self._keys: dict[int, ListKey] = {}
+        self.counts: WindowCounts | None = None
+        self.windows: SharedWindows | None = None
+        if {name.removeprefix(_PREFIX) for name in self._expression.fields} <= {*COUNTED, _RATE}:
+            self.counts = setting.shared(("counts", length_ns), lambda: WindowCounts(setting, length_ns))
+        elif length_ns < _LEAST_NS:
+            raise Unfit(
+                "windows of figures of intervals and answers are 100 ms long at least", "window",
+                next_step=f"shorter ones are for {', '.join(COUNTED)}",
+            )  # fmt: skip
+        else:
+            self.windows = setting.shared(("windows", length_ns), lambda: SharedWindows(setting, length_ns))
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
-        if len(told) and self._holes and self._holes[-1][1] is None:
-            self._holes[-1] = self._holes[-1][0], int(told.batch.packets.ts_ns.min())
-        self.windows.observe(told)
-        for window in self.windows.closed():
-            if not any(
-                since < window.end_ns and (until is None or window.start_ns < until) for since, until in self._holes
-            ):
-                self._take(window)
-        self._holes += [(one.until_ns, None) for one in told.unheard if one.everything]
+        if self.counts is not None:
+            self.counts.observe(told)
+            for counted in self.counts.ended:
+                self._take_counts(counted, told)
+        if self.windows is not None:
+            self.windows.observe(told)
+            for summaries in self.windows.ended:
+                self._take_summary(summaries, told)
 
-    def _take(self, window: Window) -> None:
-        summary = window.counted.summary(intervals_ns=self._setting.nominal_ns)
-        keys = {one.number: one.key for one in summary.lists} | {one.number: one.key for one in summary.can.lists}
-        own = [one for one in subjects(summary) if one.of is Of.LIST and one.list is not None]
-        wanted, _ = CalledLists(keys.values(), self._setting.names).chosen(self._setting.lists)
-        known = set(wanted)
-        own = [one for one in own if keys[one.list] in known]  # type: ignore[index]
+    def _take_counts(self, counted: Counted, told: Told) -> None:
+        mask = self._setting.rows.mask(self._lists, told.keys)
+        row = np.flatnonzero(mask[counted.list])
+        fine = self._is_fine(counted, row)
+        empty = self._is_fine(None, np.zeros(1, np.int64))[0]
+        columns = counted.list[row], counted.window[row], counted.frame[row], fine
+        for number, window, frame, is_fine in zip(*(one.tolist() for one in columns), strict=True):
+            run = self._run(number, told)
+            run.pass_by(window, empty, counted.begin_ns)
+            run.take(window, 1, is_fine, counted.begin_ns, frame)
+        for run in self._runs.values():
+            run.pass_by(counted.until, empty, counted.begin_ns)
+            if counted.breaks:
+                run.break_off()
+
+    def _run(self, number: int, told: Told) -> _Run:
+        if number not in self._runs:
+            self._runs[number] = _Run(self._length_ns, self._limit_ns)
+            self._keys[number] = told.keys.list_key(number)
+        return self._runs[number]
+
+    def _is_fine(self, counted: Counted | None, row: Any) -> Any:
+        """Tell of which windows the expression is as it is wanted; of None, of one in which nothing came."""
+
+        def column(name: str) -> tuple[Column, Any]:
+            figure = name.removeprefix(_PREFIX)
+            own = COUNTED[0] if figure == _RATE else figure
+            values = np.zeros(len(row), np.int64) if counted is None else counted.values[own][row]
+            return (values * _SECOND_NS / self._length_ns if figure == _RATE else values), None
+
+        true, _ = self._expression.told(column)
+        return true == self._wanted
+
+    def _take_summary(self, found: Ended, told: Told) -> None:
+        mask = self._setting.rows.mask(self._lists, told.keys)
+        own = [place for place, number in enumerate(found.lists) if mask[number]]
         if not own:
             return
-        measured = [one.measured for one in own]
+        measured = [found.measured[place] for place in own]
         true, is_known = self._expression.told(lambda name: _column(name, measured))
-        for place, subject in enumerate(own):
-            if is_known is not None and not is_known[place]:
-                continue
-            assert subject.list is not None
-            run = self._lists.setdefault(keys[subject.list], _Run())
-            run.take(window, bool(true[place]) == self._wanted, self._length_ns, self._limit_ns)
+        window, count = found.window, found.count
+        for place, number in enumerate(found.lists[place] for place in own):
+            if is_known is None or is_known[place]:
+                run = self._run(number, told)
+                run.skip_to(window.number)
+                begin_ns = window.start_ns - window.number * self._length_ns
+                run.take(window.number, count, bool(true[place]) == self._wanted, begin_ns, None)
 
     def judged(self, known: Evidence, lists: Collection[ListKey]) -> Iterator[Judged]:
         """Yield a verdict for each list that came; what is below the limit is not told."""
         limit = self._limit_ns / _SECOND_NS
+        runs = {self._keys[number]: (number, run) for number, run in self._runs.items()}
+        counters = {one.list: one.measured.counters for one in known.of(Of.LIST, lists)}
+        of_counters = any(name.removeprefix(_PREFIX) in _OF_COUNTERS for name in self._expression.fields)
         for key in sorted(lists):
-            run = self._lists.get(key)
-            if run is None:
+            number, run = runs.get(key, (-1, None))
+            if run is None or not run.windows:
                 yield Judged(Verdict.INCONCLUSIVE, key, reason="no whole window of it is there", limit=limit, unit="s")
+                continue
+            if of_counters and number in counters and counters[number].get("lost") is None:
+                yield Judged(Verdict.INCONCLUSIVE, key, reason=_NOT_BELIEVED, limit=limit, unit="s")
                 continue
             verdict = Verdict.FAIL if run.broken else Verdict.PASS
             reason = f"{run.broken} of {count_of(run.windows, 'window')}" if run.broken else ""
-            if run.broken and run.broken <= known.drops:
-                verdict = Verdict.INCONCLUSIVE
-                reason = f"the capture itself lost {count_of(known.drops, 'frame')}: it may have been these"
+            if run.broken and (why := doubt(known, run.first_ns, run.broken)) and run.broken <= max(known.drops, 1):
+                verdict, reason = Verdict.INCONCLUSIVE, why
             yield Judged(
                 verdict, key, reason=reason, worst=run.longest_ns / _SECOND_NS, limit=limit, unit="s",
-                count=run.broken, first_ns=run.first_ns,
+                count=run.broken, first_ns=run.first_ns, frames=tuple(run.frames),
             )  # fmt: skip
+
+
+_OF_COUNTERS = ("lost", "gaps", "longest_gap", "duplicates", "overtaken", "restarts")
+_NOT_BELIEVED = "its counters tell nothing: nobody knows what was lost"
+
+
+class Ended:
+    """A window that has ended, how many like it there are in a row, and what was measured of each list in it."""
+
+    def __init__(self, window: Window, count: int, nominal_ns: Mapping[ListKey, int]) -> None:
+        self.window, self.count = window, count
+        found = [one for one in subjects(window.counted.summary(intervals_ns=nominal_ns)) if one.of is Of.LIST]
+        self.lists = [one.list for one in found if one.list is not None]
+        self.measured: Sequence[Measured] = [one.measured for one in found if one.list is not None]
+
+
+class SharedWindows:
+    """Windows that several rules look at; ``ended`` are those that ended with the last batch, where somebody listened.
+
+    Empty ones that follow each other are told as one.
+    """
+
+    def __init__(self, setting: Setting, length_ns: int) -> None:
+        self.windows = Windows(length_ns, setting.since_ns)
+        self._nominal_ns = setting.nominal_ns
+        self._holes: list[tuple[int, int | None]] = []
+        """Since when nobody listened, and until when; None: still."""
+
+        self._told: Told | None = None
+        self.ended: list[Ended] = []
+
+    def observe(self, told: Told) -> None:
+        """Take a batch, which follows those observed so far; several rules may hand over the same one."""
+        if self._told is told:
+            return
+        self._told = told
+        if len(told) and self._holes and self._holes[-1][1] is None:
+            self._holes[-1] = self._holes[-1][0], int(told.packets.ts_ns.min())
+        self.windows.observe(told)
+        self.ended = [
+            Ended(window, count, self._nominal_ns)
+            for window, count in self.windows.ended()
+            if not any(
+                since < window.end_ns + (count - 1) * self.windows.length_ns
+                and (until is None or window.start_ns < until)
+                for since, until in self._holes
+            )
+        ]
+        self._holes += [(one.until_ns, None) for one in told.unheard if one.everything]
+
+    def _is_in_hole(self, window: Window, count: int) -> bool:
+        end_ns = window.end_ns + (count - 1) * self.windows.length_ns
+        return any(since < end_ns and (until is None or window.start_ns < until) for since, until in self._holes)
 
 
 class _Run:
     """The windows of one list: how many were otherwise than wanted, and the longest time of such ones in a row."""
 
-    def __init__(self) -> None:
+    def __init__(self, length_ns: int, limit_ns: int) -> None:
+        self._length_ns = length_ns
+        self._allowed = limit_ns // length_ns
         self.windows = self.broken = 0
         self.longest_ns = 0
         self.first_ns: int | None = None
+        self.frames: list[int] = []
         self._in_a_row = 0
-        self._number = -1
+        self._next: int | None = None
 
-    def take(self, window: Window, is_fine: bool, length_ns: int, limit_ns: int) -> None:
-        self.windows += 1
-        if is_fine or window.number != self._number + 1:
+    def pass_by(self, window: int, is_fine: bool, begin_ns: int) -> None:
+        """Take the windows before one in which nothing came, behind the first in which something did."""
+        if self._next is not None and window > self._next:
+            self.take(self._next, window - self._next, is_fine, begin_ns, None)
+
+    def skip_to(self, window: int) -> None:
+        """Let windows that are not known be between."""
+        if self._next is not None and window != self._next:
             self._in_a_row = 0
-        self._number = window.number
+
+    def break_off(self) -> None:
+        """Let the numbers of windows begin anew, with 0."""
+        self._in_a_row, self._next = 0, 0
+
+    def take(self, window: int, count: int, is_fine: bool, begin_ns: int, frame: int | None) -> None:
+        """Take so many windows alike from one on."""
+        self._next = window + count
+        self.windows += count
         if is_fine:
+            self._in_a_row = 0
             return
-        self._in_a_row += 1
-        self.longest_ns = max(self.longest_ns, self._in_a_row * length_ns)
-        if self._in_a_row * length_ns > limit_ns:
-            self.broken += 1
-            begin_ns = window.end_ns - self._in_a_row * length_ns
-            self.first_ns = begin_ns if self.first_ns is None else self.first_ns
+        before = self._in_a_row
+        self._in_a_row += count
+        self.longest_ns = max(self.longest_ns, self._in_a_row * self._length_ns)
+        over = self._in_a_row - max(before, self._allowed)
+        if over <= 0:
+            return
+        self.broken += over
+        if self.first_ns is None:
+            self.first_ns = begin_ns + (window + count - self._in_a_row) * self._length_ns
+        if frame is not None and len(self.frames) < FRAMES_KEPT:
+            self.frames.append(frame)
+
+
+def _compiled(text: str) -> Expression:
+    names = {f"{_PREFIX}{one.name}": Named(TYPES.get(one.unit, FieldType.SIGNED)) for one in figures_of(Of.LIST)}
+    try:
+        return compile_expression(text, names)
+    except UsageError as error:
+        told = error.next_step
+        if "--gvl" in told or not told:
+            told = "with window, figures of a list are looked at, such as list.lost; without it, variables are"
+        raise Unfit(error.what, expression=text, next_step=told, excerpt=error.excerpt) from None
 
 
 def _column(name: str, measured: Sequence[Measured]) -> tuple[Column, Any]:

@@ -120,15 +120,18 @@ class _Judge:
         # Several rules may have one in common.
         every = [one for rule in self._rules for one in rule.each()]
         watchers = list({id(one.watcher): one.watcher for one in every if one.watcher is not None}.values())
-        for one in watchers:
-            if isinstance(one, FigureWindows):
-                source = one.windows.cut(source)
-        heard = [one for one in watchers if isinstance(one, CountedWhile)]
-        others = Watching(how.ring_bytes, others=[self._telegrams, *watchers], listeners=(self._frames, *heard))
+        of_figures = [one for one in watchers if isinstance(one, FigureWindows)]
+        for windows in {id(one.windows): one.windows for one in of_figures if one.windows is not None}.values():
+            source = windows.windows.cut(source)
+        counts = list({id(one.counts): one.counts for one in of_figures if one.counts is not None}.values())
+        counted = [one for one in watchers if isinstance(one, CountedWhile)]
+        others = Watching(
+            how.ring_bytes, others=[self._telegrams, *watchers], listeners=(self._frames, *counted, *counts)
+        )
         self._watched = Watched(inquiry, source, others, overdue=any_live(source.infos))
-        for one in watchers:
-            if isinstance(one, IntervalWatcher):
-                one.state = self._watched.state
+        intervals = [one for one in watchers if isinstance(one, IntervalWatcher)]
+        for measuring in (*intervals, *counts):
+            measuring.state = self._watched.state  # type: ignore[attr-defined]
         since = None if since_ns is None else Since(self._watched.state, since_ns)
         self._counted = BehindWarmUp(inquiry, self._watched.state, since)
         self.source = source if since is None else since.cut(source)

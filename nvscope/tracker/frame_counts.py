@@ -94,9 +94,7 @@ class FrameCounts:
         """Take a batch, which follows those observed so far."""
         self._heard = []
         self._state.observe(told)
-        heard = self._heard
-        if any(events.kind in _OF_COUNTERS for events in heard):
-            heard = self._believed(heard)
+        heard = believed(self._state, self._heard)
         self.own = _parts([events for events in heard if events.kind not in LATE])
         late = [events for events in heard if events.kind in LATE]
         self.late = _parts(late)
@@ -107,25 +105,28 @@ class FrameCounts:
         order = np.argsort(time_ns, kind="stable")
         self.waited = LateCounts(frame[order], time_ns[order])
 
-    def _believed(self, heard: list[EventBatch]) -> list[EventBatch]:
-        """Return events without those of a Counter that counts something else, or that nobody believes."""
-        scopes, erratic = scopes_in_force(self._state), erratic_streams(self._state)
-        described = self._state.keys.described(np.array(sorted(erratic), np.int64))
-        doubted = set(zip(*(column.tolist() for column in described), strict=True))
-        kept = []
-        for events in heard:
-            if events.scope is None:
-                kept.append(events)
-                continue
-            places = zip(events.list.tolist(), events.node.tolist(), events.subindex.tolist(), strict=True)
-            rows = [
-                row for row, place in enumerate(places)
-                if place[1] in scopes and min(scopes[place[1]], Scope.NODE_TELEGRAM) == events.scope
-                and place not in doubted
-            ]  # fmt: skip
-            if rows:
-                kept.append(events.take(np.array(rows)))
-        return kept
+
+def believed(state: TrackerState, heard: list[EventBatch]) -> list[EventBatch]:
+    """Return events without those of a Counter that counts something else, or that nobody believes, as is known now."""
+    if not any(events.kind in _OF_COUNTERS for events in heard):
+        return heard
+    scopes, erratic = scopes_in_force(state), erratic_streams(state)
+    described = state.keys.described(np.array(sorted(erratic), np.int64))
+    doubted = set(zip(*(column.tolist() for column in described), strict=True))
+    kept = []
+    for events in heard:
+        if events.scope is None:
+            kept.append(events)
+            continue
+        places = zip(events.list.tolist(), events.node.tolist(), events.subindex.tolist(), strict=True)
+        rows = [
+            row for row, place in enumerate(places)
+            if place[1] in scopes and min(scopes[place[1]], Scope.NODE_TELEGRAM) == events.scope
+            and place not in doubted
+        ]  # fmt: skip
+        if rows:
+            kept.append(events.take(np.array(rows)))
+    return kept
 
 
 def _parts(heard: list[EventBatch]) -> Parts:

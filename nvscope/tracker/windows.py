@@ -124,6 +124,12 @@ class Windows:
             for number in range(first, first + count):
                 yield self._window(number, counted)
 
+    def ended(self) -> Iterator[tuple[Window, int]]:
+        """Yield what ``closed`` would, with how many of its like follow each other: of empty ones, the first only."""
+        while self._closed:
+            first, count, counted = self._closed.popleft()
+            yield self._window(first, counted), count
+
     def open(self) -> Window | None:
         """Return what the window that is open has so far; None where none is. It stays open."""
         if self._number == _BEFORE:

@@ -1,0 +1,184 @@
+"""What is counted of each list in windows that lie end to end, as far as telegrams and events tell it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dissectors.batch import I64
+from nvscope.check.asked_rows import EVERY_LIST
+from nvscope.check.check import Setting
+from nvscope.engine.events import EventBatch
+from nvscope.engine.told import Told
+from nvscope.tracker.frame_counts import LATE, STEPS, believed
+from nvscope.tracker.state import TrackerState
+
+TELEGRAMS = "telegrams"
+COUNTED = (TELEGRAMS, *(name for name in STEPS if name not in ("error_frames", "bus_off")))
+"""The figures that are counted here, by their names."""
+
+_KINDS = frozenset(step.kind for name in COUNTED[1:] for step in STEPS[name])
+_NO_FRAME = np.iinfo(np.int64).max
+
+
+@dataclass(frozen=True, slots=True)
+class Counted:
+    """The windows of some lists that have ended and had anything in them, sorted by list and window.
+
+    ``list`` and ``window`` are numbers, windows from 0 at ``begin_ns``; ``values`` are figures by name, ``frame`` is
+    the first frame of a window with an event, else its first one. Shapes (n,). All windows before ``until`` have ended.
+    ``breaks``: nobody listened behind it, so that the numbers begin anew.
+    """
+
+    list: I64
+    window: I64
+    frame: I64
+    values: Mapping[str, I64]
+    begin_ns: int
+    until: int
+    breaks: bool = False
+
+
+class WindowCounts:
+    """An observer, and a listener of the events of ``state``, that counts in windows of ``length_ns``.
+
+    ``ended`` are the windows that ended with the last batch. It observes behind the state.
+    """
+
+    by_stream: ClassVar[bool] = True
+
+    def __init__(self, setting: Setting, length_ns: int) -> None:
+        self._rows, self.length_ns = setting.rows, length_ns
+        self._begin_ns = setting.since_ns
+        self.state: TrackerState | None = None
+        self._heard: list[EventBatch] = []
+        self._told: Told | None = None
+        self._is_heard, self._until = True, 0
+        self._open = _nothing()
+        self.ended: list[Counted] = []
+
+    def hear(self, events: EventBatch) -> None:
+        """Take events of any kind, of the batch that is observed next."""
+        if events.kind in _KINDS:
+            self._heard.append(events)
+
+    def observe(self, told: Told) -> None:
+        """Take a batch, which follows those observed so far; several rules may hand over the same one."""
+        if self._told is told:
+            return
+        self._told, self.ended = told, []
+        heard, self._heard = self._heard, []
+        if len(told):
+            if self._begin_ns is None:
+                self._begin_ns = told.start_ns
+            if not self._is_heard:
+                self._is_heard, self._begin_ns = True, max(self._begin_ns, int(told.packets.ts_ns.min()))
+            self._count(told, heard)
+        elif heard and self._begin_ns is not None:
+            self._open = _joined([self._open, *self._events(heard, told)])
+        if told.until_ns is not None:
+            self._end(told.until_ns)
+        for unheard in told.unheard:
+            if unheard.everything and self._is_heard:
+                self._end(unheard.until_ns, breaks=True)
+                self._is_heard, self._open, self._until = False, _nothing(), 0
+
+    def whole(self, until_ns: int) -> int:
+        """Return how many windows have ended by a time."""
+        return (
+            0 if self._begin_ns is None or not self._is_heard else max(until_ns - self._begin_ns, 0) // self.length_ns
+        )
+
+    def _count(self, told: Told, heard: list[EventBatch]) -> None:
+        assert self._begin_ns is not None
+        latest_ns = self._rows.latest_ns(told)
+        window = (latest_ns - self._begin_ns) // self.length_ns
+        pieces = [self._open]
+        for runs, _ in self._rows.runs(told, EVERY_LIST):
+            lists, packet = np.repeat(runs.lists, runs.rows.stop - runs.rows.start), runs.rows.packet
+            one = np.ones(len(packet), np.int64)
+            pieces.append(
+                _Rows(lists, window[packet], packet + told.first_frame, _event(len(packet)), {TELEGRAMS: one})
+            )
+        pieces += self._events(heard, told)
+        self._open = _joined(pieces)
+        self._end(int(latest_ns[-1]))
+
+    def _events(self, heard: list[EventBatch], told: Told) -> list[_Rows]:
+        assert self._begin_ns is not None
+        found = []
+        for events in believed(self.state, heard) if self.state is not None else heard:
+            # What waited in vain counts when its time is over; all else, when its frame came.
+            window = (events.time_ns - self._begin_ns) // self.length_ns
+            if events.kind not in LATE and len(told):
+                packet = np.clip(events.frame - told.first_frame, 0, len(told) - 1)
+                window = (self._rows.latest_ns(told)[packet] - self._begin_ns) // self.length_ns
+            window = np.where(window < 0, window, np.maximum(window, self._until))
+            values = {
+                name: events.amount * step.by if step.of_amount else np.full(len(events), step.by, np.int64)
+                for name in COUNTED[1:]
+                for step in STEPS[name]
+                if step.kind is events.kind
+            }
+            own = np.flatnonzero(events.list >= 0)
+            columns = {name: value[own] for name, value in values.items()}
+            found.append(_Rows(events.list[own], window[own], events.frame[own], events.frame[own], columns))
+        return found
+
+    def _end(self, until_ns: int, *, breaks: bool = False) -> None:
+        if self._begin_ns is None:
+            return
+        self._until = until = max(self.whole(until_ns), self._until)
+        over = (self._open.window < until) & (self._open.window >= 0)
+        rows = self._open.take(np.flatnonzero(over))
+        self._open = self._open.take(np.flatnonzero(self._open.window >= until))
+        frame = np.where(rows.event == _NO_FRAME, rows.frame, rows.event)
+        self.ended.append(Counted(rows.list, rows.window, frame, rows.values, self._begin_ns, until, breaks))
+
+
+@dataclass(frozen=True, slots=True)
+class _Rows:
+    """Lists in windows, the first frame there, the first one with an event, and figures; sorted where joined."""
+
+    list: I64
+    window: I64
+    frame: I64
+    event: I64
+    values: Mapping[str, I64]
+
+    def take(self, row: I64) -> _Rows:
+        values = {name: column[row] for name, column in self.values.items()}
+        return _Rows(self.list[row], self.window[row], self.frame[row], self.event[row], values)
+
+
+def _event(count: int) -> I64:
+    return np.full(count, _NO_FRAME)
+
+
+def _nothing() -> _Rows:
+    empty = np.zeros(0, np.int64)
+    return _Rows(empty, empty, empty, empty, dict.fromkeys(COUNTED, empty))
+
+
+def _joined(pieces: list[_Rows]) -> _Rows:
+    """Return rows as one, a row for each list and window, rising."""
+    lists, window, frame, event = (
+        np.concatenate([getattr(one, name) for one in pieces]) for name in ("list", "window", "frame", "event")
+    )
+    if not len(lists):
+        return _nothing()
+    order = np.lexsort((window, lists))
+    lists, window = lists[order], window[order]
+    begin = np.flatnonzero(np.append(True, (np.diff(lists) != 0) | (np.diff(window) != 0)))
+    values = {}
+    for name in COUNTED:
+        column = np.concatenate([one.values.get(name, np.zeros(len(one.list), np.int64)) for one in pieces])[order]
+        reduce = np.maximum.reduceat if name == "longest_gap" else np.add.reduceat
+        values[name] = reduce(column, begin)
+    return _Rows(
+        lists[begin], window[begin], np.minimum.reduceat(frame[order], begin),
+        np.minimum.reduceat(event[order], begin), values,
+    )  # fmt: skip
