@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
+from itertools import islice
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
@@ -29,7 +30,8 @@ _MAX_ROWS = 10_000
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _MAX_FILE_BYTES = 1_000_000
 _MOST_PARTS = 200
-_DEEP_KEY = re.compile(rf"""(?:[\w\-"' \t]*+\.){{{_MOST_PARTS + 1}}}""")
+_MOST_COMPARED, _LONGEST_COMPARED, _MOST_NAMED = 200, 80, 60
+_DEEP_KEY = re.compile(rf"""(?<![\w\-"' \t])(?:[\w\-"' \t]*+\.){{{_MOST_PARTS + 1}}}""")
 _BARE = re.compile(r"[\w-]+")
 _POSITION = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)\Z")
 
@@ -191,11 +193,13 @@ def _no_toml(path: str, text: str, message: str) -> ConfigurationError:
 
 def nearest(name: str, known: Mapping[str, Any] | list[str] | tuple[str, ...]) -> str:
     """Return a sentence that names the known word nearest to ``name``."""
-    words = sorted(known)
+    words = sorted(islice(known, _MOST_COMPARED))
     if not words:
         return ""
-    best = max(words, key=lambda word: difflib.SequenceMatcher(None, name.lower(), word.lower()).ratio())
-    return f"The nearest known one is '{best}'; known are: {', '.join(words)}."
+    wanted = name[:_LONGEST_COMPARED].lower()
+    best = max(words, key=lambda word: difflib.SequenceMatcher(None, wanted, word[:_LONGEST_COMPARED].lower()).ratio())
+    more = " …" if len(known) > _MOST_NAMED else ""
+    return f"The nearest known one is '{best}'; known are: {', '.join(words[:_MOST_NAMED])}{more}."
 
 
 def document_table(cls: type, title: str, heading: str = "##") -> str:

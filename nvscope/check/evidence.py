@@ -23,6 +23,8 @@ _AROUND_FRAMES = 20
 
 _ODD = re.compile(r"[^A-Za-z0-9._-]+")
 _LONGEST_NAME = 80
+_RESERVED = re.compile(r"(?i)con|prn|aux|nul|com[0-9]|lpt[0-9]")
+"""What Windows takes for devices, whatever is behind a dot."""
 
 
 @dataclass(slots=True)
@@ -97,6 +99,8 @@ def _comments(found: Checked, decided: Decided, capture: str) -> Mapping[int, st
 def _name(rule_id: str, names: set[str]) -> str:
     """Return the name of the file of a rule: no other has it, whatever the case."""
     plain = _ODD.sub("-", rule_id).strip("-.")[:_LONGEST_NAME] or "rule"
+    if _RESERVED.fullmatch(plain.partition(".")[0]):
+        plain = f"rule-{plain}"
     name, number = plain, 1
     while name.lower() in names:
         number += 1

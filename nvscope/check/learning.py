@@ -25,9 +25,13 @@ from nvscope.check.rules import Rules, rules_of
 from nvscope.check.run import Checked, checked
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.duration import format_duration
+from nvscope.errors import UsageError
 from nvscope.findings.kind import Severity
 from nvscope.list_key import ListKey
-from nvscope.units import count_of, duration, load
+from nvscope.units import count, count_of, duration, load
+
+MOST_LISTS = 1_000
+"""Of more, nobody would read the file."""
 
 _ANY = "100000000%"
 _EVER = "366d"
@@ -90,10 +94,16 @@ def learn(inquiry: Inquiry, warmup_ns: int = 0) -> Lesson:
     """Return what captures teach; they are read twice. Raises what reading them raises."""
     plain = [{"id": "malformed", "check": "malformed", "max": _NOTHING_BREAKS}]
     first = checked(inquiry, Rules(rules_of(plain, "").rules, [], warmup_ns))
+    if first.known.ends_early:
+        raise UsageError("the captures end before the warm-up is over", next_step="give a shorter --warmup")
     lists = learnt_lists(first)
+    left_out, lists = lists[MOST_LISTS:], lists[:MOST_LISTS]
     tables = list(_loosest(lists, bool(inquiry.project.definition.by_key())))
     rules = Rules(rules_of(tables, "").rules, [], warmup_ns)
-    return _Teacher(checked(inquiry, rules), lists, inquiry).lesson()
+    lesson = _Teacher(checked(inquiry, rules), lists, inquiry).lesson()
+    if left_out:
+        lesson.left_out.append(f"{count_of(len(left_out), 'list')} behind the first {count(MOST_LISTS)}")
+    return lesson
 
 
 def _loosest(lists: Sequence[LearntList], defined: bool) -> Iterator[dict[str, Any]]:
@@ -133,7 +143,8 @@ class _Teacher:
         self._lesson = Lesson(lists=len(lists), telegrams=sum(one.measured.telegrams for one in lists))
         # What answers later than that is no answer.
         self._patience_ns = inquiry.timeout_ns or inquiry.project.limits.acknowledgement_ns
-        self._span_ns = (self._summary.end_ns or 0) - (self._summary.start_ns or 0)
+        known = found.known
+        self._span_ns = (known.until_ns or 0) - (known.since_ns or 0)
 
     def lesson(self) -> Lesson:
         """Return all of it, in the order of sections."""

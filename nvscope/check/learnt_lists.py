@@ -60,18 +60,25 @@ def learnt_lists(found: Checked) -> list[LearntList]:
         if not measured[number].telegrams:
             continue
         name = found.names.get(key) or found.names.get(key.on_any_channel) or ""
-        word = next(
-            (one for one in (name, str(key.identifier)) if one and list(called.chosen([one])[0]) == [key]), str(key)
-        )
+        word: str | int = str(key)
+        if list(called.chosen([str(key.identifier)])[0]) == [key]:
+            word = key.identifier
+        if name and _is_text(name) and list(called.chosen([name])[0]) == [key]:
+            word = name
         short = list_key(str(key)).rpartition("/")[2]
         found_lists.append(
             LearntList(
-                key, int(word) if word.isdigit() else word, f"list {short}{f', {name}' if name else ''}",
+                key, word, f"list {short}{f', {name}' if name else ''}",
                 senders.get(key, ()), measured[number], _interval_ns(streams.get(number, ())),
                 len(streams.get(number, ())),
             )
         )  # fmt: skip
     return found_lists
+
+
+def _is_text(name: str) -> bool:
+    """Tell whether a name can stand in a file: what was no UTF-8 in the name of a file cannot."""
+    return not any("\ud800" <= one <= "\udfff" for one in name)
 
 
 def _interval_ns(streams: Sequence[Measured]) -> int | None:

@@ -17,6 +17,8 @@ _PERCENT = re.compile(r"\s*([0-9]{1,9}(?:\.[0-9]{1,9})?)\s*%\s*")
 
 _MOST_COMPARED, _MOST_NAMES = 80, 2_000
 
+_MOST, _MOST_PATTERNS = 2**62, 100
+
 REQUIRED = object()
 """In place of the default of a parameter that has to be told."""
 
@@ -49,7 +51,7 @@ def _ratio(value: Any, place: Place) -> float:
 
 
 def _amount(value: Any, place: Place) -> int:
-    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+    if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= _MOST:
         raise place.error("a number of 0 or more is expected", "Write a whole number, such as 3.")
     return value
 
@@ -82,6 +84,10 @@ def _lists(value: Any, place: Place) -> tuple[str, ...]:
     found: tuple[str, ...] = _LISTS.read(value, place)
     if not found:
         raise place.error("no list is in it", "Name one, or leave the key out for every list.")
+    if sum("*" in one or "?" in one for one in found) > _MOST_PATTERNS:
+        raise place.error(
+            f"there are more than {_MOST_PATTERNS} patterns in it", "Name lists, or write fewer patterns."
+        )
     return found
 
 

@@ -20,7 +20,7 @@ SCHEMA = "nvscope.rules/1"
 
 SEVERITIES = ("error", "warning", "note")
 MOST_RULES = 10_000
-_MOST_INCLUDED = 100
+_MOST_FILES = 1_000
 
 COMMON: Mapping[str, tuple[ValueKind, str, Any]] = {
     "id": (TEXT, "what it is called everywhere; no two rules are called alike", REQUIRED),
@@ -176,6 +176,9 @@ class _Reader:
     def __init__(self, *, inner: bool = False) -> None:
         """``inner``: what it reads is what a rule of another file stands for."""
         self._inner = inner
+        self._too_many = False
+        self._known: dict[str, Sequence[Rule]] = {}
+        self._rules = 0
         self.found = Rules()
         self.mistakes: list[ConfigurationError] = []
         self._places: dict[str, str] = {}
@@ -183,7 +186,13 @@ class _Reader:
 
     def read(self, path: str) -> None:
         real = os.path.realpath(path)
-        if real in self._read or len(self._read) >= _MOST_INCLUDED:
+        if real in self._read:
+            return
+        if len(self._read) >= _MOST_FILES:
+            if not self._too_many:
+                self._too_many = True
+                told = f"more than {_MOST_FILES} files of rules are named"
+                self._note(ConfigurationError(told, where=path, next_step="put rules of several files into one"))
             return
         self._read.add(real)
         self.found.paths.append(path)
@@ -205,10 +214,13 @@ class _Reader:
         if not isinstance(rules, list):
             self._note(place.below("rule").error("rules are an array of tables", "begin each with [[rule]]"))
             return
-        for number, table in enumerate(rules[:MOST_RULES]):
+        for number, table in enumerate(rules):
+            if self._rules >= MOST_RULES:
+                told = f"there are {MOST_RULES} rules at most in all files, those of files that rules name counted"
+                self._note(place.below("rule").below(number).error(told))
+                break
+            self._rules += 1
             self._rule(table, place.below("rule").below(number), defaults.get("severity", "error"))
-        if len(rules) > MOST_RULES:
-            self._note(place.below("rule").error(f"a file has {MOST_RULES} rules at most, and this {len(rules)}"))
         tests = document.get("test", [])
         if not isinstance(tests, list):
             self._note(place.below("test").error("tests are an array of tables", "begin each with [[test]]"))
@@ -285,14 +297,19 @@ class _Reader:
             if self._inner:
                 self._note(where.error("a file that a rule names has no rules that name files", "include takes some"))
                 continue
-            reader = _Reader(inner=True)
-            reader.read(str(Path(place.path).parent / own[name]))
-            self.mistakes += reader.mistakes
-            self.found.paths += reader.found.paths
-            self.found.warmup_ns = max(self.found.warmup_ns, reader.found.warmup_ns)
-            if not reader.found.rules and not reader.mistakes:
-                self._note(where.error("there is no rule in that file", "a rule begins with [[rule]]"))
-            return reader.found.rules
+            path = str(Path(place.path).parent / own[name])
+            real = os.path.realpath(path)
+            if real not in self._known:
+                reader = _Reader(inner=True)
+                reader.read(path)
+                self._known[real] = reader.found.rules
+                self.mistakes += reader.mistakes
+                self.found.paths += reader.found.paths
+                self.found.warmup_ns = max(self.found.warmup_ns, reader.found.warmup_ns)
+                if not reader.found.rules and not reader.mistakes:
+                    self._note(where.error("there is no rule in that file", "a rule begins with [[rule]]"))
+            self._rules += len(self._known[real])
+            return self._known[real]
         return ()
 
     def _keys(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
@@ -86,4 +87,4 @@ def _uri(path: str) -> str:
     """Return the path as a reference: relative ones stay so, for whoever looks has the files elsewhere."""
     if Path(path).is_absolute():
         return Path(path).as_uri()
-    return quote(Path(path).as_posix(), safe="/")
+    return quote(os.fsencode(Path(path).as_posix()), safe="/")

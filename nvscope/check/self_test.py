@@ -32,6 +32,8 @@ _NOT_SENT = "-"
 _MOST_STEPS = 1_000_000
 _RUN = re.compile(r"(?P<value>\"[^\"]*\"|[^\s*\"]+)(?:\*(?P<count>[0-9]{1,7}))?")
 _CLOSE = 1e-9
+_LONGEST_NS = 100 * 366 * 86_400 * 10**9
+_LARGEST = 2**63 - 1
 _LIST = ListKey.udp(0, 0)
 
 Value = int | float | bool | str | None
@@ -71,10 +73,15 @@ def _run(test: RuleTest, project: Project) -> Tested:
 
 def _run_with(test: RuleTest, project: Project, *, are_bool: bool) -> Tested:
     rule = test.rule
-    fields = {
-        _named(name): _field(_named(name), _values(name, text), are_bool=are_bool) for name, text in test.series.items()
-    }
-    steps = max((len(_values(name, text)) for name, text in test.series.items()), default=0)
+    values: dict[str, Sequence[Value]] = {}
+    room = _MOST_STEPS
+    for name, text in test.series.items():
+        values[_named(name)] = _values(name, text, room)
+        room -= len(values[_named(name)])
+    fields = {name: _field(name, one, are_bool=are_bool) for name, one in values.items()}
+    steps = max((len(one) for one in values.values()), default=0)
+    if steps * test.step_ns > _LONGEST_NS:
+        raise UsageError(f"{steps} steps of that length are longer than 100 years", next_step="shorten step, or series")
     names: Mapping[ListKey, str] = {}
     setting = Setting({}, SeriesFields(fields), AskedRows(names), names, series=fields, since_ns=0, when=rule.when)
     for text in rule.expressions.values():
@@ -150,7 +157,7 @@ def _named(name: str) -> str:
     return name if name.lower().startswith(_PREFIX) else f"{_PREFIX}{name}"
 
 
-def _values(name: str, text: str) -> list[Value]:
+def _values(name: str, text: str, room: int) -> list[Value]:
     """Return the values that a text says, one a step: ``0*20 1*40``; ``-`` is a step without a telegram."""
     found: list[Value] = []
     place = 0
@@ -158,9 +165,9 @@ def _values(name: str, text: str) -> list[Value]:
         if text[place : match.start()].strip():
             break
         place = match.end()
-        found += [_value(match["value"])] * min(int(match["count"] or 1), _MOST_STEPS + 1)
-        if len(found) > _MOST_STEPS:
-            raise UsageError(f"the series of {name} has more than {_MOST_STEPS} steps")
+        found += [_value(match["value"])] * min(int(match["count"] or 1), room + 1)
+        if len(found) > room:
+            raise UsageError(f"the series of a test have more than {_MOST_STEPS} steps")
     if text[place:].strip():
         raise UsageError(
             f"the series of {name} cannot be read from '{text[place:].strip()[:40]}' on",
@@ -210,6 +217,6 @@ def _typed(sent: Sequence[Value], values: Sequence[Value], filled: Any, *, are_b
     if all(isinstance(one, bool) or (are_bool and one in (0, 1)) for one in sent):
         column: Column = np.array(numbers, np.int64) != 0
         return FieldType.BOOL, lambda rows: filled(column, rows)
-    is_real = any(isinstance(one, float) for one in sent)
+    is_real = any(isinstance(one, float) or abs(one) > _LARGEST for one in sent)  # type: ignore[arg-type]
     of_numbers = np.array(numbers, np.float64 if is_real else np.int64)
     return FieldType.REAL if is_real else FieldType.SIGNED, lambda rows: filled(of_numbers, rows)

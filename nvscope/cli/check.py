@@ -33,7 +33,7 @@ from nvscope.cli.sources import (
     tell_of_losses,
     with_channels,
 )
-from nvscope.cli.terminal import ColourOption, colour_wanted, echo, width
+from nvscope.cli.terminal import ColourOption, colour_wanted, echo, guard_workflow, width, workflow_command
 from nvscope.errors import ExitCode, NvscopeError, UsageError
 
 if TYPE_CHECKING:
@@ -122,6 +122,8 @@ def check(
     named = [path for path in sources or () if path.endswith(_SUFFIX)]
     sources = [path for path in sources or () if not path.endswith(_SUFFIX)]
     rules = [*(rules or ()), *named]
+    if as_annotations:
+        guard_workflow()
     if self_test or (dry_run and not (sources or read or live.interfaces)):
         plant = project_of(project, gvl, ())
         told = _read(rules or _found(plant), plant)
@@ -155,15 +157,11 @@ def check(
 
         _show(matched.lines(found, width()), colour)
         return
-    if wanted:
-        from nvscope.cli.check_files import write_files
-
-        write_files(inquiry, found, wanted, told.paths, fail_on=fail_on, force=force)
     if as_annotations:
         from nvscope.check.github import annotation_lines
 
         for line in annotation_lines(found):
-            echo(line)
+            workflow_command(line)
     if as_markdown:
         from nvscope.check.markdown import markdown
 
@@ -178,6 +176,10 @@ def check(
         from nvscope.check.lines import lines
 
         _show(lines(found, files, inquiry.paths, width()), colour)
+    if wanted:
+        from nvscope.cli.check_files import write_files
+
+        write_files(inquiry, found, wanted, told.paths, fail_on=fail_on, force=force)
     buses = [bus.channel for bus in found.scene.snapshot.summary.can.buses]
     tell_of_channels(channel_map, buses)
     tell_of_bit_rates(bit_rates, buses)

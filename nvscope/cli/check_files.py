@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from nvscope.capture.content import STDIN
 from nvscope.cli.terminal import echo
-from nvscope.errors import CaptureError
+from nvscope.errors import CaptureError, UsageError
 
 if TYPE_CHECKING:
     from dissectors.batch import PacketBatch
@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from nvscope.check.evidence import RuleEvidence
     from nvscope.check.run import Checked
     from nvscope.whole_files import WholeFiles
+
+
+_MOST_FILES = 200
 
 
 class Wanted(NamedTuple):
@@ -28,7 +31,7 @@ class Wanted(NamedTuple):
     around_ns: int
 
     def __bool__(self) -> bool:
-        return any((self.junit, self.sarif, self.evidence))
+        return any(one is not None for one in (self.junit, self.sarif, self.evidence))
 
 
 def write_files(
@@ -51,6 +54,8 @@ def write_files(
             log = sarif(found, inquiry.paths, inconclusive_fails=inconclusive_fails)
             files.write(wanted.sarif, json.render(log).encode(), Existing.REPLACED)
         if wanted.evidence is not None:
+            if not wanted.evidence:
+                raise UsageError("--evidence names no folder", next_step="name one, or leave the option out")
             _write_evidence(inquiry, found, wanted.evidence, wanted.around_ns, files)
         files.publish()
     finally:
@@ -61,12 +66,19 @@ def _write_evidence(inquiry: Inquiry, found: Checked, folder: str, around_ns: in
     from nvscope.capture.output import ChannelNames
     from nvscope.capture.pcapng.sink import PcapngSink
     from nvscope.check.evidence import evidence_of
+    from nvscope.check.verdict import Verdict
     from nvscope.units import count_of
     from nvscope.view.escape import visible
     from nvscope.whole_files import Existing
 
     told = ", ".join(inquiry.paths) or "the capture"
     evidence = evidence_of(found, around_ns, told)
+    if without := len(found.of(Verdict.FAIL)) - len(evidence):
+        told_of = f"{count_of(without, 'broken rule')} no moment is known, and there is no evidence"
+        echo(f"nvscope: of {told_of}.", err=True)
+    if len(evidence) > _MOST_FILES:
+        echo(f"nvscope: evidence is kept of the first {_MOST_FILES} of {len(evidence)} broken rules.", err=True)
+        del evidence[_MOST_FILES:]
     if not evidence:
         return
     try:

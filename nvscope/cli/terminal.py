@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import sys
 import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
+from contextvars import ContextVar
 from typing import Annotated, Any, Literal
 
 import typer
@@ -29,13 +31,34 @@ _READABLE = 100
 """Columns of prose where there is no terminal to fit it to."""
 
 
+_COMMAND = re.compile(r"^(\s*):(?=:)|##(?=\[)", re.MULTILINE)
+_asked_for: ContextVar[bool] = ContextVar("commands of a workflow", default=False)
+
+
+def guard_workflow() -> None:
+    """Let nothing that is printed from now on be taken for a command of a GitHub workflow, whoever wrote it."""
+    _asked_for.set(True)
+
+
+def workflow_command(line: str) -> None:
+    """Print a command of a GitHub workflow."""
+    sys.stdout.write(f"{line}\n")
+    sys.stdout.flush()
+
+
+def _harmless(text: str) -> str:
+    if not (_asked_for.get() or os.environ.get("GITHUB_ACTIONS") == "true"):
+        return text
+    return _COMMAND.sub(lambda match: "## " if match[0] == "##" else f"{match[1]}: ", text)
+
+
 def echo(text: str, *, nl: bool = True, err: bool = False, color: bool | None = None) -> None:
     """Print a text to stdout, or to stderr, as their encodings have it (``nvscope.cli.encodings``).
 
     ``color`` says whether the text has colours, which old consoles of Windows have to be shown otherwise. On stderr, if
     it is a terminal, lines end between words.
     """
-    text = notice(text) if err else text
+    text = _harmless(notice(text) if err else text)
     if color and sys.platform == "win32":
         typer.echo(text, nl=nl, err=err, color=True)
         return

@@ -83,6 +83,10 @@ class UnderTest:
         for number, table in enumerate(tables):
             again = sum(one.get("check") == table.get("check") for one in tables[:number])
             table.setdefault("id", f"{table.get('check')}{f'-{again + 1}' if again else ''}")
+        tables = [
+            {key: list(value) if isinstance(value, tuple) else value for key, value in table.items()}
+            for table in tables
+        ]
         self._assert(rules_of(tables, _IN_TEST))
 
     def assert_rules(self, *files: AnyPath) -> None:

@@ -93,8 +93,10 @@ class RuleFile(pytest.File):
             self._rules = read_rules([str(self.path)])
         except Mistakes as error:
             raise self.CollectError("\n".join(map(str, error.mistakes))) from None
+        from nvscope.view.escape import visible
+
         for number, rule in enumerate(self._rules.rules):
-            item: RuleItem = RuleItem.from_parent(self, name=rule.id)
+            item: RuleItem = RuleItem.from_parent(self, name=visible(rule.id))
             item.number = number
             item.add_marker(pytest.mark.nvrules)
             yield item
@@ -171,6 +173,10 @@ def _matching(patterns: Iterable[Path]) -> Iterator[str]:
     for one in patterns:
         text = str(one)
         if any(sign in text for sign in "*?["):
-            yield from sorted(str(path) for path in Path(one.anchor).glob(str(one.relative_to(one.anchor))))
+            try:
+                found = sorted(str(path) for path in Path(one.anchor).glob(str(one.relative_to(one.anchor))))
+            except ValueError as error:
+                raise pytest.UsageError(f"{text}: {error}") from None
+            yield from found
         else:
             yield text

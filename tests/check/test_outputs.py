@@ -179,7 +179,7 @@ def test_names_of_evidence_are_names_of_files(tmp_path: Path) -> None:
     rules.write_text("".join(f'[[rule]]\nid = "{one}"\ncheck = "loss"\n' for one in ids))
     run_text("check", sent(tmp_path, LOSSY), "--rules", rules, "--evidence", tmp_path / "e")
     found = sorted(one.name for one in (tmp_path / "e").iterdir())
-    assert found == ["A-b-C-2.pcapng", "CON.pcapng", "a-b-c.pcapng", "rule.pcapng", "x.pcapng"]
+    assert found == ["A-b-C-2.pcapng", "a-b-c.pcapng", "rule-CON.pcapng", "rule.pcapng", "x.pcapng"]
 
 
 def test_a_dry_run_says_what_rules_are_for(tmp_path: Path) -> None:

@@ -105,11 +105,11 @@ def test_rules_without_tests_are_told(tmp_path: Path) -> None:
 @given(st.lists(st.tuples(st.one_of(st.integers(-5, 5), st.booleans(), st.none()), st.integers(1, 9)), max_size=8))
 def test_series_are_read_as_they_are_written(runs: list[tuple[int | bool | None, int]]) -> None:
     text = " ".join(f"{'-' if value is None else str(value).lower()}*{count}" for value, count in runs)
-    assert _values("x", text) == [value for value, count in runs for _ in range(count)]
+    assert _values("x", text, 1_000_000) == [value for value, count in runs for _ in range(count)]
 
 
 @examples(200)
 @given(st.text(alphabet='01*- ."x#', max_size=20))
 def test_any_text_is_a_series_or_a_mistake(text: str) -> None:
     with suppress(UsageError):
-        assert all(one is None or isinstance(one, int | float | str) for one in _values("x", text))
+        assert all(one is None or isinstance(one, int | float | str) for one in _values("x", text, 1_000_000))

@@ -28,6 +28,7 @@ from nvscope.toml_table import FLAG, LENGTH, SPAN, TEXT, array, choice, number
 from nvscope.units import count_of
 
 _SECOND_NS = 1_000_000_000
+_LONGEST_NS = 2**63
 _NEVER_CAME = "no telegram with its value came"
 _NEVER_JUDGED = "at no moment it was to be judged"
 
@@ -45,8 +46,13 @@ def _unit(place: VariablePlace) -> str:
     return "s" if place.field.type is FieldType.DURATION else ""
 
 
-def _limit(place: VariablePlace, value: float | None) -> float | None:
-    return None if value is None else value * _scale(place)
+def _limit(place: VariablePlace, value: float | None, key: str) -> float | None:
+    if value is None:
+        return None
+    found = value * _scale(place)
+    if _scale(place) > 1 and abs(found) > _LONGEST_NS:
+        raise Unfit("no time is so long", key)
+    return found
 
 
 def _numbers(places: Iterable[VariablePlace], key: str = "variable") -> list[VariablePlace]:
@@ -125,7 +131,7 @@ def _make_range(place: VariablePlace, told: Mapping[str, Any]) -> Watch:
         raise Unfit("a range needs min, max, or both")
     if told["min"] is not None and told["max"] is not None and told["min"] > told["max"]:
         raise Unfit("min is more than max", "min")
-    return RangeWatch(place, least=_limit(place, told["min"]), most=_limit(place, told["max"]))
+    return RangeWatch(place, least=_limit(place, told["min"], "min"), most=_limit(place, told["max"], "max"))
 
 
 def _make_enum(place: VariablePlace, told: Mapping[str, Any]) -> Watch:
@@ -212,7 +218,9 @@ def _watch_hops(setting: Setting, told: Mapping[str, Any]) -> HopWatcher:
                 next_step="write its list in front, as in axis:fPos",
             )
         ends.append(places[0])
-    return HopWatcher(setting, ends[0], ends[1], _limit(ends[0], told["tolerance"]) or 0.0, told["max_delay"])
+    return HopWatcher(
+        setting, ends[0], ends[1], _limit(ends[0], told["tolerance"], "tolerance") or 0.0, told["max_delay"]
+    )
 
 
 def _hops(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
