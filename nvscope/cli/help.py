@@ -78,7 +78,15 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
         "check": (
             ("nvscope check plant.pcapng --rules plant.rules.toml", "whether it keeps the rules of the file"),
             ("nvscope check plant.pcapng --rules plant.rules.toml --json", "the verdicts for programs"),
+            (
+                "nvscope check plant.pcapng plant.rules.toml --junit junit.xml --evidence evidence",
+                "for a build server, with what was on the wire around each broken rule",
+            ),
         ),
+        "baseline": (
+            ("nvscope baseline plant.pcapng -w plant.rules.toml", "rules that a good capture teaches, to be edited"),
+        ),
+        "diff": (("nvscope diff good.pcapng plant.pcapng", "what is otherwise than it was, and not by chance"),),
         "gvl layout": (("nvscope gvl layout plc", "what lies where in each telegram"),),
         "gvl lint": (("nvscope gvl lint plc", "what will not work, before it is sent"),),
         "gvl diff": (("nvscope gvl diff sender.gvl reader.gvl", "whether both sides mean the same"),),
