@@ -387,8 +387,7 @@ class Case:
         cause = Cause(
             draft.kind, severity, draft.title, draft.next, tuple(draft.checked), tuple(keys),
             tuple(dict.fromkeys(draft.nodes)), draft.channel, since_ns, until_ns,
-            tuple(frames[:FRAMES_KEPT].tolist()), len(frames), tuple(findings),
-            int(self.symptoms.time_ns[rows].max()) if len(rows) else None,
+            tuple(frames[:FRAMES_KEPT].tolist()), len(frames), tuple(findings), self.symptoms.last_ns(rows),
         )  # fmt: skip
         telegrams = sum(entry.diagnosis.nSendCount for entry in lists)
         # Numbers of nodes and lists hang on how the capture was cut into batches.

@@ -82,6 +82,10 @@ class Symptoms(NamedTuple):
         table[[code_number(kind) for kind in kinds]] = True
         return table[self.code]
 
+    def last_ns(self, rows: I64) -> int | None:
+        """Return when the last of some of them was, None of none."""
+        return int(self.time_ns[rows].max()) if len(rows) else None
+
 
 def symptoms_of(
     facts: Facts, findings: Sequence[Finding], evidence: Evidence, intervals: IntervalsByStream,

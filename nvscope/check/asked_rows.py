@@ -161,14 +161,16 @@ class AskedRows:
 
     def _some(self, batch: _Batch, lists: OfLists) -> Asked:
         mask = self.mask(lists, batch.told.keys)
-        packets, streams, numbers = [], [], []
+        packets, streams, numbers, runs = [], [], [], 0
         for one in batch.runs:
             rows, run = one.rows, np.flatnonzero(mask[one.lists])
             row = rows.of_runs(run)
             packets.append(rows.packet[row])
             streams.append(rows.stream[row])
             numbers.append(np.repeat(one.lists[run], rows.stop[run] - rows.start[run]))
-        return _asked(batch, *(_joined(columns) for columns in (packets, streams, numbers)))
+            runs += len(run)
+        in_order = runs < 2
+        return _asked(batch, *(_joined(columns) for columns in (packets, streams, numbers)), in_order=in_order)
 
     def _all(self, batch: _Batch) -> Asked:
         told = batch.told
@@ -183,11 +185,12 @@ def _joined(columns: Sequence[I64]) -> I64:
     return np.concatenate(columns) if columns else np.zeros(0, np.int64)
 
 
-def _asked(batch: _Batch, packet: I64, stream: I64, numbers: I64) -> Asked:
+def _asked(batch: _Batch, packet: I64, stream: I64, numbers: I64, *, in_order: bool = False) -> Asked:
     told = batch.told
-    order = np.argsort(packet, kind="stable")
-    packet = packet[order]
+    if not in_order:
+        order = np.argsort(packet, kind="stable")
+        packet, stream, numbers = packet[order], stream[order], numbers[order]
     return Asked(
-        FrameRows.of(told, packet), stream[order], numbers[order], batch.latest_ns[packet], packet + told.first_frame,
+        FrameRows.of(told, packet), stream, numbers, batch.latest_ns[packet], packet + told.first_frame,
         told.counter[packet].astype(np.int64),
     )  # fmt: skip

@@ -133,6 +133,8 @@ class FigureWindows:
         of_counters = any(name.removeprefix(_PREFIX) in _OF_COUNTERS for name in self._expression.fields)
         for key in sorted(lists):
             number, run = runs.get(key, (-1, None))
+            if run is None and not self._setting.lists and self._runs:
+                continue
             if run is None or not run.windows:
                 yield Judged(Verdict.INCONCLUSIVE, key, reason="no whole window of it is there", limit=limit, unit="s")
                 continue

@@ -8,11 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dissectors.batch import I64
 from nvscope.engine.events import EventBatch
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_kinds import FRAMES_KEPT, EventKind
 from nvscope.tracker.frame_counts import STEPS
 
+_NONE = np.iinfo(np.int64).max
 _EVERY = -1
 """In place of a scope: no Counter is looked at."""
 
@@ -47,6 +49,9 @@ class FirstFrames:
     def __init__(self, since_ns: int | None = None) -> None:
         self._since_ns = since_ns
         self._frames: dict[tuple[int, int, int], list[tuple[int, int]]] = defaultdict(list)
+        self._last: dict[tuple[int, int], I64] = {}
+        """By kind and scope, for each list the last frame that is kept, of those that have as many as are kept."""
+
         self._longest: dict[tuple[int, int], Longest] = {}
         self.clock_steps: list[tuple[int, int]] = []
 
@@ -64,13 +69,22 @@ class FirstFrames:
         if events.kind in _TIMED:
             self._hear_times(events)
             return
-        columns = (events.list.tolist(), events.frame.tolist(), events.time_ns.tolist())
+        place = int(events.kind), min(scope, int(Scope.NODE_TELEGRAM))
+        last = self._last.get(place, np.zeros(0, np.int64))
+        lists = np.maximum(events.list, 0)
+        if len(lists) and lists.max() >= len(last):
+            last = np.append(last, np.full(int(lists.max()) + 1 - len(last), _NONE))
+            self._last[place] = last
+        # Most are behind the first ones, and are not looked at one by one.
+        row = np.flatnonzero(events.frame < last[lists])
+        columns = (events.list[row].tolist(), events.frame[row].tolist(), events.time_ns[row].tolist())
         for number, frame, time_ns in zip(*columns, strict=True):
-            kept = self._frames[int(events.kind), number, min(scope, int(Scope.NODE_TELEGRAM))]
+            kept = self._frames[place[0], number, place[1]]
             kept.append((frame, time_ns))
             if len(kept) > FRAMES_KEPT:
                 kept.sort()
                 del kept[FRAMES_KEPT:]
+                last[max(number, 0)] = kept[-1][0]
 
     def of(self, kinds: Sequence[EventKind], number: int, scope: Scope = Scope.STREAM) -> Sequence[tuple[int, int]]:
         """Return the first frames of some kinds of events of a list, by its number, each with its time."""

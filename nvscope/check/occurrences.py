@@ -111,8 +111,14 @@ class Occurrences(MomentWatcher):
         if not len(row):
             return
         window = (asked.time_ns[row] - begin_ns) // self.length_ns
-        keys, first, count = np.unique(np.stack([of[row], window]), axis=1, return_index=True, return_counts=True)
-        columns = *keys.tolist(), count.tolist(), asked.frame[row[first]].tolist()
+        numbers, frame = of[row], asked.frame[row]
+        if (numbers != numbers[0]).any():
+            order = np.argsort(numbers, kind="stable")
+            numbers, window, frame = numbers[order], window[order], frame[order]
+        # Of one list, windows follow each other.
+        first = np.flatnonzero(np.append(True, (numbers[1:] != numbers[:-1]) | (window[1:] != window[:-1])))
+        count = np.diff(np.append(first, len(numbers)))
+        columns = numbers[first].tolist(), window[first].tolist(), count.tolist(), frame[first].tolist()
         for number, place, many, frame in zip(*columns, strict=True):
             self._of(number).take(place, many, frame)
 

@@ -98,11 +98,15 @@ class WindowCounts:
         window = (latest_ns - self._begin_ns) // self.length_ns
         pieces = [self._open]
         for runs, _ in self._rows.runs(told, EVERY_LIST):
-            lists, packet = np.repeat(runs.lists, runs.rows.stop - runs.rows.start), runs.rows.packet
-            one = np.ones(len(packet), np.int64)
-            pieces.append(
-                _Rows(lists, window[packet], packet + told.first_frame, _event(len(packet)), {TELEGRAMS: one})
-            )
+            packet = runs.rows.packet
+            own = window[packet]
+            # The telegrams of a stream follow each other: where the window changes, its next one begins.
+            changes = np.append(True, own[1:] != own[:-1])
+            changes[runs.rows.start] = True
+            begin = np.flatnonzero(changes)
+            lists = runs.lists[np.searchsorted(runs.rows.start, begin, side="right") - 1]
+            count = {TELEGRAMS: np.diff(np.append(begin, len(packet)))}
+            pieces.append(_Rows(lists, own[begin], packet[begin] + told.first_frame, _event(len(begin)), count))
         pieces += self._events(heard, told)
         self._open = _joined(pieces)
         self._end(int(latest_ns[-1]))
