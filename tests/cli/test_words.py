@@ -157,6 +157,9 @@ def test_examples_do_what_they_say(verb: str, tmp_path: Path) -> None:
     (tmp_path / "plant.rules.toml").write_text('[[rule]]\nid = "none-lost"\ncheck = "loss"\nseverity = "note"\n')
     if verb == "simulate":  # which keeps a capture that is there
         (tmp_path / "plant.pcapng").unlink()
+    if verb == "baseline":  # which keeps rules that are there
+        (tmp_path / "plant.rules.toml").unlink()
+    shutil.copy(PEERS / "peers.pcap", tmp_path / "good.pcapng")
     for line, _ in EXAMPLES[verb]:
         program_name, *words = shlex.split(line)
         assert program_name == "nvscope"
