@@ -96,6 +96,7 @@ class CaptureFile:
             start_ns=progress.start_ns,
             end_ns=progress.end_ns,
             topics=progress.topics,
+            lost=progress.lost,
         )
 
     @property

@@ -14,7 +14,7 @@ from dissectors.batch import PacketBatch
 from nvscope.capture.byte_window import View
 from nvscope.capture.content import EXPECTED, Content
 from nvscope.capture.formats import NoCapture, format_of
-from nvscope.capture.source import Attachment, Truncation
+from nvscope.capture.source import Attachment, LostSpan, Truncation
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +40,7 @@ class Progress:
     frames: int = 0
     drops: int = 0
     drops_by: Mapping[str, int] = field(default_factory=dict)
+    lost: tuple[LostSpan, ...] = ()
     truncation: Truncation | None = None
     comments: list[tuple[int | None, str]] = field(default_factory=list)
     left_out: str = ""

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from types import MappingProxyType, TracebackType
-from typing import Protocol, Self, runtime_checkable
+from typing import NamedTuple, Protocol, Self, runtime_checkable
 
 from dissectors.batch import PacketBatch
 
@@ -56,6 +56,19 @@ class Attachment:
     time_ns: int | None = None
 
 
+class LostSpan(NamedTuple):
+    """From when to when so many packets were lost while capturing; None where nobody says."""
+
+    since_ns: int | None
+    until_ns: int | None
+    packets: int
+
+    def touches(self, since_ns: int, until_ns: int) -> bool:
+        """Tell whether it may be within a time."""
+        begins = self.since_ns is None or self.since_ns <= until_ns
+        return begins and (self.until_ns is None or self.until_ns >= since_ns)
+
+
 @dataclass(frozen=True, slots=True)
 class SourceInfo:
     """What is known of a source apart from its packets, at one moment.
@@ -68,7 +81,8 @@ class SourceInfo:
     first. ``is_live``: it takes packets while they are sent; ``failure`` is why it ended though nobody had said so, ''
     where it did not. ``without_carrier`` are the times in which its interface had no cable, as (begin, end or None
     where it is still so). Without ``hears_answers``, it gets what is for everybody and for this machine: what others
-    answer to each other is unknown. ``topics`` are those of a recording in which there is nothing else.
+    answer to each other is unknown. ``topics`` are those of a recording in which there is nothing else. ``lost`` says
+    when packets were lost, as far as that is told.
     """
 
     path: str
@@ -87,6 +101,7 @@ class SourceInfo:
     without_carrier: tuple[tuple[int, int | None], ...] = ()
     hears_answers: bool = True
     topics: tuple[str, ...] = ()
+    lost: tuple[LostSpan, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

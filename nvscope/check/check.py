@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, S
 from dataclasses import dataclass, field
 from typing import Any, TypeVar, cast
 
+from nvscope.capture.source import SourceInfo
 from nvscope.causes.cause import Cause
 from nvscope.check.asked_rows import AskedRows
 from nvscope.check.first_frames import FirstFrames
@@ -31,8 +32,9 @@ class Evidence:
     ``summary`` and ``subjects`` are of the time behind the warm-up, which begins at ``since_ns`` and ends at
     ``until_ns``; ``keys`` are the keys of lists by number. ``frames`` are those of the first events. ``drops`` is how
     many packets the capture says it lost, ``truncated`` why it ends before its end, "" where it does not; ``starts_ns``
-    is when each of the captures begins; ``ends_early``: before the warm-up is over. ``first_frame`` is that of a
-    stream's first telegram; ``open_waits`` are since when telegrams of lists wait, ``open_requests`` nodes that ask.
+    is when each of the captures begins, ``infos`` what is known of each; ``ends_early``: before the warm-up is over.
+    ``first_frame`` is that of a stream's first telegram; ``open_waits`` are since when telegrams of lists wait,
+    ``open_requests`` nodes that ask.
     """
 
     summary: Summary
@@ -50,6 +52,7 @@ class Evidence:
     drops: int = 0
     truncated: str = ""
     starts_ns: Sequence[int] = ()
+    infos: Sequence[SourceInfo] = ()
     ends_early: bool = False
     first_frame: Callable[[int], int | None] = lambda stream: None
     open_waits: Mapping[int, Sequence[int]] = field(default_factory=dict)
@@ -66,6 +69,16 @@ class Evidence:
     def began_between(self, since_ns: int, until_ns: int) -> bool:
         """Tell whether one of the captures begins within a time."""
         return any(since_ns < start_ns <= until_ns for start_ns in self.starts_ns)
+
+    def lost_between(self, since_ns: int, until_ns: int) -> int:
+        """Return how many packets the captures may have lost within a time: as far as nobody says when, all of them."""
+        found = 0
+        for info in self.infos:
+            if sum(one.packets for one in info.lost) != info.drops:
+                found += info.drops or 0
+                continue
+            found += sum(one.packets for one in info.lost if one.touches(since_ns, until_ns))
+        return found
 
     @property
     def clock_steps_ns(self) -> Sequence[int]:

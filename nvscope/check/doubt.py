@@ -10,15 +10,19 @@ BEGAN_LATER = "one of the captures began later: it may be the one that has it"
 _AROUND_NS = 1_000_000_000
 
 
-def doubt(known: Evidence, at_ns: int | None, needed: int = 1) -> str:
+def doubt(known: Evidence, at_ns: int | None, needed: int = 1, until_ns: int | None = None) -> str:
     """Return why something that was missing at a time may have been there; "" where nothing says so.
 
-    Nobody knows when a capture lost frames: it may have been at any time. ``needed`` is how many it must have lost for
-    that to explain what was missing. A clock that stepped, or an end that is cut off, explains what is near to it.
-    ``at_ns`` is None for what was missing up to the end.
+    It is what was missing at about ``at_ns``, or from then to ``until_ns``; ``at_ns`` is None for what was missing
+    up to the end. Few captures say when they lost frames: else it may have been at any time. ``needed`` is how many
+    it must have lost for that to explain what was missing. A clock that stepped, or an end that is cut off,
+    explains what is near to it.
     """
-    if known.drops >= max(needed, 1):
-        return f"the capture itself lost {count_of(known.drops, 'frame')}: it may have been these"
+    drops = known.drops
+    if at_ns is not None:
+        drops = known.lost_between(at_ns - _AROUND_NS, (at_ns if until_ns is None else until_ns) + _AROUND_NS)
+    if drops >= max(needed, 1):
+        return f"the capture itself lost {count_of(drops, 'frame')}: it may have been these"
     if known.truncated and (at_ns is None or known.until_ns is None or known.until_ns - at_ns <= _AROUND_NS):
         return f"the capture was cut: {known.truncated}"
     return doubt_of_clock(known, at_ns)

@@ -237,7 +237,7 @@ def _evidence(
     return Evidence(
         summary, list(subjects(summary)), keys, names, findings, causes, frames, project, counted.cycles(),
         matching, begin_ns, known.summary.end_ns, drops, truncated,
-        [info.start_ns for info in known.infos if info.start_ns is not None], counted.is_ahead,
+        [info.start_ns for info in known.infos if info.start_ns is not None], known.infos, counted.is_ahead,
         first_frame, *_open_waits(scene, state),
     )  # fmt: skip
 

@@ -23,7 +23,8 @@ _MAX_SECONDS, _MAX_OFFSET_SECONDS = 1 << 62, 1 << 61
 class Interface:
     """One interface of a section. ``longest`` are the captured bytes of a packet that are believed.
 
-    ``statistics_drops`` are those of the last statistics, by where they were lost, None before any.
+    ``statistics_drops`` are those of the last statistics, by where they were lost, None before any; they are of the
+    time ``told_ns``.
 
     ``channel`` is the number of its name among those of the file; interfaces of one name are one channel.
     """
@@ -36,6 +37,7 @@ class Interface:
     offset_s: int = 0
     statistics_drops: Mapping[str, int] | None = None
     packet_drops: int = 0
+    told_ns: int | None = None
 
     @property
     def longest(self) -> int:

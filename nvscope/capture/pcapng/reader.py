@@ -36,11 +36,11 @@ from nvscope.capture.pcapng.blocks import (
     STATISTICS,
     BlockFraming,
 )
-from nvscope.capture.pcapng.interfaces import Interface, InterfaceTable
+from nvscope.capture.pcapng.interfaces import Interface, InterfaceTable, nanoseconds
 from nvscope.capture.pcapng.packet_blocks import PacketBlocks
 from nvscope.capture.reader import ReadingSizes
 from nvscope.capture.record_reader import RecordReader, Taken
-from nvscope.capture.source import DropsPart
+from nvscope.capture.source import DropsPart, LostSpan
 from nvscope.errors import UnreadableInput
 
 MAX_INTERFACES = 65_536
@@ -54,6 +54,7 @@ _DIRECTION_BITS = 3
 _MAX_BLOCK_OPTIONS = 1024
 # One count of a field of 64 bits is not believed beyond this, so that sums stay int64.
 _MOST_DROPS = 1 << 40
+_MOST_SPANS = 10_000
 _DROPS_PARTS = {OPTION_INTERFACE_DROPS: DropsPart.INTERFACE, OPTION_SYSTEM_DROPS: DropsPart.KERNEL}
 
 
@@ -101,6 +102,7 @@ class PcapngReader(RecordReader):
         self._names: dict[str, int] = {}
         self._unsaid: list[str] = []
         self._closed_drops = 0
+        self._lost: list[LostSpan] = []
         self._closed_drops_by: Counter[str] = Counter()
         self._last_ts_ns = 0
         self._comment_bytes = 0
@@ -130,6 +132,7 @@ class PcapngReader(RecordReader):
                 after = int(usable[begin + len(stretch.at)])
                 break
         self.progress.drops, self.progress.drops_by = self._drops()
+        self.progress.lost = tuple(self._lost)
         return Taken(join(parts), after, fault, incomplete)
 
     def _drops(self) -> tuple[int, Counter[str]]:
@@ -315,7 +318,16 @@ class PcapngReader(RecordReader):
                 if code in _DROPS_PARTS and len(value) == 8:
                     counts[_DROPS_PARTS[code].value] += min(struct.unpack(order + "Q", value)[0], _MOST_DROPS)
             if counts:
-                self._interfaces[number].statistics_drops = counts
+                interface = self._interfaces[number]
+                high, low = struct.unpack_from(f"{order}II", body, 4)
+                units = np.array([high << 32 | low], np.uint64)
+                told_ns, known = nanoseconds(units, interface.resolution, interface.offset_s)
+                lost = sum(counts.values()) - sum((interface.statistics_drops or {}).values())
+                until_ns = int(told_ns[0]) if known[0] and told_ns[0] > 0 else None
+                if lost > 0 and len(self._lost) < _MOST_SPANS:
+                    self._lost.append(LostSpan(interface.told_ns, until_ns, lost))
+                interface.told_ns = until_ns
+                interface.statistics_drops = counts
 
     def _read_packet_options(self, stretch: _Stretch, packets: PacketBlocks, frames: int) -> U8 | None:
         """Collect comments and drop counts, one option of every packet at a time; return directions, if any is told."""

@@ -21,6 +21,7 @@ _OF_NETWORK = ("lost", "gaps", "longest_gap")
 """What the capture itself may have lost."""
 
 
+_AROUND_NS = 1_000_000_000
 _OF_COUNTERS = ("longest_gap", "duplicates", "overtaken", "restarts")
 
 
@@ -68,13 +69,20 @@ def _at_most(
 
 def _may_be_drops(known: Evidence, subject: Subject, figure: str, value: float, told: Mapping[str, Any]) -> bool:
     """Tell whether what the capture itself lost explains that a limit is broken: the rest of it would be kept."""
-    if not known.drops:
+    assert subject.list is not None
+    counted, scope = told["watched"], known.scope_of(subject.list)
+    events = (known.frames.of if counted is None else counted.frames)(kinds_of(figure), subject.list, scope)
+    # Where the capture says when it lost frames, what happened at other times is the network's.
+    drops = max(
+        (known.lost_between(at_ns - _AROUND_NS, at_ns + _AROUND_NS) for _, at_ns in events), default=known.drops
+    )
+    if not drops:
         return False
     if figure != "lost":
-        return bool(value - known.drops <= told["max"])
+        return bool(value - drops <= told["max"])
     telegrams = telegrams_of(subject, told["watched"])
     lost = _figure(known, subject, "lost", told["watched"]) or 0
-    return bool(max(lost - known.drops, 0) <= told["max"] * (lost + telegrams))
+    return bool(max(lost - drops, 0) <= told["max"] * (lost + telegrams))
 
 
 def kinds_of(figure: str) -> tuple[EventKind, ...]:

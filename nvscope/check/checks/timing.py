@@ -185,7 +185,11 @@ def _silence(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any
         verdict, reason = Verdict.FAIL if fails else Verdict.PASS, ""
         if fails and silence.is_first and known.began_between(silence.begin_ns, silence.begin_ns + silence.longest_ns):
             verdict, reason = Verdict.INCONCLUSIVE, BEGAN_LATER
-        elif fails and (why := doubt(known, silence.begin_ns, parts(silence.longest_ns, told["max"]))):
+        elif fails and (
+            why := doubt(
+                known, silence.begin_ns, parts(silence.longest_ns, told["max"]), silence.begin_ns + silence.longest_ns
+            )
+        ):  # fmt: skip
             verdict, reason = Verdict.INCONCLUSIVE, why
         elif not fails and known.until_ns - known.since_ns < told["max"]:
             verdict, reason = Verdict.INCONCLUSIVE, "the capture is shorter than the rule needs"

@@ -1,0 +1,82 @@
+"""What a capture lost itself explains what is missing then, and no more of it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from pathlib import Path
+
+import pytest
+
+from nvscope.capture.open import open_source
+from tests.capture import build
+from tests.check.plants import judged, ruled
+from tests.oracle.builders import data_frame, telegram
+
+BEGIN_US = 1_700_000_000 * 10**6
+
+
+def capture(folder: Path, missing: Collection[int], told: Sequence[tuple[int, int]]) -> Path:
+    """Write 8 s of a list that is sent every 100 ms.
+
+    ``told`` is how many frames were lost by when, in ms; 0 where that is not said.
+    """
+    parts = [build.section("<"), build.interface("<", 1)]
+    blocks = [(number * 100 + 1, build.enhanced("<", BEGIN_US + number * 100_000, frame(number)))
+              for number in range(80) if number not in missing]  # fmt: skip
+    for at_ms, count in told:
+        head = BEGIN_US + at_ms * 1000 if at_ms else 0
+        body = (
+            (0).to_bytes(4, "little") + (head >> 32).to_bytes(4, "little") + (head & 0xFFFFFFFF).to_bytes(4, "little")
+        )
+        block = build.block("<", 5, body + build.option("<", 5, count.to_bytes(8, "little")))
+        blocks.append((at_ms or 10_000, block))
+    path = folder / "x.pcapng"
+    path.write_bytes(b"".join([*parts, *(block for _, block in sorted(blocks, key=lambda one: one[0]))]))
+    return path
+
+
+def frame(number: int) -> bytes:
+    payload = telegram(list_id=7, counter=number + 1, data=b"\1\2")
+    return data_frame(0, "10.0.0.1", "10.0.0.255", payload).data
+
+
+RULES = 'check = "loss"', 'check = "gap"', 'check = "cycle"\ninterval = "100ms"', 'check = "silence"\nmax = "150ms"'
+
+
+@pytest.mark.parametrize(
+    ("told", "verdict"),
+    [
+        ([(8000, 1)], "inconclusive"),
+        ([(0, 1)], "inconclusive"),
+        ([(3000, 0), (5000, 1), (8000, 1)], "inconclusive"),
+        ([(500, 0), (600, 1), (8000, 1)], "fail"),
+        ([(6000, 0), (8000, 1)], "fail"),
+        ([(8000, 0)], "fail"),
+    ],
+)
+def test_it_matters_when_frames_were_lost(told: list[tuple[int, int]], verdict: str, tmp_path: Path) -> None:
+    found = judged(capture(tmp_path, {40}, told), ruled(tmp_path, *RULES))
+    assert [one["verdict"] for one in found["rules"]] == [verdict] * len(RULES)
+
+
+@pytest.mark.parametrize(("drops", "verdict"), [(1, "fail"), (3, "fail"), (4, "inconclusive")])
+def test_it_matters_how_many_were(drops: int, verdict: str, tmp_path: Path) -> None:
+    found = judged(capture(tmp_path, {40, 41, 42, 43}, [(8000, drops)]), ruled(tmp_path, RULES[0], RULES[1]))
+    assert [one["verdict"] for one in found["rules"]] == [verdict] * 2
+
+
+def test_what_was_seen_was_so(tmp_path: Path) -> None:
+    rules = ruled(tmp_path, 'check = "always"\nexpr = "nv.counter != 30"', 'check = "absent"\nlist = 7')
+    found = judged(capture(tmp_path, {40}, [(8000, 5)]), rules)
+    assert [one["verdict"] for one in found["rules"]] == ["fail", "fail"]
+
+
+def test_spans_are_told_by_statistics(tmp_path: Path) -> None:
+    source = open_source([str(capture(tmp_path, set(), [(500, 0), (600, 2), (3000, 2), (8000, 5)]))])
+    assert sum(len(batch) for batch in source) == 80
+    (info,) = source.infos
+    begin_ns = BEGIN_US * 1000
+    assert [tuple(one) for one in info.lost] == [
+        (begin_ns + 500 * 10**6, begin_ns + 600 * 10**6, 2), (begin_ns + 3000 * 10**6, begin_ns + 8000 * 10**6, 3),
+    ]  # fmt: skip
+    assert info.drops == 5
