@@ -37,8 +37,8 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
     named = [Path(argument.split("::")[0]) for argument in config.args]
     if config.option.keyword or not any(path.is_dir() for path in named):
         return 0
-    # A quarter of the time, tests wait: for what comes on a cable, for a screen, for the end of what was asked for.
-    return (os.cpu_count() or 1) * 3 // 2
+    # Much of the time, tests wait: for what comes on a cable, for a screen, for the end of what was asked for.
+    return (os.cpu_count() or 1) * 2
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -153,7 +153,9 @@ def test_examples_do_what_they_say(verb: str, tmp_path: Path) -> None:
     shutil.copy(PEERS / "peers.pcap", tmp_path / "plant.pcapng")
     for side in ("sender", "reader"):
         shutil.copy(PEERS / "batch.gvl", tmp_path / f"{side}.gvl")
-    shutil.copy(ROOT / "tests" / "scenarios" / "loss.toml", tmp_path / "plant.toml")
+    # It is sent at its pace, and nobody need wait for all of it.
+    scenario = (ROOT / "tests" / "scenarios" / "jitter.toml").read_text().replace('duration = "40s"', 'duration = "3s"')
+    (tmp_path / "plant.toml").write_text(scenario)
     (tmp_path / "plant.rules.toml").write_text('[[rule]]\nid = "none-lost"\ncheck = "loss"\nseverity = "note"\n')
     if verb == "simulate":  # which keeps a capture that is there
         (tmp_path / "plant.pcapng").unlink()
@@ -167,7 +169,7 @@ def test_examples_do_what_they_say(verb: str, tmp_path: Path) -> None:
         if verb == "recover":
             assert run_text("convert", "plant.pcapng", "-w", "cut.mcap", cwd=tmp_path).returncode == 0
         if verb in ("replay", "simulate") and "--to" in words:
-            words += ["--port", "9"]  # where nobody listens
+            words += ["--port", "9", *(["--rate", "10"] if verb == "replay" else [])]  # where nobody listens
         done = run_text(*words, cwd=tmp_path)
         if verb == "replay" and "--to" not in words:
             assert "there is no terminal" in done.stderr

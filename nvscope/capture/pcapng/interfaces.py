@@ -9,6 +9,7 @@ import numpy as np
 
 from dissectors.batch import I64, U16, U64, Bool
 from nvscope.capture.record_reader import MAX_PACKET_BYTES, MAX_SNAP_BYTES
+from nvscope.capture.source import LostSpan
 from nvscope.capture.time_span import TIME_LIMIT_NS
 
 _DEFAULT_RESOLUTION = 6
@@ -42,6 +43,15 @@ class Interface:
     @property
     def longest(self) -> int:
         return max(MAX_PACKET_BYTES, min(self.snap_bytes, MAX_SNAP_BYTES))
+
+    def lost_by(self, units: int, counts: Mapping[str, int]) -> LostSpan:
+        """Take statistics of a time; return what was lost since those before, of which nobody may know when it was."""
+        told_ns, known = nanoseconds(np.array([units], np.uint64), self.resolution, self.offset_s)
+        until_ns = int(told_ns[0]) if known[0] and told_ns[0] > 0 else None
+        lost = sum(counts.values()) - sum((self.statistics_drops or {}).values())
+        found = LostSpan(self.told_ns, until_ns, lost)
+        self.told_ns, self.statistics_drops = until_ns, counts
+        return found
 
     @property
     def drops(self) -> int:

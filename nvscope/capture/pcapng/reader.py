@@ -36,7 +36,7 @@ from nvscope.capture.pcapng.blocks import (
     STATISTICS,
     BlockFraming,
 )
-from nvscope.capture.pcapng.interfaces import Interface, InterfaceTable, nanoseconds
+from nvscope.capture.pcapng.interfaces import Interface, InterfaceTable
 from nvscope.capture.pcapng.packet_blocks import PacketBlocks
 from nvscope.capture.reader import ReadingSizes
 from nvscope.capture.record_reader import RecordReader, Taken
@@ -318,16 +318,9 @@ class PcapngReader(RecordReader):
                 if code in _DROPS_PARTS and len(value) == 8:
                     counts[_DROPS_PARTS[code].value] += min(struct.unpack(order + "Q", value)[0], _MOST_DROPS)
             if counts:
-                interface = self._interfaces[number]
                 high, low = struct.unpack_from(f"{order}II", body, 4)
-                units = np.array([high << 32 | low], np.uint64)
-                told_ns, known = nanoseconds(units, interface.resolution, interface.offset_s)
-                lost = sum(counts.values()) - sum((interface.statistics_drops or {}).values())
-                until_ns = int(told_ns[0]) if known[0] and told_ns[0] > 0 else None
-                if lost > 0 and len(self._lost) < _MOST_SPANS:
-                    self._lost.append(LostSpan(interface.told_ns, until_ns, lost))
-                interface.told_ns = until_ns
-                interface.statistics_drops = counts
+                span = self._interfaces[number].lost_by(high << 32 | low, counts)
+                self._lost += [span] if span.packets > 0 and len(self._lost) < _MOST_SPANS else []
 
     def _read_packet_options(self, stretch: _Stretch, packets: PacketBlocks, frames: int) -> U8 | None:
         """Collect comments and drop counts, one option of every packet at a time; return directions, if any is told."""
