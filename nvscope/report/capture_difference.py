@@ -82,8 +82,8 @@ def _told(one: Difference, subindexes: Sequence[int]) -> Iterator[Cell]:
         yield Cell(f"{what}{place}: {visible(one.a)} → {visible(one.b)}")
     else:
         yield Cell(_of_one_alone(one, what, place), Tone.WARNING)
-    if one.why:
-        yield Cell(f"   {one.why}", Tone.FAINT)
+    if note := one.why or (one.what if one.kind == "cause" else ""):
+        yield Cell(f"   {note}", Tone.FAINT)
 
 
 def _of_one_alone(one: Difference, what: str, place: str) -> str:
@@ -92,6 +92,8 @@ def _of_one_alone(one: Difference, what: str, place: str) -> str:
         return "no more there" if one.a else "new"
     if one.kind == "node":
         return f"{visible(one.where.node or '')} {'sends no more' if one.a else 'sends, and did not before'}"
+    if one.kind == "cause":
+        return f"{'no more' if one.a else 'new'}: {visible(one.a or one.b)}"
     value = one.a or one.b
     told = "" if value == "there" else f": {visible(value)}"
     return f"{'no more' if one.a else 'new'}: {what}{place}{told}"
