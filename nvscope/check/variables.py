@@ -81,26 +81,49 @@ class VariableWatcher(MomentWatcher):
         keys = frozenset(key for one in watches for key, _ in one.place.field.sent_in)
         super().__init__(setting, [], OfLists(keys))
         self.watches = watches
-        self._highest: dict[int, int] | None = {} if in_order else None
+        self._late = setting.shared(("late", keys), LateTelegrams) if in_order else None
 
     def take(self, asked: Asked, judged: Bool) -> None:
-        if self._highest is not None:
-            judged = judged & ~overtaken(asked.stream, asked.counter, self._highest)
+        if self._late is not None:
+            judged = judged & ~self._late.of(asked)
         for one in self.watches:
             exists = one.place.field.exists(asked.rows)
             row = np.flatnonzero(judged if exists is None else judged & exists)
             if not len(row):
                 continue
             one.judged += len(row)
-            column = picked(one.place.field.column(asked.rows), row)
-            one.take(Values(column, asked.time_ns[row], asked.frame[row], asked.stream[row]))
+            column = one.place.field.column(asked.rows)
+            if len(row) == len(asked):
+                one.take(Values(column, asked.time_ns, asked.frame, asked.stream))
+            else:
+                one.take(Values(picked(column, row), asked.time_ns[row], asked.frame[row], asked.stream[row]))
 
     def resume(self, unheard: Unheard) -> None:
         """Compare nothing with what came before nobody listened."""
         streams = None if unheard.everything else unheard.streams.tolist()
-        _forget(self._highest, streams)
+        if self._late is not None:
+            self._late.forget(streams)
         for one in self.watches:
             one.forget(streams)
+
+
+class LateTelegrams:
+    """Which telegrams of some lists came too late, or again; told once for all rules that ask of the same ones."""
+
+    def __init__(self) -> None:
+        self._highest: dict[int, int] = {}
+        self._asked: Asked | None = None
+        self._late = np.zeros(0, np.bool_)
+
+    def of(self, asked: Asked) -> Bool:
+        """Tell which of them are, which follow those asked of before or are the last ones."""
+        if self._asked is not asked:
+            self._asked, self._late = asked, overtaken(asked.stream, asked.counter, self._highest)
+        return self._late
+
+    def forget(self, streams: Collection[int] | None) -> None:
+        """Forget how far the Counters of some streams were, None for all."""
+        _forget(self._highest, streams)
 
 
 def _forget(known: dict[int, Any] | None, streams: Collection[int] | None) -> None:

@@ -26,8 +26,11 @@ class Lasting:
         count = len(first_part(column))
         if isinstance(column, BytesColumn) or not count:
             return column, known
-        at = np.arange(count) if known is None else np.where(known, np.arange(count), _NONE)
-        at = np.maximum.accumulate(at)
+        if known is None or known.all():
+            # Each row has its own.
+            self._kept[name] = picked(column, np.array([count - 1]))
+            return column, None
+        at = np.maximum.accumulate(np.where(known, np.arange(count), _NONE))
         last = int(at[-1])
         kept = self._kept.get(name)
         if kept is not None and at[0] == _NONE:

@@ -70,8 +70,10 @@ def _ordered(operands: Operands, subject: Subject) -> _Order:
     stream = subject.stream(moments)
     known = subject.known(operands)
     row = np.arange(len(stream)) if known is None else np.flatnonzero(known)
-    row = row[np.argsort(stream[row], kind="stable")]
-    own = stream[row]
+    own = stream if known is None else stream[row]
+    if len(own) and (own != own[0]).any():
+        row = row[np.argsort(own, kind="stable")]
+        own = stream[row]
     first = np.flatnonzero(np.diff(own, prepend=_NONE))
     before = np.arange(len(row)) - 1
     before[first] = _NONE

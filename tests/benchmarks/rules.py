@@ -33,7 +33,7 @@ OF_VARIABLES = (
     'check = "range"\nvariable = "l{number}.w[{again}]"\nmin = 0',
     'check = "frozen"\nvariable = "l{number}.w[{again}]"\nmax = "1h"',
     'check = "always"\nexpr = "var.l{number}.w[{again}] >= 0"',
-    'check = "implies"\nif = "rose(var.l{number}.b[{again}])"\nthen = "var.l{number}.b[{again}] > 0"\nwithin = "1s"',
+    'check = "implies"\nif = "var.l{number}.b[{again}] == 7"\nthen = "var.l{number}.b[{again}] > 0"\nwithin = "1s"',
 )
 
 
