@@ -58,6 +58,8 @@ class FigureWindows:
         self.windows: SharedWindows | None = None
         if {name.removeprefix(_PREFIX) for name in self._expression.fields} <= {*COUNTED, _RATE}:
             self.counts = setting.shared(("counts", length_ns), lambda: WindowCounts(setting, length_ns))
+            names = (name.removeprefix(_PREFIX) for name in self._expression.fields)
+            self.counts.want(self._lists, (name for name in names if name != _RATE))
         elif length_ns < _LEAST_NS:
             raise Unfit(
                 "windows of figures of intervals and answers are 100 ms long at least", "window",

@@ -162,6 +162,11 @@ class SilenceWatcher:
         known.last_frame[own] = packet[np.append(begin[1:], len(lists)) - 1] + first_frame
         known.came[own] = True
 
+    def nothing(self, until_ns: int) -> tuple[int, int]:
+        """Return how long a list was silent at least that never came, up to a time, and since when that was."""
+        since_ns = until_ns if self._since_ns is None else self._since_ns
+        return max(self._before, (until_ns - since_ns, since_ns)) if self._is_heard else self._before
+
     def of(self, lists: Collection[ListKey], until_ns: int) -> Mapping[ListKey, Silence]:
         """Return the longest silence of each of some lists that were ever sent, up to a time."""
         numbers = {key: number for number, key in enumerate(self._keys)}

@@ -34,12 +34,16 @@ NUMBERS = (FieldType.UNSIGNED, FieldType.SIGNED, FieldType.REAL, FieldType.BOOL,
 
 @dataclass(frozen=True, slots=True)
 class Values:
-    """The values of a variable in telegrams of one batch, in their order; shapes (n,)."""
+    """The values of a variable in telegrams of one batch, in their order; shapes (n,).
+
+    Those of one ``segment`` have nothing between them that was not to be judged.
+    """
 
     column: Column
     time_ns: I64
     frame: I64
     stream: I64
+    segment: I64
 
     @property
     def numbers(self) -> Any:
@@ -82,8 +86,11 @@ class VariableWatcher(MomentWatcher):
         super().__init__(setting, [], OfLists(keys))
         self.watches = watches
         self._late = setting.shared(("late", keys), LateTelegrams) if in_order else None
+        self._segment = 0
 
     def take(self, asked: Asked, judged: Bool) -> None:
+        segment = self._segment + np.cumsum(~judged)
+        self._segment = int(segment[-1]) if len(segment) else self._segment
         if self._late is not None:
             judged = judged & ~self._late.of(asked)
         for one in self.watches:
@@ -94,9 +101,10 @@ class VariableWatcher(MomentWatcher):
             one.judged += len(row)
             column = one.place.field.column(asked.rows)
             if len(row) == len(asked):
-                one.take(Values(column, asked.time_ns, asked.frame, asked.stream))
+                one.take(Values(column, asked.time_ns, asked.frame, asked.stream, segment))
             else:
-                one.take(Values(picked(column, row), asked.time_ns[row], asked.frame[row], asked.stream[row]))
+                columns = (each[row] for each in (asked.time_ns, asked.frame, asked.stream, segment))
+                one.take(Values(picked(column, row), *columns))
 
     def resume(self, unheard: Unheard) -> None:
         """Compare nothing with what came before nobody listened."""
@@ -211,20 +219,21 @@ class EnumWatch(Watch):
 class _Stepwise(Watch):
     """Looks at what a value is to the one before it in its stream."""
 
-    before: dict[int, tuple[Any, int]] = field(default_factory=dict)
+    before: dict[int, tuple[Any, int, int]] = field(default_factory=dict)
 
     def take(self, values: Values) -> None:
         numbers = values.numbers
         for (number,), own_rows in rows_by([values.stream]):
-            own, time_ns, row = numbers[own_rows], values.time_ns[own_rows], own_rows
+            own, time_ns, segment = numbers[own_rows], values.time_ns[own_rows], values.segment[own_rows]
+            row = own_rows[1:]
             if number in self.before:
-                last, last_ns = self.before[number]
+                last, last_ns, last_segment = self.before[number]
                 own, time_ns = np.append(np.asarray([last], own.dtype), own), np.append(last_ns, time_ns)
-            else:
-                row = own_rows[1:]
-            self.before[number] = own[-1], int(time_ns[-1])
-            if len(row):
-                self.steps(values, row, _steps(own), np.diff(time_ns))
+                row, segment = own_rows, np.append(last_segment, segment)
+            self.before[number] = own[-1], int(time_ns[-1]), int(segment[-1])
+            together = segment[1:] == segment[:-1]
+            if together.any():
+                self.steps(values, row[together], _steps(own)[together], np.diff(time_ns)[together])
 
     def forget(self, streams: Collection[int] | None) -> None:
         _forget(self.before, streams)
@@ -282,7 +291,7 @@ class FrozenWatch(Watch):
 
     most_ns: int = 0
     longest_ns: int = 0
-    since: dict[int, tuple[int, int, int, bool]] = field(default_factory=dict)
+    since: dict[int, tuple[int, int, int, bool, int]] = field(default_factory=dict)
 
     def forget(self, streams: Collection[int] | None) -> None:
         _forget(self.since, streams)
@@ -292,10 +301,12 @@ class FrozenWatch(Watch):
         for (number,), row in rows_by([values.stream]):
             own, time_ns = now[row], values.time_ns[row]
             known = self.since.get(number)
+            segment = values.segment[row]
             if known is None:
-                known = int(time_ns[0]), int(own[0]), int(time_ns[0]), False
-            begin_ns, last, last_ns, told = known
+                known = int(time_ns[0]), int(own[0]), int(time_ns[0]), False, int(segment[0])
+            begin_ns, last, last_ns, told, last_segment = known
             anew = np.diff(own, prepend=last) != 0
+            anew |= np.diff(segment, prepend=last_segment) != 0
             anew |= np.diff(time_ns, prepend=last_ns) > self.most_ns
             place = np.maximum.accumulate(np.where(anew, np.arange(len(row)), -1))
             since_ns = np.where(place < 0, begin_ns, time_ns[np.maximum(place, 0)])
@@ -305,7 +316,7 @@ class FrozenWatch(Watch):
             over = length_ns > self.most_ns
             first = over & ~np.append(told, over[:-1] & ~anew[1:])
             self.breaks(values, row[first])
-            self.since[number] = int(since_ns[-1]), int(own[-1]), int(time_ns[-1]), bool(over[-1])
+            self.since[number] = int(since_ns[-1]), int(own[-1]), int(time_ns[-1]), bool(over[-1]), int(segment[-1])
 
 
 class HopWatcher(MomentWatcher):

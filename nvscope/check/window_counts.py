@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from dissectors.batch import I64
-from nvscope.check.asked_rows import EVERY_LIST
+from nvscope.check.asked_rows import OfLists
 from nvscope.check.check import Setting
 from nvscope.engine.events import EventBatch
 from nvscope.engine.told import Told
@@ -57,8 +57,16 @@ class WindowCounts:
         self._heard: list[EventBatch] = []
         self._told: Told | None = None
         self._is_heard, self._until = True, 0
-        self._open = _nothing()
+        self._open = _nothing({TELEGRAMS: None})
         self.ended: list[Counted] = []
+        self._lists = OfLists()
+        self._figures: dict[str, None] = {TELEGRAMS: None}
+
+    def want(self, lists: OfLists, figures: Iterable[str]) -> None:
+        """Count some figures of some lists, beside those wanted so far."""
+        self._lists = self._lists.and_of(lists)
+        self._figures |= dict.fromkeys(figures)
+        self._open = _nothing(self._figures)
 
     def hear(self, events: EventBatch) -> None:
         """Take events of any kind, of the batch that is observed next."""
@@ -84,7 +92,7 @@ class WindowCounts:
         for unheard in told.unheard:
             if unheard.everything and self._is_heard:
                 self._end(unheard.until_ns, breaks=True)
-                self._is_heard, self._open, self._until = False, _nothing(), 0
+                self._is_heard, self._open, self._until = False, _nothing(self._figures), 0
 
     def whole(self, until_ns: int) -> int:
         """Return how many windows have ended by a time."""
@@ -97,16 +105,16 @@ class WindowCounts:
         latest_ns = self._rows.latest_ns(told)
         window = (latest_ns - self._begin_ns) // self.length_ns
         pieces = [self._open]
-        for runs, _ in self._rows.runs(told, EVERY_LIST):
-            packet = runs.rows.packet
-            own = window[packet]
-            # The telegrams of a stream follow each other: where the window changes, its next one begins.
-            changes = np.append(True, own[1:] != own[:-1])
-            changes[runs.rows.start] = True
-            begin = np.flatnonzero(changes)
-            lists = runs.lists[np.searchsorted(runs.rows.start, begin, side="right") - 1]
+        for runs, own in self._rows.runs(told, self._lists):
+            chosen = runs.rows.of_runs(np.array(own)) if len(own) < len(runs.lists) else slice(None)
+            lists = np.repeat(runs.lists, runs.rows.stop - runs.rows.start)[chosen]
+            packet = runs.rows.packet[chosen]
+            place = window[packet]
+            # The telegrams of a stream follow each other: where the window or the list changes, its next one begins.
+            begin = np.flatnonzero(np.append(True, (place[1:] != place[:-1]) | (lists[1:] != lists[:-1])))
             count = {TELEGRAMS: np.diff(np.append(begin, len(packet)))}
-            pieces.append(_Rows(lists, own[begin], packet[begin] + told.first_frame, _event(len(begin)), count))
+            first = packet[begin] + told.first_frame
+            pieces.append(_Rows(lists[begin], place[begin], first, _event(len(begin)), count))
         pieces += self._events(heard, told)
         self._open = _joined(pieces)
         self._end(int(latest_ns[-1]))
@@ -114,6 +122,7 @@ class WindowCounts:
     def _events(self, heard: list[EventBatch], told: Told) -> list[_Rows]:
         assert self._begin_ns is not None
         found = []
+        mask = np.append(self._rows.mask(self._lists, told.keys), False)
         for events in believed(self.state, heard) if self.state is not None else heard:
             # What waited in vain counts when its time is over; all else, when its frame came.
             window = (events.time_ns - self._begin_ns) // self.length_ns
@@ -123,11 +132,11 @@ class WindowCounts:
             window = np.where(window < 0, window, np.maximum(window, self._until))
             values = {
                 name: events.amount * step.by if step.of_amount else np.full(len(events), step.by, np.int64)
-                for name in COUNTED[1:]
+                for name in self._figures.keys() - {TELEGRAMS}
                 for step in STEPS[name]
                 if step.kind is events.kind
             }
-            own = np.flatnonzero(events.list >= 0)
+            own = np.flatnonzero((events.list >= 0) & mask[events.list])
             columns = {name: value[own] for name, value in values.items()}
             found.append(_Rows(events.list[own], window[own], events.frame[own], events.frame[own], columns))
         return found
@@ -162,23 +171,23 @@ def _event(count: int) -> I64:
     return np.full(count, _NO_FRAME)
 
 
-def _nothing() -> _Rows:
+def _nothing(figures: Iterable[str]) -> _Rows:
     empty = np.zeros(0, np.int64)
-    return _Rows(empty, empty, empty, empty, dict.fromkeys(COUNTED, empty))
+    return _Rows(empty, empty, empty, empty, dict.fromkeys(figures, empty))
 
 
 def _joined(pieces: list[_Rows]) -> _Rows:
-    """Return rows as one, a row for each list and window, rising."""
+    """Return rows as one, a row for each list and window, rising; with the figures of the first."""
     lists, window, frame, event = (
         np.concatenate([getattr(one, name) for one in pieces]) for name in ("list", "window", "frame", "event")
     )
     if not len(lists):
-        return _nothing()
+        return _nothing(pieces[0].values)
     order = np.lexsort((window, lists))
     lists, window = lists[order], window[order]
     begin = np.flatnonzero(np.append(True, (np.diff(lists) != 0) | (np.diff(window) != 0)))
     values = {}
-    for name in COUNTED:
+    for name in pieces[0].values:
         column = np.concatenate([one.values.get(name, np.zeros(len(one.list), np.int64)) for one in pieces])[order]
         reduce = np.maximum.reduceat if name == "longest_gap" else np.add.reduceat
         values[name] = reduce(column, begin)

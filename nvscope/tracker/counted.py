@@ -160,14 +160,19 @@ def _has_less(later: TrackerState, earlier: TrackerState) -> bool:
     return frames or bool((own[: len(before)] < before).any())
 
 
-def erratic_streams(state: TrackerState, before: Extremes | None = None) -> frozenset[int]:
+def erratic_streams(
+    state: TrackerState, before: Extremes | None = None, *, lists: Collection[int] | None = None
+) -> frozenset[int]:  # fmt: skip
     """Return the streams of which so many telegrams are lost that their counters are not believed.
 
-    ``before`` are the extremes that the state has forgotten.
+    ``before`` are the extremes that the state has forgotten; ``lists`` are those that are asked about, None for all.
     """
     loss, memory, keys = state.senders.loss.streams, state.memory.columns, state.keys
     telegrams, lost = memory.column("telegrams"), loss.column("lost")
     suspects: Collection[int] = np.flatnonzero(lost.max(axis=1, initial=0) > telegrams[: len(lost)]).tolist()
+    if lists is not None and suspects:
+        of = keys.described(np.array(suspects))[0].tolist()
+        suspects = [one for one, number in zip(suspects, of, strict=True) if number in lists]
     if not suspects:
         return frozenset()
     swapped = state.senders.loss.byte_swapped(keys)

@@ -110,7 +110,8 @@ def believed(state: TrackerState, heard: list[EventBatch]) -> list[EventBatch]:
     """Return events without those of a Counter that counts something else, or that nobody believes, as is known now."""
     if not any(events.kind in _OF_COUNTERS for events in heard):
         return heard
-    scopes, erratic = scopes_in_force(state), erratic_streams(state)
+    lists = {number for events in heard if events.scope is not None for number in np.unique(events.list).tolist()}
+    scopes, erratic = scopes_in_force(state), erratic_streams(state, lists=lists)
     described = state.keys.described(np.array(sorted(erratic), np.int64))
     doubted = set(zip(*(column.tolist() for column in described), strict=True))
     kept = []

@@ -2,6 +2,7 @@
 
     python tests/benchmarks/rules.py                                     four plants of a million telegrams
     python tests/benchmarks/rules.py --kind cyclic --telegrams 10000000
+    python tests/benchmarks/rules.py --mixed                             rules of sixteen kinds
     python tests/benchmarks/rules.py --variables                         rules about values, of lists with definitions
 
 Prints a table, asserts nothing about time. What the columns mean is in README.md beside this file.
@@ -29,6 +30,13 @@ OF_LISTS = (
     'check = "silence"\nmax = "1h"',
     'check = "single_sender"',
 )
+MIXED = (
+    *OF_LISTS, 'check = "jitter"\nmax = "10s"', 'check = "min_gap"\nmin = "1us"', 'check = "present"',
+    'check = "occurrence"\nper = "10s"\nmin = 0', 'check = "gap"\nmax = 100000', 'check = "restarts"\nmax = 100',
+    'check = "never"\nexpr = "list.lost > 100000"\nwindow = "1s"', 'check = "always"\nexpr = "nv.length > 10"',
+    'check = "never"\nexpr = "nv.items > 100"\nfor = "1s"', 'check = "acknowledged"\nmin = "0%"',
+    'check = "coherence"\nmax = "100%"', 'check = "duplicates"\nmax = 100000',
+)  # fmt: skip
 OF_VARIABLES = (
     'check = "range"\nvariable = "l{number}.w[{again}]"\nmin = 0',
     'check = "frozen"\nvariable = "l{number}.w[{again}]"\nmax = "1h"',
@@ -37,14 +45,14 @@ OF_VARIABLES = (
 )
 
 
-def rules(folder: Path, warmup: str) -> Path:
-    """Write 200 rules, four for each of fifty lists."""
-    path = folder / "benchmark.rules.toml"
+def rules(folder: Path, warmup: str, *, mixed: bool) -> Path:
+    """Write 200 rules, four for each of fifty lists; of four kinds, or of all that are about lists."""
+    path, kinds = folder / "benchmark.rules.toml", MIXED if mixed else OF_LISTS
     texts = [f'[defaults]\nwarmup = "{warmup}"\n']
     texts += [
-        f'[[rule]]\nid = "{number}-{place}"\nlist = {number + 1}\nseverity = "note"\n{text}\n'
-        for number in range(LISTS) for place, text in enumerate(OF_LISTS)
-    ]  # fmt: skip
+        f'[[rule]]\nid = "r{number}"\nlist = {number // 4 + 1}\nseverity = "note"\n{kinds[number % len(kinds)]}\n'
+        for number in range(4 * LISTS)
+    ]
     path.write_text("\n".join(texts))
     return path
 
@@ -89,6 +97,7 @@ def main() -> None:
     parser.add_argument("--kind", choices=KINDS, nargs="+", default=KINDS)
     parser.add_argument("--warmup", default="0s", help="what is left out at the beginning")
     parser.add_argument("--variables", action="store_true", help="rules about values instead")
+    parser.add_argument("--mixed", action="store_true", help="rules of sixteen kinds, not of four")
     parser.add_argument("--runs", type=int, default=5)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--dir", type=Path, default=Path(tempfile.gettempdir()) / "nvscope-benchmarks")
@@ -104,7 +113,7 @@ def main() -> None:
             continue
         for kind in arguments.kind:
             file, _ = generate(arguments.dir, telegrams, arguments.seed, kind)
-            rule_file = rules(arguments.dir, arguments.warmup)
+            rule_file = rules(arguments.dir, arguments.warmup, mixed=arguments.mixed)
             compare(f"{kind}, {telegrams:,}", file, [], rule_file, arguments.runs)
 
 

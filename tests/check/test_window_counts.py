@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nvscope.check.asked_rows import AskedRows
+from nvscope.check.asked_rows import EVERY_LIST, AskedRows
 from nvscope.check.check import Setting
 from nvscope.check.figure_windows import _Run
 from nvscope.check.window_counts import COUNTED, WindowCounts
@@ -35,6 +35,7 @@ Figures = dict[tuple[int, int], dict[str, int]]
 def counted(batches: Any, length_ns: int) -> tuple[Figures, int]:
     """Return what is counted of each list, by its number, in each window that has ended; and how many have."""
     counts = WindowCounts(Setting({}, TableWords({}), AskedRows({}), {}), length_ns)
+    counts.want(EVERY_LIST, COUNTED)
     state = counts.state = TrackerState(listeners=(counts,))
     found: Figures = {}
     until = 0

@@ -146,10 +146,9 @@ def _min_gap(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any
         )  # fmt: skip
 
 
-def _silent_all_the_time(known: Evidence, key: ListKey, most_ns: int) -> Judged:
-    assert known.since_ns is not None
-    assert known.until_ns is not None
-    length_ns, limit = known.until_ns - known.since_ns, most_ns / _SECOND_NS
+def _silent_all_the_time(known: Evidence, key: ListKey, most_ns: int, silence: tuple[int, int]) -> Judged:
+    length_ns, since_ns = silence
+    limit = most_ns / _SECOND_NS
     verdict, reason = Verdict.FAIL, "it never came"
     if length_ns <= most_ns:
         verdict, reason = Verdict.INCONCLUSIVE, "it never came, and the capture is shorter than the rule needs"
@@ -157,7 +156,7 @@ def _silent_all_the_time(known: Evidence, key: ListKey, most_ns: int) -> Judged:
         verdict, reason = Verdict.INCONCLUSIVE, f"it never came; {why}"
     return Judged(
         verdict, key, reason=reason, worst=length_ns / _SECOND_NS, limit=limit, unit="s", count=1,
-        first_ns=known.since_ns,
+        first_ns=since_ns,
     )  # fmt: skip
 
 
@@ -178,7 +177,7 @@ def _silence(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any
         silence = found.get(key)
         if silence is None:
             if told["list_named"]:
-                yield _silent_all_the_time(known, key, told["max"])
+                yield _silent_all_the_time(known, key, told["max"], watcher.nothing(known.until_ns))
             continue
         worst = silence.longest_ns / _SECOND_NS
         fails = silence.longest_ns > told["max"]
