@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
 
+from dissectors.batch import Bool
 from nvscope.check.asked_rows import EVERY_LIST
 from nvscope.check.check import Setting
 from nvscope.check.while_so import So, WhileSo, while_so
@@ -18,6 +19,7 @@ from nvscope.tracker.event_kinds import FRAMES_KEPT, EventKind
 from nvscope.tracker.frame_counts import STEPS
 from nvscope.tracker.subjects import Subject
 
+_MOST_GAPS = 64
 _EVERY = -1
 """In place of a scope: no Counter is looked at."""
 
@@ -26,14 +28,14 @@ _KINDS = frozenset(step.kind for name in _COUNTED for step in STEPS[name])
 
 
 class CountedWhile:
-    """An observer, and a listener of the state's events, that counts both while something ``holds``.
+    """An observer, and a listener of the state's events, that counts both while something ``holds``, None for always.
 
     Lists are by number. What a Counter shows is counted for each scope by itself, as events are told.
     """
 
     by_stream: ClassVar[bool] = True
 
-    def __init__(self, setting: Setting, holds: WhileSo) -> None:
+    def __init__(self, setting: Setting, holds: WhileSo | None) -> None:
         self.holds, self._setting = holds, setting
         self._heard: list[EventBatch] = []
         self._telegrams: dict[int, int] = defaultdict(int)
@@ -41,6 +43,10 @@ class CountedWhile:
         self._sums: dict[tuple[int, int, int], int] = defaultdict(int)
         self._most: dict[tuple[int, int, int], int] = defaultdict(int)
         self._amounts: dict[tuple[int, int, int], int] = defaultdict(int)
+        self._open: dict[tuple[int, int, int, int], deque[list[int]]] = {}
+        """By list, node, SubIndex and scope: of the last gaps, how many are still missing, and whether they count."""
+
+        self._back: dict[tuple[int, int], int] = defaultdict(int)
         self._frames: dict[tuple[int, int, int], list[tuple[int, int]]] = defaultdict(list)
 
     def hear(self, events: EventBatch) -> None:
@@ -50,12 +56,16 @@ class CountedWhile:
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far; its events were heard."""
-        so = self.holds.see(told)
+        so = None if self.holds is None else self.holds.see(told)
         heard, self._heard = self._heard, []
         if not len(told):
             return
-        for events in heard:
-            self._count(events, so, told.first_frame)
+        masks = [self._judged(events, so, told.first_frame) for events in heard]
+        for events, mask in zip(heard, masks, strict=True):
+            self._count(events.take(np.flatnonzero(mask)))
+        self._take_back(heard, masks)
+        if so is None:
+            return
         latest_ns, since_ns = self._setting.rows.latest_ns(told), self._setting.since_ns
         judged = so.true if since_ns is None else so.true & (latest_ns >= since_ns)
         for runs, _ in self._setting.rows.runs(told, EVERY_LIST):
@@ -67,14 +77,39 @@ class CountedWhile:
             for number in set(np.unique(own).tolist()) - self._first_ns.keys():
                 self._first_ns[number] = int(latest_ns[packet[own == number].min()])
 
-    def _count(self, events: EventBatch, so: So, first_frame: int) -> None:
-        packet = events.frame - first_frame
-        chosen = (packet >= 0) & (packet < len(so.true))
-        chosen[chosen] = so.true[packet[chosen]]
+    def _judged(self, events: EventBatch, so: So | None, first_frame: int) -> Bool:
+        """Tell which events are counted."""
+        chosen = np.ones(len(events), np.bool_)
+        if so is not None:
+            packet = events.frame - first_frame
+            chosen = (packet >= 0) & (packet < len(so.true))
+            chosen[chosen] = so.true[packet[chosen]]
         if self._setting.since_ns is not None:
             chosen &= events.time_ns >= self._setting.since_ns
-        events = events.take(np.flatnonzero(chosen))
-        scope = _EVERY if events.scope is None else min(int(events.scope), int(Scope.NODE_TELEGRAM))
+        return chosen
+
+    def _take_back(self, heard: Sequence[EventBatch], masks: Sequence[Bool]) -> None:
+        """Take what came late from the gap that it was missing in, whether that was counted or not."""
+        rows = []
+        for events, mask in zip(heard, masks, strict=True):
+            if events.kind in (EventKind.GAP, EventKind.OVERTAKEN):
+                columns = events.frame, events.list, events.node, events.subindex, events.amount, mask
+                scope = _scope(events)
+                rows += [(*row, scope, events.kind) for row in zip(*(one.tolist() for one in columns), strict=True)]
+        for _, number, node, subindex, amount, counts, scope, kind in sorted(rows):
+            gaps = self._open.setdefault((number, node, subindex, scope), deque(maxlen=_MOST_GAPS))
+            if kind is EventKind.GAP:
+                gaps.append([amount, counts])
+                continue
+            left = amount
+            for gap in reversed(gaps):
+                back = min(left, gap[0])
+                gap[0] -= back
+                left -= back
+                self._back[number, scope] += back if gap[1] else 0
+
+    def _count(self, events: EventBatch) -> None:
+        scope = _scope(events)
         columns = events.list.tolist(), events.amount.tolist(), events.frame.tolist(), events.time_ns.tolist()
         for number, amount, frame, time_ns in zip(*columns, strict=True):
             place = int(events.kind), number, scope
@@ -96,6 +131,9 @@ class CountedWhile:
         """Return one of the figures of a list that events count."""
         found = 0
         for step in STEPS[name]:
+            if name == "lost" and step.kind is EventKind.OVERTAKEN:
+                found -= self._back.get((number, min(int(scope), int(Scope.NODE_TELEGRAM))), 0)
+                continue
             for place in _places(step.kind, number, scope):
                 if name == "longest_gap":
                     found = max(found, self._most.get(place, 0))
@@ -109,6 +147,10 @@ class CountedWhile:
         return sorted({one for place in places for one in self._frames.get(place, ())})[:FRAMES_KEPT]
 
 
+def _scope(events: EventBatch) -> int:
+    return _EVERY if events.scope is None else min(int(events.scope), int(Scope.NODE_TELEGRAM))
+
+
 def _places(kind: EventKind, number: int, scope: Scope) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
     return (int(kind), number, min(int(scope), int(Scope.NODE_TELEGRAM))), (int(kind), number, _EVERY)
 
@@ -119,7 +161,16 @@ def watch_at_times(setting: Setting, told: Mapping[str, Any]) -> CountedWhile | 
     return None if holds is None else setting.shared(("counted", setting.when), lambda: CountedWhile(setting, holds))
 
 
+def watch_counters(setting: Setting, told: Mapping[str, Any]) -> CountedWhile | None:
+    """Return what counts at times only, or behind a warm-up: what was missing before may come behind it, and late."""
+    if setting.since_ns is None and not setting.when:
+        return None
+    return setting.shared(("counted", setting.when), lambda: CountedWhile(setting, while_so(setting)))
+
+
 def telegrams_of(subject: Subject, counted: CountedWhile | None) -> int:
     """Return how many telegrams of a list are judged."""
     assert subject.list is not None
-    return subject.measured.telegrams if counted is None else counted.telegrams(subject.list)
+    if counted is None or counted.holds is None:
+        return subject.measured.telegrams
+    return counted.telegrams(subject.list)

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 from nvscope.check.check import Check, Evidence, Judge
-from nvscope.check.counted_while import CountedWhile, telegrams_of, watch_at_times
+from nvscope.check.counted_while import CountedWhile, telegrams_of, watch_counters
 from nvscope.check.parameters import AMOUNT, RATIO, Parameter
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.list_key import ListKey, Transport
@@ -129,34 +129,34 @@ CHECKS = (
         "share of telegrams that never came: lost / (lost + telegrams)", "it is above max",
         'check = "loss"\nlist = "axis"\nmax = "0.1%"', _loss,
         (Parameter("max", RATIO, "so large a share may be lost", 0.0),),
-        watch_at_times, at_times=True,
+        watch_counters, at_times=True,
     ),
     Check(
         "gap", "list", "No more telegrams in a row are lost than its readers can do without.",
         "most telegrams missing in one place", "they are more than max",
         'check = "gap"\nlist = "axis"\nmax = 1', _counted("longest_gap", "telegrams"), _number("telegrams in a row"),
-        watch_at_times, at_times=True,
+        watch_counters, at_times=True,
     ),
     Check(
         "duplicates", "list", "No telegram comes twice.", "telegrams that came again", "they are more than max",
         'check = "duplicates"', _counted("duplicates", "telegrams"), _number("duplicates"),
-        watch_at_times, at_times=True,
+        watch_counters, at_times=True,
     ),
     Check(
         "overtaken", "list", "Telegrams come in the order in which they were sent.",
         "telegrams that came after a later one", "they are more than max",
         'check = "overtaken"', _counted("overtaken", "telegrams"), _number("overtaken telegrams"),
-        watch_at_times, at_times=True,
+        watch_counters, at_times=True,
     ),
     Check(
         "restarts", "list", "Senders run through.", "counters that began anew", "they are more than max",
         'check = "restarts"\nmax = 0', _counted("restarts", "events"), _number("restarts"),
-        watch_at_times, at_times=True,
+        watch_counters, at_times=True,
     ),
     Check(
         "malformed", "list", "Telegrams are as the protocol has them.",
         "telegrams too short, of a wrong Length or an unknown service", "they are more than max",
         'check = "malformed"', _counted("malformed", "telegrams"), _number("malformed telegrams"),
-        watch_at_times, at_times=True,
+        watch_counters, at_times=True,
     ),
 )  # fmt: skip
