@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from nvscope.check.check import Evidence
 from nvscope.units import count_of
 
@@ -26,6 +28,11 @@ def doubt(known: Evidence, at_ns: int | None, needed: int = 1, until_ns: int | N
     if known.truncated and (at_ns is None or known.until_ns is None or known.until_ns - at_ns <= _AROUND_NS):
         return f"the capture was cut: {known.truncated}"
     return doubt_of_clock(known, at_ns)
+
+
+def all_near_drops(known: Evidence, times_ns: Sequence[int]) -> bool:
+    """Tell whether at each of some times the capture may have lost frames itself."""
+    return all(known.lost_between(one - _AROUND_NS, one + _AROUND_NS) for one in times_ns)
 
 
 def parts(length_ns: int, most_ns: int) -> int:

@@ -9,7 +9,7 @@ import numpy as np
 
 from nvscope.check.asked_rows import EVERY_LIST, OfLists
 from nvscope.check.check import Evidence, Setting
-from nvscope.check.doubt import doubt
+from nvscope.check.doubt import all_near_drops, doubt
 from nvscope.check.parameters import Unfit
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.check.window_counts import COUNTED, Counted, WindowCounts
@@ -145,7 +145,8 @@ class FigureWindows:
                 continue
             verdict = Verdict.FAIL if run.broken else Verdict.PASS
             reason = f"{run.broken} of {count_of(run.windows, 'window')}" if run.broken else ""
-            if run.broken and (why := doubt(known, run.first_ns, run.broken)) and run.broken <= max(known.drops, 1):
+            may_be = run.broken == 1 or (run.broken <= known.drops and all_near_drops(known, run.times_ns))
+            if may_be and (why := doubt(known, run.first_ns, run.broken)):
                 verdict, reason = Verdict.INCONCLUSIVE, why
             yield Judged(
                 verdict, key, reason=reason, worst=run.longest_ns / _SECOND_NS, limit=limit, unit="s",
@@ -216,6 +217,7 @@ class _Run:
         self.longest_ns = 0
         self.first_ns: int | None = None
         self.frames: list[int] = []
+        self.times_ns: list[int] = []
         self._in_a_row = 0
         self._next: int | None = None
 
@@ -247,6 +249,8 @@ class _Run:
         if over <= 0:
             return
         self.broken += over
+        if len(self.times_ns) < FRAMES_KEPT:
+            self.times_ns.append(begin_ns + window * self._length_ns)
         if self.first_ns is None:
             self.first_ns = begin_ns + (window + count - self._in_a_row) * self._length_ns
         if frame is not None and len(self.frames) < FRAMES_KEPT:

@@ -32,6 +32,9 @@ _KINDS = (
 """Those that verdicts show; of the others, some happen to every telegram."""
 
 
+_WAITS = _TIMED | {EventKind.NO_ACKNOWLEDGEMENT, EventKind.BOOT_UP_UNANSWERED}
+
+
 class Longest(NamedTuple):
     """An event that took so long, the frame that it is told of, and when it was over."""
 
@@ -54,6 +57,8 @@ class FirstFrames:
 
         self._longest: dict[tuple[int, int], Longest] = {}
         self.clock_steps: list[tuple[int, int]] = []
+        self.begun_before: dict[tuple[int, int], int] = defaultdict(int)
+        """By kind and list, of how many waits that ended behind the warm-up the beginning was in it."""
 
     def hear(self, events: EventBatch) -> None:
         """Take events of any kind."""
@@ -61,6 +66,11 @@ class FirstFrames:
             return
         if self._since_ns is not None:
             events = events.take(np.flatnonzero(events.time_ns >= self._since_ns))
+            if events.kind in _WAITS:
+                early = events.since_ns < self._since_ns
+                for number in events.list[early].tolist():
+                    self.begun_before[int(events.kind), number] += 1
+                events = events.take(np.flatnonzero(~early))
         if events.kind is EventKind.STEP_BACK:
             room = _MOST_STEPS - len(self.clock_steps)
             self.clock_steps += list(zip(events.time_ns.tolist(), events.amount.tolist(), strict=True))[:room]

@@ -34,6 +34,7 @@ class Counts:
         self.broken = 0
         self.first_ns: int | None = None
         self.frames: list[int] = []
+        self.times_ns: list[int] = []
 
     def take(self, window: int, count: int, frame: int) -> None:
         """Take what happened in a window, none of those before being told of again; ``frame`` is that of the first."""
@@ -44,7 +45,7 @@ class Counts:
     def up_to(self, window: int) -> Counts:
         """Return what it would be if all windows before one had ended; this one goes on."""
         found = copy(self)
-        found.frames = list(self.frames)
+        found.frames, found.times_ns = list(self.frames), list(self.times_ns)
         found._end(window)
         return found
 
@@ -71,6 +72,7 @@ class Counts:
         self.broken += windows
         begin_ns = self._begin_ns + window * self._length_ns
         self.first_ns = begin_ns if self.first_ns is None else self.first_ns
+        self.times_ns += [begin_ns] if len(self.times_ns) < FRAMES_KEPT else []
         if frame is not None and len(self.frames) < FRAMES_KEPT:
             self.frames.append(frame)
 

@@ -238,22 +238,27 @@ def _evidence(
         summary, list(subjects(summary)), keys, names, findings, causes, frames, project, counted.cycles(),
         matching, begin_ns, known.summary.end_ns, drops, truncated,
         [info.start_ns for info in known.infos if info.start_ns is not None], known.infos, counted.is_ahead,
-        first_frame, *_open_waits(scene, state),
+        first_frame, *_open_waits(state, since_ns),
     )  # fmt: skip
 
 
-def _open_waits(scene: Scene, state: TrackerState) -> tuple[Mapping[int, list[int]], Mapping[int, list[int]]]:
-    """Return since when telegrams of lists wait to be acknowledged, and nodes for values, up to the end."""
+def _open_waits(
+    state: TrackerState, judged_ns: int | None
+) -> tuple[Mapping[int, list[int]], Mapping[int, list[int]]]:  # fmt: skip
+    """Return since when telegrams of lists wait to be acknowledged, and nodes for values, of those that are judged."""
     waits: dict[int, list[int]] = {}
     requests: dict[int, list[int]] = {}
     known = state.lists.acknowledgement
     stream = np.flatnonzero(known.waits.column("open"))
     lists = state.keys.described(stream)[0] if len(stream) else stream
     for number, since_ns in zip(lists.tolist(), known.waits.since_ns[stream].tolist(), strict=True):
+        if judged_ns is not None and since_ns < judged_ns:
+            continue
         waits.setdefault(number, []).append(since_ns)
     asked = known.boot_up_waits
     for number, deadline_ns in zip(asked.list.tolist(), asked.deadline_ns.tolist(), strict=True):
-        requests.setdefault(number, []).append(deadline_ns - known.timeout_ns)
+        if judged_ns is None or deadline_ns - known.timeout_ns >= judged_ns:
+            requests.setdefault(number, []).append(deadline_ns - known.timeout_ns)
     return waits, requests
 
 

@@ -34,6 +34,7 @@ class StreamIntervals:
     worst_ns: int | None = None
     first_ns: int | None = None
     frames: list[int] = field(default_factory=list)
+    times_ns: list[int] = field(default_factory=list)
 
 
 class IntervalWatcher:
@@ -111,7 +112,9 @@ class IntervalWatcher:
             known.worst_ns = worst_ns
         if len(outside):
             known.first_ns = int(time_ns[outside[0]]) if known.first_ns is None else known.first_ns
-            known.frames += frame[outside[: FRAMES_KEPT - len(known.frames)]].tolist()
+            first = outside[: FRAMES_KEPT - len(known.frames)]
+            known.frames += frame[first].tolist()
+            known.times_ns += time_ns[first].tolist()
 
 
 @dataclass(slots=True)

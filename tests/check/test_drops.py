@@ -80,3 +80,15 @@ def test_spans_are_told_by_statistics(tmp_path: Path) -> None:
         (begin_ns + 500 * 10**6, begin_ns + 600 * 10**6, 2), (begin_ns + 3000 * 10**6, begin_ns + 8000 * 10**6, 3),
     ]  # fmt: skip
     assert info.drops == 5
+
+
+def test_a_break_at_another_time_is_none_of_the_capture_s(tmp_path: Path) -> None:
+    told = [(2000, 0), (4000, 2), (7900, 2)]
+    rules = ruled(
+        tmp_path, *RULES[:3], 'check = "never"\nexpr = "list.lost > 0"\nwindow = "1s"',
+        'check = "occurrence"\nper = "1s"\nmin = 10',
+    )  # fmt: skip
+    both = judged(capture(tmp_path, {30, 31, 60}, told), rules)
+    assert [one["verdict"] for one in both["rules"]] == ["fail"] * 5
+    first = judged(capture(tmp_path, {30, 31}, told), rules)
+    assert [one["verdict"] for one in first["rules"]] == ["inconclusive"] * 5

@@ -14,8 +14,10 @@ from nvscope.check.rules import read_rules
 from nvscope.check.run import checked
 from nvscope.check.verdict import Verdict
 from nvscope.definition.project_file import read_project
-from tests.check.plants import BEGIN_NS, Sending, captured, definitions, judged, ruled
+from tests.capture.mcap.recordings import Packet, write
+from tests.check.plants import BEGIN_NS, Sending, captured, definitions, judged, packed, ruled
 from tests.laws import examples
+from tests.oracle.builders import data_frame, telegram
 
 WHEN = 'when = "var.safety.nMode == 3"\n'
 """Mode 3 is from 2.0 s to 4.0 s, and from 6.0 s to 8.0 s: list 7 says so every 100 ms."""
@@ -138,3 +140,67 @@ def test_silences_and_intervals_are_those_within(
     if sent and any(modes[min(one * 20 + 10, len(modes) * 100 - 1) // 100] == 3 for one in sent):
         assert silence.subjects[0].worst == pytest.approx(longest / 1000)
     assert gap.subjects[0].worst == (pytest.approx(min(intervals) / 1000) if intervals else None)
+
+
+def swapped(at_ms: int, lost_ms: int | None = None) -> list[Sending]:
+    """Return the valve's list with two telegrams that overtook each other, and perhaps one that was lost."""
+    times = [number * 100 + 50 for number in range(100)]
+    counters = list(range(100))
+    place = times.index(at_ms)
+    counters[place], counters[place + 1] = counters[place + 1], counters[place]
+    return [(at, counter, 0) for at, counter in zip(times, counters, strict=True) if at != lost_ms]  # type: ignore[misc]
+
+
+def written(folder: Path, sendings: list[Sending]) -> Path:
+    """Write the modes, and the valve's list with counters of its own."""
+    packets = []
+    events = [(at_ms, 7, mode, number) for number, (at_ms, _, (_, mode)) in enumerate(plant()[:100])]
+    events += [(at_ms, 8, 0, counter) for at_ms, counter, _ in sendings]  # type: ignore[list-item]
+    for at_ms, index, mode, counter in sorted(events):
+        values = [False, mode] if index == 7 else []
+        payload = telegram(list_id=index, counter=counter + 1, data=packed(index, values), items=2 if index == 7 else 5)
+        one = data_frame(BEGIN_NS + at_ms * 10**6, f"10.0.0.{index}", "10.0.0.255", payload)
+        packets.append(Packet(one.data, one.original, one.ts_ns, one.link))
+    return write(folder / "x.pcap", packets)
+
+
+@pytest.mark.parametrize(
+    ("at_ms", "lost_ms", "when", "warmup", "verdict"),
+    [
+        (1950, None, WHEN, "0s", "pass"),
+        (3950, None, WHEN, "0s", "pass"),
+        (1950, 3050, WHEN, "0s", "fail"),
+        (1950, 1050, WHEN, "0s", "pass"),
+        (1950, None, "", "2s", "pass"),
+        (1950, 6050, "", "2s", "fail"),
+    ],
+)
+@pytest.mark.parametrize("check", ["loss", "gap"])
+def test_what_came_late_is_taken_from_where_it_was_missing(
+    check: str, at_ms: int, lost_ms: int | None, when: str, warmup: str, verdict: str, tmp_path: Path
+) -> None:
+    options = [text for path in definitions(tmp_path) for text in ("--gvl", path)]
+    rules = ruled(tmp_path, f'check = "{check}"\nlist = 8\n{when}', defaults=f'warmup = "{warmup}"')
+    (one,) = judged(written(tmp_path, swapped(at_ms, lost_ms)), rules, *options)["rules"]
+    assert one["verdict"] == verdict, one
+
+
+def test_a_value_is_not_frozen_while_nobody_looks(tmp_path: Path) -> None:
+    options = [text for path in definitions(tmp_path) for text in ("--gvl", path)]
+    sendings = [one for one in plant() if one[1] == 7]
+    sendings += [
+        (at_ms, 8, [False, 0.0, 7 if 2000 <= at_ms < 4000 or 6000 <= at_ms < 8000 else at_ms // 50])
+        for at_ms in range(50, 10_000, 100)
+    ]
+    rule = f'check = "frozen"\nvariable = "valve.nCount"\nmax = "3s"\n{WHEN}'
+    (one,) = judged(captured(tmp_path, sendings), ruled(tmp_path, rule), *options)["rules"]
+    assert (one["verdict"], one["subjects"][0]["worst"]) == ("pass", pytest.approx(1.9))
+
+
+def test_a_list_that_never_came_is_silent_while_somebody_looks(tmp_path: Path) -> None:
+    options = [text for path in definitions(tmp_path) for text in ("--gvl", path)]
+    capture = captured(tmp_path, [one for one in plant() if one[1] == 7])
+    for limit, verdict in (("1s", "fail"), ("5s", "inconclusive")):
+        rules = ruled(tmp_path, f'check = "silence"\nlist = "valve"\nmax = "{limit}"\n{WHEN}')
+        (one,) = judged(capture, rules, *options)["rules"]
+        assert (one["verdict"], one["subjects"][0]["worst"]) == (verdict, pytest.approx(2.0))

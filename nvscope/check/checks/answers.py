@@ -28,6 +28,8 @@ def _acknowledged(known: Evidence, lists: Collection[ListKey], told: Mapping[str
             reason = "what readers answer is not to be seen in this capture"
             yield Judged(Verdict.INCONCLUSIVE, key, reason=reason, limit=least, above=False, unit="ratio")
             continue
+        # What was asked in the warm-up is not judged.
+        missing -= known.frames.begun_before.get((EventKind.NO_ACKNOWLEDGEMENT, subject.list), 0)
         waiting_ns = known.waiting_ns(subject.list)
         late = sum(one > within_ns for one in waiting_ns) if within_ns is not None else 0
         missing += late
@@ -80,6 +82,7 @@ def _boot_up(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any
                 reason = "nobody asked for its values" if asked == 0 else "nobody knows what was answered"
                 yield Judged(Verdict.INCONCLUSIVE, key, reason=reason, limit=limit, unit="s", vacuous=asked == 0)
             continue
+        unanswered -= known.frames.begun_before.get((EventKind.BOOT_UP_UNANSWERED, subject.list), 0)
         unanswered += sum(one > told["within"] for one in known.asking_ns(subject.list))
         slowest = known.frames.longest(EventKind.BOOT_UP_ANSWERED, subject.list)
         slowest_ns = slowest.took_ns if slowest else None

@@ -73,10 +73,9 @@ def _may_be_drops(known: Evidence, subject: Subject, figure: str, value: float, 
     counted, scope = told["watched"], known.scope_of(subject.list)
     events = (known.frames.of if counted is None else counted.frames)(kinds_of(figure), subject.list, scope)
     # Where the capture says when it lost frames, what happened at other times is the network's.
-    drops = max(
-        (known.lost_between(at_ns - _AROUND_NS, at_ns + _AROUND_NS) for _, at_ns in events), default=known.drops
-    )
-    if not drops:
+    near = [known.lost_between(at_ns - _AROUND_NS, at_ns + _AROUND_NS) for _, at_ns in events]
+    drops = max(near, default=known.drops)
+    if not drops or (not told["max"] and not min(near, default=1)):
         return False
     if figure != "lost":
         return bool(value - drops <= told["max"])

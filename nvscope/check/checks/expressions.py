@@ -8,7 +8,7 @@ from typing import Any
 from nvscope.causes.cause import Cause
 from nvscope.check.check import Check, Evidence, Setting
 from nvscope.check.condition import told_of_plants
-from nvscope.check.doubt import doubt, parts
+from nvscope.check.doubt import all_near_drops, doubt, parts
 from nvscope.check.figure_windows import FigureWindows
 from nvscope.check.moments import FirstWatcher, SequenceWatcher, TruthWatcher, WaitWatcher
 from nvscope.check.occurrences import Occurrences
@@ -208,7 +208,11 @@ def _of_windows(
     verdict, reason = Verdict.FAIL if room < 0 else Verdict.PASS, ""
     if room < 0:
         reason = f"{counts.broken} of {count_of(windows, 'window')}"
-        if not above and (why := doubt(known, counts.first_ns, least - fewest)):
+        if (
+            not above
+            and all_near_drops(known, counts.times_ns if known.drops else ())
+            and (why := doubt(known, counts.first_ns, least - fewest, (counts.first_ns or 0) + told["per"]))
+        ):
             verdict, reason = Verdict.INCONCLUSIVE, why
     unit = "telegrams" if key is not None else "events"
     return Judged(

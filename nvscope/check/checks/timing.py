@@ -7,7 +7,7 @@ from typing import Any
 
 from nvscope.check.asked_rows import EVERY_LIST, OfLists
 from nvscope.check.check import Check, Evidence, Setting
-from nvscope.check.doubt import BEGAN_LATER, doubt, doubt_of_clock, parts
+from nvscope.check.doubt import BEGAN_LATER, all_near_drops, doubt, doubt_of_clock, parts
 from nvscope.check.parameters import PERCENT_OR_TIME, RATIO, REQUIRED, Parameter
 from nvscope.check.silence import SilenceWatcher
 from nvscope.check.stream_intervals import IntervalWatcher, SpreadWatcher, StreamIntervals, StreamSpread
@@ -76,7 +76,8 @@ def _of_stream(known: Evidence, one: StreamIntervals, told: Mapping[str, Any]) -
         verdict = Verdict.FAIL
         # Each frame that was not captured makes one interval longer.
         more = one.outside - int(told["exceptions"] * one.count)
-        if (why := doubt(known, one.first_ns, more)) and (more == 1 or more <= known.drops):
+        may_be = more == 1 or (more <= known.drops and (told["exceptions"] or all_near_drops(known, one.times_ns)))
+        if may_be and (why := doubt(known, one.first_ns, more)):
             verdict, reason = Verdict.INCONCLUSIVE, why
     elif one.outside:
         reason = f"{one.outside} of {one.count} intervals lie outside, as is allowed"
