@@ -37,6 +37,8 @@ class OfLists:
         patterns = [one for one in self.patterns if is_pattern(one)]
         if "*" in patterns:
             return [True] * len(keys)
+        if not patterns and not self.keys:
+            return [not whole.isdisjoint(names_of(key, names)) for key in keys]
         return [
             key in self.keys
             or key.on_any_channel in self.keys

@@ -57,6 +57,8 @@ class Evidence:
     first_frame: Callable[[int], int | None] = lambda stream: None
     open_waits: Mapping[int, Sequence[int]] = field(default_factory=dict)
     open_requests: Mapping[int, Sequence[int]] = field(default_factory=dict)
+    _there: dict[tuple[Of, ListKey], list[tuple[int, Subject]]] = field(default_factory=dict)
+    _scopes: dict[int, Scope] = field(default_factory=dict)
 
     def waiting_ns(self, number: int) -> Sequence[int]:
         """Return for how long telegrams of a list have waited to be acknowledged, that still do at the end."""
@@ -92,21 +94,21 @@ class Evidence:
 
     def scope_of(self, number: int) -> Scope:
         """Return what the Counter of the first sender of a list counts."""
-        for entry in self.summary.lists:
-            if entry.number == number and entry.streams:
-                return self.summary.scopes.get(entry.streams[0].node, Scope.STREAM)
-        return Scope.STREAM
+        if not self._scopes:
+            for entry in self.summary.lists:
+                if entry.streams:
+                    scope = self.summary.scopes.get(entry.streams[0].node, Scope.STREAM)
+                    self._scopes.setdefault(entry.number, scope)
+        return self._scopes.get(number, Scope.STREAM)
 
     def of(self, kind: Of, lists: Collection[ListKey]) -> Iterator[Subject]:
         """Yield the subjects of a kind that belong to some lists, of which there is anything behind the warm-up."""
-        return (
-            one
-            for one in self.subjects
-            if one.of is kind
-            and one.list is not None
-            and self.keys[one.list] in lists
-            and (one.measured.telegrams or any(one.measured.counters.values()))
-        )
+        if not self._there:
+            for place, one in enumerate(self.subjects):
+                if one.list is not None and (one.measured.telegrams or any(one.measured.counters.values())):
+                    self._there.setdefault((one.of, self.keys[one.list]), []).append((place, one))
+        found = [entry for key in lists for entry in self._there.get((kind, key), ())]
+        return (one for _, one in sorted(found, key=lambda entry: entry[0]))
 
 
 Common = TypeVar("Common")
