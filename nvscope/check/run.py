@@ -19,6 +19,7 @@ from nvscope.check.check import Evidence, Setting
 from nvscope.check.condition import compiled
 from nvscope.check.counted_while import CountedWhile
 from nvscope.check.deciding import Decided, WatchedRule, called_lists, decided, tell_of_unknown
+from nvscope.check.early_cycles import EarlyCycles
 from nvscope.check.figure_windows import FigureWindows
 from nvscope.check.first_frames import FirstFrames
 from nvscope.check.first_telegrams import FirstTelegrams
@@ -129,9 +130,9 @@ class _Judge:
             how.ring_bytes, others=[self._telegrams, *watchers], listeners=(self._frames, *counted, *counts)
         )
         self._watched = Watched(inquiry, source, others, overdue=any_live(source.infos))
-        intervals = [one for one in watchers if isinstance(one, IntervalWatcher)]
+        intervals = [one for one in watchers if isinstance(one, IntervalWatcher | EarlyCycles)]
         for measuring in (*intervals, *counts):
-            measuring.state = self._watched.state  # type: ignore[attr-defined]
+            measuring.state = self._watched.state
         since = None if since_ns is None else Since(self._watched.state, since_ns)
         self._counted = BehindWarmUp(inquiry, self._watched.state, since)
         self.source = source if since is None else since.cut(source)

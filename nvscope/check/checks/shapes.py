@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
-from nvscope.check.check import Check, Evidence
+from nvscope.check.asked_rows import EVERY_LIST, OfLists
+from nvscope.check.check import Check, Evidence, Setting
+from nvscope.check.early_cycles import Counted, EarlyCycles
 from nvscope.check.parameters import RATIO, Parameter
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.findings.can import DLC_MISMATCH
 from nvscope.findings.definition import DEFINITION_MISMATCH
 from nvscope.list_key import ListKey
 from nvscope.toml_table import SPAN
-from nvscope.tracker.event_kinds import EventKind
+from nvscope.tracker.counters import Scope
+from nvscope.tracker.event_kinds import FRAMES_KEPT, EventKind
 from nvscope.tracker.figures import Of
 from nvscope.units import count_of, duration
 
@@ -53,8 +56,14 @@ def _definition(known: Evidence, lists: Collection[ListKey], told: Mapping[str, 
         )  # fmt: skip
 
 
+def _watch_cycles(setting: Setting, told: Mapping[str, Any]) -> EarlyCycles:
+    lists = OfLists(patterns=setting.lists) if setting.lists else EVERY_LIST
+    return EarlyCycles(setting.rows, lists, setting.since_ns)
+
+
 def _coherence(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
     most, skew_limit_ns = told["max"], told["skew"]
+    watcher: EarlyCycles = told["watched"]
     for entry in known.summary.lists:
         if entry.key not in lists:
             continue
@@ -67,20 +76,25 @@ def _coherence(known: Evidence, lists: Collection[ListKey], told: Mapping[str, A
                         Verdict.INCONCLUSIVE, entry.key, known.node(node), reason=reason, limit=most, unit="ratio"
                     )
                 continue
-            counted = known.cycles(own)
-            if counted is None or not counted[0]:
+            scope = known.scope_of(entry.number)
+            early = watcher.counted(own) if scope != Scope.NODE_TELEGRAM else Counted()
+            cycles, torn, skew_ns = known.cycles(own) or (0, 0, 0)
+            counted = cycles + early.cycles, torn + early.torn, max(skew_ns, early.skew_ns)
+            if not counted[0]:
                 yield Judged(
                     Verdict.INCONCLUSIVE, entry.key, known.node(node),
                     reason="it came for too short: cycles are told once its intervals are known",
                     limit=most, unit="ratio",
                 )  # fmt: skip
                 continue
-            yield _of_cycles(known, entry.number, entry.key, known.node(node), counted, most, skew_limit_ns)
+            yield _of_cycles(
+                known, entry.number, entry.key, known.node(node), counted, early.frames, most, skew_limit_ns
+            )  # fmt: skip
 
 
 def _of_cycles(
-    known: Evidence, number: int, key: ListKey, node: str | None, counted: tuple[int, int, int], most: float,
-    skew_limit_ns: int | None,
+    known: Evidence, number: int, key: ListKey, node: str | None, counted: tuple[int, int, int],
+    early: Sequence[tuple[int, int]], most: float, skew_limit_ns: int | None,
 ) -> Judged:  # fmt: skip
     cycles, torn, skew_ns = counted
     share = torn / cycles
@@ -90,7 +104,7 @@ def _of_cycles(
             limit=skew_limit_ns / _SECOND_NS, unit="s",
         )  # fmt: skip
     verdict, reason = Verdict.PASS, f"{torn} of {count_of(cycles, 'cycle')}" if torn else ""
-    frames = known.frames.of([EventKind.TORN_CYCLE], number) if torn else []
+    frames = sorted([*early, *known.frames.of([EventKind.TORN_CYCLE], number)])[:FRAMES_KEPT] if torn else []
     if share > most:
         verdict = Verdict.FAIL
         if known.drops and torn - known.drops <= most * cycles:
@@ -118,5 +132,6 @@ CHECKS = (
             Parameter("max", RATIO, "so large a share of the cycles may lack a part", 0.0),
             Parameter("skew", SPAN, "so far apart the parts of a cycle may be", None),
         ),
+        _watch_cycles,
     ),
 )  # fmt: skip
