@@ -28,7 +28,7 @@ FIGURES = (
 )  # fmt: skip
 """The figures of lists that are compared."""
 
-KINDS = ("list", "sender", "shape", "interval", "spread", "rate", "figure", "node", "cause")
+KINDS = ("list", "sender", "shape", "interval", "spread", "rate", "answer", "figure", "node", "cause")
 """What differs, in the order in which it is told of a list."""
 
 _SURE = 5.0
@@ -39,6 +39,7 @@ _SHIFT_PERCENT = 2
 _SPREAD_TIMES = 2
 _SPREAD_PERCENT = 5
 _RATE_TIMES = 2
+_LEAST_LATER_NS = 1_000_000
 _SHARE_TIMES = 1.5
 
 
@@ -158,6 +159,7 @@ def _of_lists(a: _Side, b: _Side) -> Iterator[Difference]:
             continue
         yield from _of_senders(a, b, key)
         yield from _of_streams(a, b, key)
+        yield from _of_answers(a, b, key)
         yield from _of_figures(a, b, key)
 
 
@@ -248,12 +250,24 @@ def _of_rates(
         yield Difference("rate", "sent", f"{rate:.2g}/s", f"{other:.2g}/s", where, why)
 
 
+def _of_answers(a: _Side, b: _Side, key: ListKey) -> Iterator[Difference]:
+    """Compare how fast readers acknowledge."""
+    before, now = (side.measured[side.numbers[key]].latency for side in (a, b))
+    if before is None or now is None or not before.p50 or not now.p50:
+        return
+    if min(before.count or 0, now.count or 0) < _LEAST_INTERVALS or abs(before.p50 - now.p50) < _LEAST_LATER_NS:
+        return
+    if max(before.p50, now.p50) > _RATE_TIMES * min(before.p50, now.p50):
+        yield Difference("answer", "acknowledged within", duration(before.p50), duration(now.p50), Where(key))
+
+
 def _of_figures(a: _Side, b: _Side, key: ListKey) -> Iterator[Difference]:
     before, now = a.measured[a.numbers[key]], b.measured[b.numbers[key]]
     for name in FIGURES:
         own, other = before.counters.get(name), now.counters.get(name)
         if own is None or other is None:
             continue
+        own, other = max(own, 0), max(other, 0)  # more came than was missing: what was overtaken came from before
         of, of_other = (
             max(telegrams + (count if name == "lost" else 0), 1)
             for telegrams, count in ((before.telegrams, own), (now.telegrams, other))
@@ -261,7 +275,7 @@ def _of_figures(a: _Side, b: _Side, key: ListKey) -> Iterator[Difference]:
         # What is lost at one time is one event, however many telegrams it was.
         gaps = [one.counters.get("gaps") or 1 for one in (before, now)] if name == "lost" else [own, other]
         at_once = max(1.0, own / max(gaps[0], 1), other / max(gaps[1], 1))
-        if _differ(max(own, 0), of, max(other, 0), of_other, at_once):
+        if _differ(own, of, other, of_other, at_once):
             yield Difference("figure", name, _share(own, of), _share(other, of_other), Where(key))
 
 

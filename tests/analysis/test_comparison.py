@@ -72,6 +72,7 @@ _CHANGES = {
     "another address": (("192.168.1.10", "192.168.1.12"),),
     "another list": (("index = 9", "index = 10"),),
     "losses": (("[expect.findings]", f"{_LOSSY}[expect.findings]"),),
+    "slower readers": (('delay = "3ms"', 'delay = "60ms"'),),
     "rarer events": (('interval = "400ms"', 'interval = "4s"'),),
 }
 
@@ -86,6 +87,7 @@ _TOLD = {
     },
     "another list": {("list", "the list", 9, None), ("list", "the list", 10, None)},
     "losses": {("figure", "lost", 7, None), ("cause", "loss-of-list", 7, None)},
+    "slower readers": {("answer", "acknowledged within", 3, None)},
     "rarer events": {("rate", "sent", 3, None)},
 }  # fmt: skip
 
