@@ -90,7 +90,20 @@ def test_what_cannot_be_is_told(words: list[str], what: str) -> None:
 def test_what_is_watched_is_what_a_capture_of_the_same_time_tells(tmp_path: Path) -> None:
     capture = tmp_path / "same.pcap"
     with cable() as (press, engineer):
-        dump = engineer.start("tcpdump", "-i", engineer.device, "-U", "--immediate-mode", "-w", str(capture), "udp")
+        dump = engineer.start(
+            "tcpdump",
+            "-i",
+            engineer.device,
+            "-s",
+            "2048",
+            "-B",
+            "16384",
+            "-U",
+            "--immediate-mode",
+            "-w",
+            str(capture),
+            "udp",
+        )
         watching = engineer.nvscope("watch", "--json", engineer.device, "--for", "7s")
         wait_for_ring(engineer, 2)
         sending = press.start(*send("10.77.0.255", 100, 2, 20_000_000))

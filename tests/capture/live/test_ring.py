@@ -100,7 +100,9 @@ def test_a_signal_ends_it_with_all_that_came_until_then(number: int) -> None:
 @pytest.mark.skipif(which("tcpdump") is None, reason="needs tcpdump")
 def test_the_report_is_that_of_a_capture_of_the_same_packets(tmp_path: Path) -> None:
     kept = tmp_path / "kept.pcap"
-    words = ["tcpdump", "-i", "{}", "--immediate-mode", "--time-stamp-precision=nano", "-U", "-w", str(kept)]
+    # Slots of its buffer are as long as what it keeps of a frame: of short ones there are many.
+    words = ["tcpdump", "-i", "{}", "-s", "256", "-B", "16384", "--immediate-mode", "--time-stamp-precision=nano"]
+    words += ["-U", "-w", str(kept)]
     with cable() as (press, engineer):
         recording = engineer.start(*(word.format(engineer.device) for word in words), "udp or arp or icmp")
         wait_for_ring(engineer)
