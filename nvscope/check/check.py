@@ -13,6 +13,7 @@ from nvscope.check.first_frames import FirstFrames
 from nvscope.check.parameters import Parameter
 from nvscope.check.verdict import Judged
 from nvscope.definition.layouts import Layouts
+from nvscope.definition.pdos import Pdos
 from nvscope.definition.project import Project
 from nvscope.engine.run import Observer
 from nvscope.expression.words import Words
@@ -33,8 +34,8 @@ class Evidence:
     ``until_ns``; ``keys`` are the keys of lists by number. ``frames`` are those of the first events. ``drops`` is how
     many packets the capture says it lost, ``truncated`` why it ends before its end, "" where it does not; ``starts_ns``
     is when each of the captures begins, ``infos`` what is known of each; ``ends_early``: before the warm-up is over.
-    ``first_frame`` is that of a stream's first telegram; ``open_waits`` are since when telegrams of lists wait,
-    ``open_requests`` nodes that ask.
+    ``first_telegram`` of a stream is when it came, and its frame; ``open_waits`` are since when telegrams of lists
+    wait, ``open_requests`` nodes that ask.
     """
 
     summary: Summary
@@ -45,7 +46,7 @@ class Evidence:
     causes: Sequence[Cause]
     frames: FirstFrames
     project: Project
-    cycles: Callable[[Sequence[int]], tuple[int, int, int] | None]
+    pdos: Pdos | None
     matching: Callable[[str], Sequence[Finding | Cause]]
     since_ns: int | None = None
     until_ns: int | None = None
@@ -54,19 +55,15 @@ class Evidence:
     starts_ns: Sequence[int] = ()
     infos: Sequence[SourceInfo] = ()
     ends_early: bool = False
-    first_frame: Callable[[int], int | None] = lambda stream: None
+    first_telegram: Callable[[int], tuple[int, int] | None] = lambda stream: None
     open_waits: Mapping[int, Sequence[int]] = field(default_factory=dict)
     open_requests: Mapping[int, Sequence[int]] = field(default_factory=dict)
     _there: dict[tuple[Of, ListKey], list[tuple[int, Subject]]] = field(default_factory=dict)
     _scopes: dict[int, Scope] = field(default_factory=dict)
 
-    def waiting_ns(self, number: int) -> Sequence[int]:
-        """Return for how long telegrams of a list have waited to be acknowledged, that still do at the end."""
-        return [(self.until_ns or one) - one for one in self.open_waits.get(number, ())]
-
-    def asking_ns(self, number: int) -> Sequence[int]:
-        """Return for how long nodes have waited for the values of a list, that still do at the end."""
-        return [(self.until_ns or one) - one for one in self.open_requests.get(number, ())]
+    def waited_ns(self, number: int, waiting: Mapping[int, Sequence[int]]) -> Sequence[int]:
+        """Return for how long answers about a list have been waited for, that still are at the end."""
+        return [(self.until_ns or one) - one for one in waiting.get(number, ())]
 
     def began_between(self, since_ns: int, until_ns: int) -> bool:
         """Tell whether one of the captures begins within a time."""

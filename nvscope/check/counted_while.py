@@ -19,6 +19,8 @@ from nvscope.tracker.event_kinds import FRAMES_KEPT, EventKind
 from nvscope.tracker.frame_counts import STEPS
 from nvscope.tracker.subjects import Subject
 
+NOTHING_CAME = "none of its telegrams came while when was so"
+
 _MOST_GAPS = 64
 _EVERY = -1
 """In place of a scope: no Counter is looked at."""
@@ -39,7 +41,7 @@ class CountedWhile:
         self.holds, self._setting = holds, setting
         self._heard: list[EventBatch] = []
         self._telegrams: dict[int, int] = defaultdict(int)
-        self._first_ns: dict[int, int] = {}
+        self._first: dict[int, tuple[int, int]] = {}
         self._sums: dict[tuple[int, int, int], int] = defaultdict(int)
         self._most: dict[tuple[int, int, int], int] = defaultdict(int)
         self._amounts: dict[tuple[int, int, int], int] = defaultdict(int)
@@ -74,8 +76,9 @@ class CountedWhile:
             own, packet = lists[row], runs.rows.packet[row]
             for number, count in enumerate(np.bincount(own).tolist()):
                 self._telegrams[number] += count
-            for number in set(np.unique(own).tolist()) - self._first_ns.keys():
-                self._first_ns[number] = int(latest_ns[packet[own == number].min()])
+            for number in set(np.unique(own).tolist()) - self._first.keys():
+                first = packet[own == number].min()
+                self._first[number] = int(latest_ns[first]), int(first) + told.first_frame
 
     def _judged(self, events: EventBatch, so: So | None, first_frame: int) -> Bool:
         """Tell which events are counted."""
@@ -123,9 +126,9 @@ class CountedWhile:
         """Return how many telegrams of a list came."""
         return self._telegrams.get(number, 0)
 
-    def first_ns(self, number: int) -> int | None:
-        """Return when its first one came, None before any."""
-        return self._first_ns.get(number)
+    def first(self, number: int | None) -> tuple[int, int] | None:
+        """Return when the first one of a list came, and its frame; None before any."""
+        return None if number is None else self._first.get(number)
 
     def figure(self, number: int, name: str, scope: Scope) -> int:
         """Return one of the figures of a list that events count."""

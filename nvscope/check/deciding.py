@@ -10,7 +10,7 @@ from nvscope.check.check import Evidence
 from nvscope.check.lists import CalledLists
 from nvscope.check.rules import Mistakes, Rule
 from nvscope.check.verdict import Judged, Verdict, worst_of
-from nvscope.check.while_so import WhileSo
+from nvscope.check.while_so import NEVER_SO, WhileSo
 from nvscope.engine.run import Observer
 from nvscope.errors import ConfigurationError, UsageError
 from nvscope.list_key import ListKey
@@ -54,7 +54,7 @@ def decided(watched: WatchedRule, known: Evidence, called: CalledLists) -> Decid
         return Decided(rule, Verdict.INCONCLUSIVE, [Judged(Verdict.INCONCLUSIVE, reason=reason)])
     holds = getattr(watched.watcher, "holds", None)
     if isinstance(holds, WhileSo) and not holds.ever:
-        never = Judged(Verdict.INCONCLUSIVE, reason="when was never so", vacuous=True)
+        never = Judged(Verdict.INCONCLUSIVE, reason=NEVER_SO, vacuous=True)
         return Decided(rule, Verdict.PASS if rule.optional else Verdict.INCONCLUSIVE, [_optional(rule, never)])
     lists, unknown = called.chosen(rule.lists)
     told = {**rule.parameters, "watched": watched.watcher, "list_named": bool(rule.lists)}

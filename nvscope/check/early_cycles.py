@@ -7,29 +7,21 @@ together, a rule can look at those before, too.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from nvscope.check.asked_rows import AskedRows, OfLists
+from nvscope.check.judged_cycles import JudgedCycles
+from nvscope.check.while_so import WhileSo
 from nvscope.engine.told import Told
+from nvscope.tracker.cycles import Cycles
 from nvscope.tracker.event_kinds import FRAMES_KEPT
-from nvscope.tracker.state import TrackerState
 
 _MOST_TELEGRAMS = 64
 _OPEN = 4
 """A telegram that was overtaken still belongs to one of so many cycles."""
-
-
-@dataclass(slots=True)
-class Counted:
-    """How many cycles there were, and of these torn ones, with the first frames of the first; the longest skew."""
-
-    cycles: int = 0
-    torn: int = 0
-    skew_ns: int = 0
-    frames: list[tuple[int, int]] = field(default_factory=list)
 
 
 @dataclass(slots=True)
@@ -43,15 +35,13 @@ class _Cycle:
 
 
 class EarlyCycles:
-    """An observer that keeps the first telegrams of each stream of some lists; it observes behind ``state``."""
+    """An observer that keeps the first telegrams of each stream of some lists."""
 
     by_stream: ClassVar[bool] = True
 
     def __init__(self, rows: AskedRows, lists: OfLists, since_ns: int | None) -> None:
         self._rows, self._lists, self._since_ns = rows, lists, since_ns
         self._telegrams: dict[int, list[tuple[int, int, int]]] = {}
-        self.state: TrackerState | None = None
-        """The state that counts all others; it has to be there before anything is asked."""
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
@@ -70,27 +60,33 @@ class EarlyCycles:
                     columns = packet + told.first_frame, rows.time_ns[part], told.counter[packet]
                     known += zip(*(one.tolist() for one in columns), strict=True)
 
-    def counted(self, streams: Sequence[int]) -> Counted:
-        """Return what there was of the streams of one list and node before the report counts."""
-        found = Counted()
+    def counted(self, streams: Sequence[int], cycles: Cycles, holds: WhileSo | None = None) -> JudgedCycles:
+        """Return what there was of the streams of one list and node before the state counts, while it ``holds``."""
+        found, seen, torn = JudgedCycles(), 0, 0
+        frames: list[tuple[int, int]] = []
         if not all(self._telegrams.get(one) for one in streams):
             return found
         first_frame = max(self._telegrams[one][0][0] for one in streams)
-        counts_from = self._counts_from(streams[0])
-        cycles = self._cycles(streams)
+        counts_from = _counts_from(streams[0], cycles)
         # Of the last one, nobody knows whether more of it would have come.
-        for one in cycles[:-1]:
+        for one in self._cycles(streams)[:-1]:
+            if one.frame < first_frame or one.frame >= counts_from:
+                continue
+            is_torn = len(one.streams) < len(streams)
+            seen, torn = seen + 1, torn + is_torn
             is_judged = self._since_ns is None or one.begin_ns >= self._since_ns
-            if one.frame < first_frame or one.frame >= counts_from or not is_judged:
+            if not is_judged or (holds is not None and not holds.spans.at_frames(np.array([one.frame]))[0]):
                 continue
             found.cycles += 1
-            found.skew_ns = max(found.skew_ns, one.end_ns - one.begin_ns)
-            if len(one.streams) < len(streams):
+            if found.widest is None or one.end_ns - one.begin_ns > found.skew_ns:
+                found.skew_ns, found.widest = one.end_ns - one.begin_ns, (one.frame, one.begin_ns)
+            if is_torn:
                 found.torn += 1
-                if len(found.frames) < FRAMES_KEPT:
-                    found.frames.append((one.frame, one.begin_ns))
+                if len(frames) < FRAMES_KEPT:
+                    frames.append((one.frame, one.begin_ns))
+        found.frames = frames
         # Where most are torn, its Counters do not say what belongs together.
-        return found if 2 * found.torn <= found.cycles else Counted()
+        return found if 2 * torn <= seen else JudgedCycles()
 
     def _cycles(self, streams: Sequence[int]) -> list[_Cycle]:
         """Return the cycles of streams, by what their Counters say; those behind what was kept of any are left out."""
@@ -117,15 +113,14 @@ class EarlyCycles:
             cycle.end_ns = max(cycle.end_ns, time_ns)
         return found
 
-    def _counts_from(self, stream: int) -> int:
-        """Return the frame from which on the report counts the cycles of a stream."""
-        assert self.state is not None
-        cycles = self.state.senders.cycles
-        pairs = cycles.streams.column("pair")
-        pair = int(pairs[stream]) if stream < len(pairs) else -1
-        never = int(np.iinfo(np.int64).max)
-        if pair < 0:
-            return never
-        columns = cycles.columns
-        is_ready = int(columns.ready[pair]) >= int(columns.streams[pair])
-        return int(columns.ready_from[pair]) if is_ready else never
+
+def _counts_from(stream: int, cycles: Cycles) -> int:
+    """Return the frame from which on the state counts the cycles of a stream."""
+    pairs = cycles.streams.column("pair")
+    pair = int(pairs[stream]) if stream < len(pairs) else -1
+    never = int(np.iinfo(np.int64).max)
+    if pair < 0:
+        return never
+    columns = cycles.columns
+    is_ready = int(columns.ready[pair]) >= int(columns.streams[pair])
+    return int(columns.ready_from[pair]) if is_ready else never

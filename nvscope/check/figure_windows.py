@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -11,7 +11,9 @@ from nvscope.check.asked_rows import EVERY_LIST, OfLists
 from nvscope.check.check import Evidence, Setting
 from nvscope.check.doubt import all_near_drops, doubt
 from nvscope.check.parameters import Unfit
+from nvscope.check.so_spans import whole_windows
 from nvscope.check.verdict import Judged, Verdict
+from nvscope.check.while_so import NO_WHOLE_WINDOW, while_so
 from nvscope.check.window_counts import COUNTED, Counted, WindowCounts
 from nvscope.engine.told import Told
 from nvscope.errors import UsageError
@@ -44,14 +46,10 @@ class FigureWindows:
     by_stream: ClassVar[bool] = True
 
     def __init__(self, setting: Setting, text: str, length_ns: int, limit_ns: int, *, wanted: bool) -> None:
-        if setting.when:
-            raise Unfit(
-                "figures of windows are not judged only at times", "when", next_step="leave when, or window, out"
-            )
         self._expression = _compiled(text)
         self._setting, self._wanted = setting, wanted
         self._lists = OfLists(patterns=setting.lists) if setting.lists else EVERY_LIST
-        self._length_ns, self._limit_ns = length_ns, limit_ns
+        self._length_ns, self._limit_ns, self.holds = length_ns, limit_ns, while_so(setting)
         self._runs: dict[int, _Run] = {}
         self._keys: dict[int, ListKey] = {}
         self.counts: WindowCounts | None = None
@@ -70,6 +68,8 @@ class FigureWindows:
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
+        if self.holds is not None:
+            self.holds.see(told)
         if self.counts is not None:
             self.counts.observe(told)
             for counted in self.counts.ended:
@@ -85,14 +85,27 @@ class FigureWindows:
         fine = self._is_fine(counted, row)
         empty = self._is_fine(None, np.zeros(1, np.int64))[0]
         columns = counted.list[row], counted.window[row], counted.frame[row], fine
+
+        def judged(first: int, stop: int) -> Iterator[tuple[int, int]]:
+            return self._judged_of(counted.begin_ns, first, stop)
+
         for number, window, frame, is_fine in zip(*(one.tolist() for one in columns), strict=True):
             run = self._run(number, told)
-            run.pass_by(window, empty, counted.begin_ns)
-            run.take(window, 1, is_fine, counted.begin_ns, frame)
+            run.pass_by(window, empty, counted.begin_ns, judged)
+            if any(judged(window, window + 1)):
+                run.take(window, 1, is_fine, counted.begin_ns, frame)
+            else:
+                run.leave_out(window + 1)
         for run in self._runs.values():
-            run.pass_by(counted.until, empty, counted.begin_ns)
+            run.pass_by(counted.until, empty, counted.begin_ns, judged)
             if counted.breaks:
                 run.break_off()
+
+    def _judged_of(self, begin_ns: int, first: int, stop: int) -> Iterator[tuple[int, int]]:
+        """Yield which windows are judged, from one to before another, of those from ``first`` to before ``stop``."""
+        if self.holds is None:
+            return iter([(first, stop)])
+        return whole_windows(self.holds.spans, begin_ns, self._length_ns, first, stop)
 
     def _run(self, number: int, told: Told) -> _Run:
         if number not in self._runs:
@@ -123,9 +136,14 @@ class FigureWindows:
         for place, number in enumerate(found.lists[place] for place in own):
             if is_known is None or is_known[place]:
                 run = self._run(number, told)
-                run.skip_to(window.number)
                 begin_ns = window.start_ns - window.number * self._length_ns
-                run.take(window.number, count, bool(true[place]) == self._wanted, begin_ns, None)
+                for first, stop in self._judged_of(begin_ns, window.number, window.number + count):
+                    run.skip_to(first)
+                    run.take(first, stop - first, bool(true[place]) == self._wanted, begin_ns, None)
+
+    @property
+    def _why_none(self) -> str:
+        return "no whole window of it is there" if self.holds is None else NO_WHOLE_WINDOW
 
     def judged(self, known: Evidence, lists: Collection[ListKey]) -> Iterator[Judged]:
         """Yield a verdict for each list that came; what is below the limit is not told."""
@@ -138,7 +156,7 @@ class FigureWindows:
             if run is None and not self._setting.lists and self._runs:
                 continue
             if run is None or not run.windows:
-                yield Judged(Verdict.INCONCLUSIVE, key, reason="no whole window of it is there", limit=limit, unit="s")
+                yield Judged(Verdict.INCONCLUSIVE, key, reason=self._why_none, limit=limit, unit="s")
                 continue
             if of_counters and number in counters and counters[number].get("lost") is None:
                 yield Judged(Verdict.INCONCLUSIVE, key, reason=_NOT_BELIEVED, limit=limit, unit="s")
@@ -156,6 +174,10 @@ class FigureWindows:
 
 _OF_COUNTERS = ("lost", "gaps", "longest_gap", "duplicates", "overtaken", "restarts")
 _NOT_BELIEVED = "its counters tell nothing: nobody knows what was lost"
+
+
+_JudgedOf = Callable[[int, int], Iterator[tuple[int, int]]]
+"""Which windows are judged, from one to before another, of those from one number to before another."""
 
 
 class Ended:
@@ -194,11 +216,7 @@ class SharedWindows:
         self.ended = [
             Ended(window, count, self._nominal_ns)
             for window, count in self.windows.ended()
-            if not any(
-                since < window.end_ns + (count - 1) * self.windows.length_ns
-                and (until is None or window.start_ns < until)
-                for since, until in self._holes
-            )
+            if not self._is_in_hole(window, count)
         ]
         self._holes += [(one.until_ns, None) for one in told.unheard if one.everything]
 
@@ -221,10 +239,18 @@ class _Run:
         self._in_a_row = 0
         self._next: int | None = None
 
-    def pass_by(self, window: int, is_fine: bool, begin_ns: int) -> None:
+    def pass_by(self, window: int, is_fine: bool, begin_ns: int, judged: _JudgedOf) -> None:
         """Take the windows before one in which nothing came, behind the first in which something did."""
         if self._next is not None and window > self._next:
-            self.take(self._next, window - self._next, is_fine, begin_ns, None)
+            for first, stop in judged(self._next, window):
+                self.skip_to(first)
+                self.take(first, stop - first, is_fine, begin_ns, None)
+            if self._next < window:
+                self.leave_out(window)
+
+    def leave_out(self, window: int) -> None:
+        """Let the windows before one be that are not judged."""
+        self._in_a_row, self._next = 0, window
 
     def skip_to(self, window: int) -> None:
         """Let windows that are not known be between."""

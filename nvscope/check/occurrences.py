@@ -49,10 +49,13 @@ class Counts:
         found._end(window)
         return found
 
-    def resume(self, windows: int, begin_ns: int) -> None:
-        """End what nobody listens to any more, after so many whole windows; the next ones begin at a time."""
+    def leave(self, windows: int) -> None:
+        """End what nobody counts any more, after so many whole windows."""
         self._end(windows)
         self._window, self._count, self._frame = 0, 0, None
+
+    def begin(self, begin_ns: int) -> None:
+        """Let the next windows begin at a time."""
         self._begin_ns = begin_ns
 
     def _end(self, window: int) -> None:
@@ -81,7 +84,8 @@ class Occurrences(MomentWatcher):
     """Watches when an expression becomes true: how often in each window of ``length_ns``, end to end.
 
     Without a ``text``, when telegrams of the rule's lists come; then ``counts`` are by the number of the list, else
-    they are those of number 0.
+    they are those of number 0. Windows begin anew when somebody listens again, and each time that the rule is judged
+    again; those that are not over by then are left out.
     """
 
     def __init__(
@@ -90,30 +94,65 @@ class Occurrences(MomentWatcher):
         self._condition = None if text is None else Condition(text, setting.fields, begins=True)
         conditions = [] if self._condition is None else [self._condition]
         super().__init__(setting, conditions, EVERY_LIST if text is None and not setting.lists else None)
-        self.length_ns, self._least, self._most = length_ns, least, most
+        self.length_ns = length_ns
+        self._nothing = Counts(least, most, 0, length_ns)
+        """What was counted of what never came."""
         self._counts: dict[int, Counts] = {}
-        self._runs: list[tuple[int, int]] = []
-        """Since when somebody listened, and for how many whole windows; of each time that has ended."""
-        self._is_heard = True
+        self._ended = 0
+        """How many whole windows there were before those that go on now."""
+        self._begin_ns: int | None = None
+        """Since when windows lie end to end; None while nobody counts."""
+        self._is_heard, self._was_so, self._is_first = True, False, True
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
-        if len(told) and not self._is_heard:
-            self._is_heard, self.start_ns = True, int(told.batch.packets.ts_ns.min())
-            for one in self._counts.values():
-                one.resume(self._runs[-1][1], self.start_ns)
+        if len(told):
+            begin_ns = int(told.batch.packets.ts_ns.min())
+            if not self._is_heard:
+                self._is_heard, self.start_ns = True, begin_ns
+            if self.start_ns is None:
+                self.start_ns = told.start_ns
+            if self._when is None and self._begin_ns is None:
+                self._begin(self.start_ns)
         super().observe(told)
 
-    def take(self, asked: Asked, judged: Bool) -> None:
-        begin_ns = int(asked.time_ns[0]) if self.start_ns is None else self.start_ns
-        of = asked.list
-        if self._condition is not None:
-            judged, of = judged & self._condition.told(asked)[0], np.zeros(len(asked), np.int64)
-        row = np.flatnonzero(judged & (of >= 0))
+    def look(self, asked: Asked, judged: Bool) -> None:
+        """Look at telegrams, of which some are to be judged, if it is the time for it; they follow those before."""
+        if self.start_ns is None:
+            self.start_ns = int(asked.time_ns[0])
+        if self._when is None and self._begin_ns is None:
+            self._begin(self.start_ns)
+        with np.errstate(all="ignore"):
+            happened = judged if self._condition is None else judged & self._condition.told(asked)[0]
+            so = None if self._when is None else self._when.told(asked)[0]
+        self.judged += int(np.count_nonzero(judged if so is None else judged & so))
+        if so is None:
+            self._take(asked, happened, slice(None))
+            return
+        changes = np.flatnonzero(np.diff(so, prepend=self._was_so)).tolist()
+        bounds = [0, *(one for one in changes if one), len(so)]
+        for start, stop in pairwise(bounds):
+            if not so[start]:
+                self._leave(int(asked.time_ns[start]))
+                continue
+            if self._begin_ns is None:
+                # What is so from the first moment on has never been otherwise.
+                since_ns = self.start_ns if self._was_so or self._is_first else int(asked.time_ns[start])
+                self._begin(max(since_ns, self.start_ns))
+            self._was_so = True
+            self._take(asked, happened, slice(start, stop))
+            self._is_first = False
+        self._was_so, self._is_first = bool(so[-1]), False
+
+    def _take(self, asked: Asked, happened: Bool, part: slice) -> None:
+        """Count what happened among some of the telegrams."""
+        assert self._begin_ns is not None
+        of = asked.list[part] if self._condition is None else np.zeros(len(asked.list[part]), np.int64)
+        row = np.flatnonzero(happened[part] & (of >= 0))
         if not len(row):
             return
-        window = (asked.time_ns[row] - begin_ns) // self.length_ns
-        numbers, frame = of[row], asked.frame[row]
+        window = (asked.time_ns[part][row] - self._begin_ns) // self.length_ns
+        numbers, frame = of[row], asked.frame[part][row]
         if (numbers != numbers[0]).any():
             order = np.argsort(numbers, kind="stable")
             numbers, window, frame = numbers[order], window[order], frame[order]
@@ -124,28 +163,40 @@ class Occurrences(MomentWatcher):
         for number, place, many, frame in zip(*columns, strict=True):
             self._of(number).take(place, many, frame)
 
+    def _begin(self, time_ns: int) -> None:
+        """Let windows lie end to end from a time on."""
+        for one in (self._nothing, *self._counts.values()):
+            one.begin(time_ns)
+        self._begin_ns = time_ns
+
+    def _leave(self, time_ns: int) -> None:
+        """Leave the last window out, which is not over by a time."""
+        if self._begin_ns is None:
+            return
+        windows = self._whole(time_ns)
+        for one in (self._nothing, *self._counts.values()):
+            one.leave(windows)
+        self._ended += windows
+        self._begin_ns = None
+
     def resume(self, unheard: Unheard) -> None:
         """Leave the last window out of which nobody saw the end."""
         if unheard.everything and self._is_heard and self.start_ns is not None:
-            self._is_heard = False
-            self._runs.append((self.start_ns, self._whole(unheard.until_ns)))
+            self._leave(unheard.until_ns)
+            self._is_heard = self._was_so = False
 
     def windows(self, until_ns: int) -> int:
         """Return how many whole windows there are up to a time."""
-        return sum(windows for _, windows in self._runs) + (self._whole(until_ns) if self._is_heard else 0)
+        return self._ended + self._whole(until_ns)
 
     def counts(self, number: int, until_ns: int) -> Counts:
         """Return what was counted of a list up to a time, in whole windows."""
-        return self._of(number).up_to(self._whole(until_ns) if self._is_heard else self._runs[-1][1])
+        return self._of(number).up_to(self._whole(until_ns))
 
     def _whole(self, until_ns: int) -> int:
-        return 0 if self.start_ns is None else max(until_ns - self.start_ns, 0) // self.length_ns
+        return 0 if self._begin_ns is None else max(until_ns - self._begin_ns, 0) // self.length_ns
 
     def _of(self, number: int) -> Counts:
         if number not in self._counts:
-            begin_ns = self.start_ns or 0
-            runs = [*self._runs[: None if self._is_heard else -1], (begin_ns, 0)]
-            found = self._counts[number] = Counts(self._least, self._most, runs[0][0], self.length_ns)
-            for (_, windows), (next_ns, _) in pairwise(runs):
-                found.resume(windows, next_ns)
+            self._counts[number] = self._nothing.up_to(0)
         return self._counts[number]

@@ -13,13 +13,14 @@ from nvscope.analysis.watching import Scene, Watched, Watching
 from nvscope.capture.begun import begun
 from nvscope.capture.source import Source, SourceInfo, any_live
 from nvscope.causes.cause import Cause
+from nvscope.check.answered_while import AnsweredWhile
 from nvscope.check.asked_rows import AskedRows
 from nvscope.check.behind_warm_up import BehindWarmUp
 from nvscope.check.check import Evidence, Setting
 from nvscope.check.condition import compiled
 from nvscope.check.counted_while import CountedWhile
+from nvscope.check.cycle_watcher import CycleWatcher
 from nvscope.check.deciding import Decided, WatchedRule, called_lists, decided, tell_of_unknown
-from nvscope.check.early_cycles import EarlyCycles
 from nvscope.check.figure_windows import FigureWindows
 from nvscope.check.first_frames import FirstFrames
 from nvscope.check.first_telegrams import FirstTelegrams
@@ -125,16 +126,16 @@ class _Judge:
         for windows in {id(one.windows): one.windows for one in of_figures if one.windows is not None}.values():
             source = windows.windows.cut(source)
         counts = list({id(one.counts): one.counts for one in of_figures if one.counts is not None}.values())
-        counted = [one for one in watchers if isinstance(one, CountedWhile)]
+        counted = [one for one in watchers if isinstance(one, CountedWhile | AnsweredWhile)]
         others = Watching(
             how.ring_bytes, others=[self._telegrams, *watchers], listeners=(self._frames, *counted, *counts)
         )
         self._watched = Watched(inquiry, source, others, overdue=any_live(source.infos))
-        intervals = [one for one in watchers if isinstance(one, IntervalWatcher | EarlyCycles)]
+        intervals = [one for one in watchers if isinstance(one, IntervalWatcher | CycleWatcher)]
         for measuring in (*intervals, *counts):
             measuring.state = self._watched.state
         since = None if since_ns is None else Since(self._watched.state, since_ns)
-        self._counted = BehindWarmUp(inquiry, self._watched.state, since)
+        self._counted = BehindWarmUp(inquiry, since)
         self.source = source if since is None else since.cut(source)
         self.observers = [*self._watched.observers, self._counted]
 
@@ -163,7 +164,7 @@ class _Judge:
 
     def _evidence(self, scene: Scene) -> Evidence:
         state, telegrams = self._watched.state, self._telegrams
-        return _evidence(self._inquiry, scene, self._counted, self._frames, state, telegrams.frame)
+        return _evidence(self._inquiry, scene, self._counted, self._frames, state, telegrams.of)
 
 
 def watching(inquiry: Inquiry, rules: Rules, since_ns: int | None) -> list[WatchedRule]:
@@ -191,7 +192,7 @@ def _watching(
         if setting.layouts is None and (rule.check.needs_definitions or rule.names_variables):
             one.reason = "no definition is given"
             continue
-        wrong = [] if rule.parameters.get("window") else list(_mistakes(rule, inquiry))
+        wrong = list(_mistakes(rule, inquiry))
         mistakes += wrong
         try:
             one.watcher = rule.check.watch(own, rule.parameters) if rule.check.watch and not wrong else None
@@ -201,8 +202,10 @@ def _watching(
 
 
 def _mistakes(rule: Rule, inquiry: Inquiry) -> Iterator[ConfigurationError]:
-    """Yield what is wrong with expressions of a rule."""
+    """Yield what is wrong with expressions of a rule; figures of windows are for its check to look at."""
     for key, text in rule.expressions.items():
+        if key == "expr" and rule.parameters.get("window"):
+            continue
         try:
             compiled(text, inquiry.fields)
         except UsageError as error:
@@ -211,7 +214,7 @@ def _mistakes(rule: Rule, inquiry: Inquiry) -> Iterator[ConfigurationError]:
 
 def _evidence(
     inquiry: Inquiry, scene: Scene, counted: BehindWarmUp, frames: FirstFrames, state: TrackerState,
-    first_frame: Callable[[int], int | None],
+    first_telegram: Callable[[int], tuple[int, int] | None],
 ) -> Evidence:  # fmt: skip
     project, known, since_ns = inquiry.project, scene.snapshot, counted.since_ns
     summary = counted.summary(scene)
@@ -236,10 +239,10 @@ def _evidence(
         return [one for one in found if id(one) in kept]
 
     return Evidence(
-        summary, list(subjects(summary)), keys, names, findings, causes, frames, project, counted.cycles(),
+        summary, list(subjects(summary)), keys, names, findings, causes, frames, project, inquiry.pdos,
         matching, begin_ns, known.summary.end_ns, drops, truncated,
         [info.start_ns for info in known.infos if info.start_ns is not None], known.infos, counted.is_ahead,
-        first_frame, *_open_waits(state, since_ns),
+        first_telegram, *_open_waits(state, since_ns),
     )  # fmt: skip
 
 

@@ -98,7 +98,7 @@ def _run_with(test: RuleTest, project: Project, *, are_bool: bool) -> Tested:
     nothing = np.zeros(steps, np.int64)
     watcher.look(Asked(rows, nothing, nothing, time_ns, np.arange(steps) + 1, nothing), np.ones(steps, np.bool_))
     known = Evidence(
-        Summary((), (), (), {}), (), {}, {}, (), (), FirstFrames(), project, lambda _: None, lambda _: (), 0,
+        Summary((), (), (), {}), (), {}, {}, (), (), FirstFrames(), project, None, lambda _: (), 0,
         int(time_ns[-1]),
     )  # fmt: skip
     told = {**rule.parameters, "watched": watcher, "list_named": False}

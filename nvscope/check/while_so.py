@@ -12,7 +12,11 @@ from dissectors.batch import I64, Bool
 from nvscope.check.asked_rows import AskedRows
 from nvscope.check.check import Setting
 from nvscope.check.condition import Condition
+from nvscope.check.so_spans import SoSpans
 from nvscope.engine.told import Told
+
+NEVER_SO = "when was never so"
+NO_WHOLE_WINDOW = "when was so in no whole window"
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +41,7 @@ class So:
 class WhileSo:
     """Tells of an expression when it is so; variables in it hold their last value.
 
-    ``ever`` tells whether it was so at any packet from ``since_ns`` on.
+    ``ever`` tells whether it was so at any packet from ``since_ns`` on, ``spans`` when it was, behind or before.
     """
 
     def __init__(self, text: str, setting: Setting) -> None:
@@ -48,6 +52,7 @@ class WhileSo:
         self._so = _nothing()
         self._is_so, self._since_ns = False, 0
         self.ever = False
+        self.spans = SoSpans()
 
     def see(self, told: Told) -> So:
         """Return what is so in a batch, which follows those seen before or is the last one."""
@@ -56,6 +61,10 @@ class WhileSo:
             self._so = self._seen(told) if len(told) else _nothing()
             if any(one.everything for one in told.unheard):
                 self._condition.forget()
+                if self._is_so:
+                    until_ns = max(one.until_ns for one in told.unheard)
+                    end = np.array([until_ns]), np.array([told.first_frame + len(told)])
+                    self.spans.note((end[0][:0], end[1][:0]), end)
                 self._is_so = False
         return self._so
 
@@ -74,6 +83,9 @@ class WhileSo:
         begins = changes[true[changes]]
         last = np.searchsorted(begins, np.arange(len(true)), side="right") - 1
         since_ns = np.where(last >= 0, latest_ns[begins[last]] if len(begins) else 0, self._since_ns)
+        ends = changes[~true[changes]]
+        if len(changes):
+            self.spans.note(*((latest_ns[one], one + told.first_frame) for one in (begins, ends)))
         self._is_so, self._since_ns = bool(true[-1]), int(since_ns[-1])
         judged = true if self._since_judged_ns is None else true & (latest_ns >= self._since_judged_ns)
         self.ever = self.ever or bool(judged.any())

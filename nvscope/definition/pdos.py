@@ -79,6 +79,11 @@ class Pdos:
         """Return the frames of a list of a channel, none where nobody says."""
         return told_of(self.lists, key) or ()
 
+    def own_of(self, key: ListKey) -> Sequence[Pdo]:
+        """Return the frames of a list whose COB-IDs no other list has taken."""
+        frames = [(key._replace(identifier=key.identifier + pdo.subindex), pdo) for pdo in self.list_of(key)]
+        return [pdo for place, pdo in frames if self.pdo_of(place) is pdo]
+
     def rules(self) -> PdoRules:
         """Return how frames are read."""
         parts = {

@@ -114,11 +114,7 @@ def _bytes(sizes: Sequence[int]) -> str:
 
 def _incomplete(facts: Facts, entry: CanListSummary) -> Iterator[Finding]:
     """Compare how many frames each cycle had with how many the list has."""
-    defined = () if entry.extended else facts.pdos.list_of(entry.key)
-    # What another list has taken of its COB-IDs is not its own.
-    first = entry.key.identifier
-    frames = [(entry.key._replace(identifier=first + pdo.subindex), pdo) for pdo in defined]
-    defined = [pdo for key, pdo in frames if facts.pdos.pdo_of(key) is pdo]
+    defined = () if entry.extended else facts.pdos.own_of(entry.key)
     if len(defined) < 2:
         return
     silent = _silent(entry, defined)

@@ -59,19 +59,6 @@ class CycleSizes:
         )
         return TornCycles(events, int(counts.cycles[first]), int(self._cycles.columns.skew_ns[pair]))
 
-    def counted(self, streams: Sequence[int]) -> tuple[int, int, int] | None:
-        """Return how many cycles lie between the first and the last telegrams of all streams, how many of them are
-        torn, and how far apart the parts of one are at most, in ns.
-
-        ``streams`` are all those of one sender and list. None where nobody looked at such cycles.
-        """
-        counts = self._cycles.stream_counts
-        pair = int(self._cycles.streams.pair[streams[0]]) if streams[0] < len(self._cycles.streams.pair) else -1
-        if pair < 0 or self._cycles.pair_counts.known[pair] < len(streams):
-            return None
-        first = min(streams, key=lambda stream: int(counts.last_frame[stream]))
-        return int(counts.cycles[first]), int(counts.torn[first]), int(self._cycles.columns.skew_ns[pair])
-
     def torn(self, stream: int, parts: int) -> TornCycles | None:
         """Return the cycles with fewer than ``parts`` telegrams or frames, None where there are none."""
         pair = int(self._cycles.streams.pair[stream])

@@ -104,7 +104,8 @@ class Cycles:
     """The cycles of all senders' lists over several SubIndexes.
 
     ``events`` is keyed by the pair and, in one word, the streams that it had (from ``KNOWN_BIT`` on; 0 of what has no
-    counter) and the telegrams in the cycle. ``pair_counts`` and ``stream_counts`` are those of whole cycles.
+    counter) and the telegrams in the cycle. ``pair_counts`` and ``stream_counts`` are those of whole cycles. ``over``
+    are those that the last batch has ended.
     """
 
     def __init__(self) -> None:
@@ -114,6 +115,7 @@ class Cycles:
         self.events = EventLog()
         self.pair_counts = PairCounts()
         self.stream_counts = StreamCounts()
+        self.over: Over | None = None
 
     def observe(
         self, told: Told, rows: DataRows, counter: U16 | None, usual: Bool, interval_ns: I64,
@@ -128,7 +130,7 @@ class Cycles:
         keys, first_frame = told.keys, told.first_frame
         self._number(rows, keys, first_frame, several)
         self._learn(rows, usual, first_frame)
-        over = self._over(told, rows, counter, usual, interval_ns)
+        self.over = over = self._over(told, rows, counter, usual, interval_ns)
         if counter is not None:
             frame = rows.packet[rows.stop - 1] + first_frame
             count_cycles(
@@ -322,7 +324,9 @@ class Cycles:
         if counter is not None:
             columns.counter[run] = counter[stop - 1]
         columns.last_ns[run], columns.last_frame[run] = time_ns[stop - 1], frame[stop - 1]
-        return Over(over_pair, over_size, over_ns[counts], over_end[counts], known)
+        return Over(
+            over_pair, over_size, over_ns[counts], over_end[counts], known, over_frame[counts], over_skew
+        )  # fmt: skip
 
     def _known_streams(self, pair: I64, frame: I64) -> I64:
         """Return how many streams pairs had at some frames; 0 where the interval of one of these was not known then."""

@@ -39,6 +39,7 @@ class SenderState:
         """Take a batch, which follows those observed so far."""
         rows, keys = told.laid.data, told.keys
         self.intervals = []
+        self.cycles.over = self.can_cycles.over = None
         if len(rows):
             own, nodes = self.loss.observe(told, rows)
             intervals = self._observe_intervals(told, rows, own, nodes)

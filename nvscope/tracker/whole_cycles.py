@@ -21,6 +21,7 @@ class Over(NamedTuple):
     """Cycles that are over; columns of shape (n,).
 
     ``known`` are the streams that their pair of sender and list had when they began, 0 where it was too early to tell.
+    ``skew_ns`` is how far their first and last telegrams are apart.
     """
 
     pair: I64
@@ -28,6 +29,8 @@ class Over(NamedTuple):
     begin_ns: I64
     end_frame: I64
     known: I64
+    begin_frame: I64
+    skew_ns: I64
 
 
 class CycleCounts(KeyedColumns):

@@ -142,7 +142,7 @@ def test_one_variable_follows_another(delay: int | None, verdict: str, worst: fl
         ('check = "always"\nexpr = "list.lost == 0"', "expr", "list.lost: known of a whole capture"),
         ('check = "always"\nexpr = "var.bStop"\nwindow = "1s"', "expr", ""),
         ('check = "always"\nexpr = "cause.kind == \\"x\\""', "expr", ""),
-        ('check = "causes"\nwhen = "var.bStop"', "when", "causes counts over all of the time"),
+        ('check = "capture_quality"\nwhen = "var.bStop"', "when", "capture_quality counts over all of the time"),
         (
             'check = "loss"\nlist = "aixs"',
             "list",

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -11,6 +13,7 @@ from dissectors.can.bits import Stuffing, wire_bits
 from nvscope.check.check import Check, Evidence, Setting
 from nvscope.check.parameters import RATIO, REQUIRED, Parameter
 from nvscope.check.verdict import Judged, Verdict
+from nvscope.check.while_so import NO_WHOLE_WINDOW, WhileSo, while_so
 from nvscope.engine.told import Told
 from nvscope.list_key import ListKey
 from nvscope.toml_table import SPAN, TEXT, array
@@ -18,19 +21,51 @@ from nvscope.toml_table import SPAN, TEXT, array
 _SECOND_NS = 1_000_000_000
 
 
+_LATE = 10
+"""A window gets no more once so many have begun behind it; clocks of several files step back by little."""
+
+
+@dataclass(slots=True)
+class Window:
+    """The bits on a channel in one window, those at the data bit rate, when it began, and its first frame."""
+
+    bits: int
+    fast_bits: int
+    begin_ns: int
+    frame: int
+
+    def is_within(self, other: Window) -> bool:
+        """Tell whether the other one takes at least as long, at whatever bit rates."""
+        return self.bits <= other.bits and self.fast_bits <= other.fast_bits
+
+
 class LoadWatcher:
-    """An observer of the bits of each channel in windows, which begin at whole multiples of their length."""
+    """An observer of the bits of each channel in windows, which begin at whole multiples of their length.
 
-    by_stream: ClassVar[bool] = False
+    What lies in part where ``holds`` does not is left out.
+    """
 
-    def __init__(self, length_ns: int, since_ns: int | None = None) -> None:
-        self.length_ns, self._since_ns = length_ns, since_ns
-        self._windows: dict[tuple[str, int], list[int]] = {}
-        self.busiest: dict[str, tuple[int, int, int, int]] = {}
-        """Of each channel the bits of its busiest window, those at the data bit rate, when it began, a frame."""
+    by_stream: ClassVar[bool] = True
+
+    def __init__(self, length_ns: int, since_ns: int | None = None, holds: WhileSo | None = None) -> None:
+        self.length_ns, self.holds, self._since_ns = length_ns, holds, since_ns
+        self._open: dict[tuple[str, int], Window] = {}
+        self._left_out: set[int] = set()
+        self._last = 0
+        self._busiest: dict[str, list[Window]] = defaultdict(list)
+        """Of each channel the windows that may be the busiest one, whatever its bit rates are."""
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
+        if self.holds is not None:
+            so = self.holds.see(told)
+            # What changes with the first frame of all has never been otherwise.
+            changes = so.changes[so.changes + told.first_frame > 1]
+            packet = np.append(np.flatnonzero(~so.true), changes)
+            self._left_out.update(np.unique(told.packets.ts_ns[packet] // self.length_ns).tolist())
+        if len(told):
+            self._last = max(self._last, int(told.packets.ts_ns.max()) // self.length_ns)
+            self._left_out = {one for one in self._left_out if one >= self._last - _LATE}
         frames = told.can
         if frames is None or not len(frames.row):
             return
@@ -49,54 +84,68 @@ class LoadWatcher:
         number = frames.row[chosen][first] + told.first_frame
         columns = *keys.tolist(), nominal.tolist(), fast.tolist(), number.tolist()
         for on, at, own, own_fast, frame in zip(*columns, strict=True):
-            self._add(told.pdos.channel(on), at, own, own_fast, frame)
+            found = self._open.setdefault((told.pdos.channel(on), at), Window(0, 0, at * self.length_ns, frame))
+            found.bits += own
+            found.fast_bits += own_fast
+        for key in [key for key in self._open if key[1] < self._last - _LATE]:
+            if key[1] not in self._left_out:
+                _offer(self._busiest[key[0]], self._open[key])
+            del self._open[key]
 
-    def _add(self, channel: str, window: int, bits: int, fast_bits: int, frame: int) -> None:
-        kept = self._windows.setdefault((channel, window), [0, 0, frame])
-        kept[0] += bits
-        kept[1] += fast_bits
-        if channel not in self.busiest or kept[0] + kept[1] > sum(self.busiest[channel][:2]):
-            self.busiest[channel] = kept[0], kept[1], window * self.length_ns, kept[2]
-        # A window that is over gets no more; clocks of several files step back by little.
-        for old in [key for key in self._windows if key[0] == channel and key[1] < window - 10]:
-            del self._windows[old]
+    def windows(self, channel: str) -> list[Window]:
+        """Return the windows of a channel of which one is the busiest, whatever its bit rates are; the first first."""
+        found = list(self._busiest.get(channel, ()))
+        for (name, at), window in self._open.items():
+            if name == channel and at not in self._left_out:
+                _offer(found, window)
+        return sorted(found, key=lambda one: one.begin_ns)
+
+
+def _offer(windows: list[Window], new: Window) -> None:
+    """Add a window, unless one of some is as busy; leave out those that are not as busy as it."""
+    if any(new.is_within(one) for one in windows):
+        return
+    windows[:] = [one for one in windows if not one.is_within(new)]
+    windows.append(new)
 
 
 def _bus_load(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
     watcher: LoadWatcher = told["watched"]
     wanted = set(told["channel"])
     buses = [one for one in known.summary.can.buses if not wanted or one.channel in wanted]
+
+    def undecided(channel: str, reason: str, *, vacuous: bool = False) -> Judged:
+        return Judged(
+            Verdict.INCONCLUSIVE, channel=channel, reason=reason, limit=told["max"], unit="ratio", vacuous=vacuous
+        )  # fmt: skip
+
     for name in sorted(wanted - {one.channel for one in buses}):
-        yield Judged(
-            Verdict.INCONCLUSIVE, channel=name, reason="there is no frame of it", limit=told["max"], unit="ratio"
-        )
+        yield undecided(name, "there is no frame of it")
     length_ns = 0 if known.since_ns is None or known.until_ns is None else known.until_ns - known.since_ns
     for bus in buses:
+        windows = watcher.windows(bus.channel)
         if length_ns < watcher.length_ns:
-            reason = "the capture is shorter than the rule needs"
-            yield Judged(Verdict.INCONCLUSIVE, channel=bus.channel, reason=reason, limit=told["max"], unit="ratio")
+            yield undecided(bus.channel, "the capture is shorter than the rule needs")
             continue
-        busiest = watcher.busiest.get(bus.channel)
-        if bus.bit_rate is None or busiest is None:
-            reason = (
-                "nobody knows its bit rate: --bitrate tells it, or the project"
-                if busiest
-                else "there is no frame of it"
-            )
-            yield Judged(Verdict.INCONCLUSIVE, channel=bus.channel, reason=reason, limit=told["max"], unit="ratio")
+        if not windows:
+            reason = "there is no frame of it" if watcher.holds is None else NO_WHOLE_WINDOW
+            yield undecided(bus.channel, reason, vacuous=watcher.holds is not None)
             continue
-        bits, fast_bits, begin_ns, frame = busiest
-        load = bus.bit_rate.seconds(bits, fast_bits) * _SECOND_NS / watcher.length_ns
-        fails = load > told["max"]
+        if bus.bit_rate is None:
+            yield undecided(bus.channel, "nobody knows its bit rate: --bitrate tells it, or the project")
+            continue
+        loads = [bus.bit_rate.seconds(one.bits, one.fast_bits) * _SECOND_NS / watcher.length_ns for one in windows]
+        load = max(loads)
+        busiest, fails = windows[loads.index(load)], load > told["max"]
         yield Judged(
             Verdict.FAIL if fails else Verdict.PASS, channel=bus.channel, worst=load, limit=told["max"], unit="ratio",
-            count=int(fails), first_ns=max(begin_ns, known.since_ns or begin_ns) if fails else None,
-            frames=(frame,) if fails else (),
+            count=int(fails), first_ns=max(busiest.begin_ns, known.since_ns or busiest.begin_ns) if fails else None,
+            frames=(busiest.frame,) if fails else (),
         )  # fmt: skip
 
 
 def _watch(setting: Setting, told: Mapping[str, Any]) -> LoadWatcher:
-    return LoadWatcher(told["window"], setting.since_ns)
+    return LoadWatcher(told["window"], setting.since_ns, while_so(setting))
 
 
 CHECKS = (
@@ -108,6 +157,6 @@ CHECKS = (
             Parameter("window", SPAN, "how long one looks", _SECOND_NS),
             Parameter("channel", array(TEXT, single=True), "channels by name; else every one", ()),
         ),
-        _watch,
+        _watch, at_times=True,
     ),
 )  # fmt: skip

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 from nvscope.check.check import Check, Evidence, Judge
-from nvscope.check.counted_while import CountedWhile, telegrams_of, watch_counters
+from nvscope.check.counted_while import NOTHING_CAME, CountedWhile, telegrams_of, watch_counters
 from nvscope.check.parameters import AMOUNT, RATIO, Parameter
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.list_key import ListKey, Transport
@@ -52,6 +52,8 @@ def _at_most(
     key, limit, counted = known.keys[subject.list], told["max"], told["watched"]
     if value is None:
         return Judged(Verdict.INCONCLUSIVE, key, reason=_NOT_BELIEVED, limit=limit, unit=unit)
+    if counted is not None and counted.holds is not None and not value and not counted.telegrams(subject.list):
+        return Judged(Verdict.INCONCLUSIVE, key, reason=NOTHING_CAME, limit=limit, unit=unit, vacuous=True)
     if value <= limit:
         return Judged(Verdict.PASS, key, worst=value, limit=limit, unit=unit)
     verdict, reason = Verdict.FAIL, ""
@@ -96,7 +98,9 @@ def _loss(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) 
             if told["list_named"]:
                 yield _without_header(known, subject, told["max"], "ratio")
             continue
-        share = None if lost is None else lost / (lost + telegrams) if lost + telegrams else 0.0
+        # Where a Counter begins anew between them, more may come late than was ever missing.
+        missing = None if lost is None else max(lost, 0)
+        share = None if missing is None else missing / (missing + telegrams) if missing + telegrams else 0.0
         yield _at_most(known, subject, "lost", share, told, "ratio")
 
 

@@ -10,10 +10,12 @@ from nvscope.check.check import Check, Evidence, Setting
 from nvscope.check.condition import told_of_plants
 from nvscope.check.doubt import all_near_drops, doubt, parts
 from nvscope.check.figure_windows import FigureWindows
+from nvscope.check.happened_while import HappenedWhile, judged_while, watch_what_happens
 from nvscope.check.moments import FirstWatcher, SequenceWatcher, TruthWatcher, WaitWatcher
 from nvscope.check.occurrences import Occurrences
 from nvscope.check.parameters import AMOUNT, EXPRESSION, EXPRESSIONS, REQUIRED, Parameter, Unfit
 from nvscope.check.verdict import Judged, Verdict
+from nvscope.check.while_so import NEVER_SO, NO_WHOLE_WINDOW
 from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey
 from nvscope.toml_table import LENGTH, SPAN
@@ -84,8 +86,8 @@ def _sequence(known: Evidence, lists: Collection[ListKey], told: Mapping[str, An
 
 def _truth(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
     watcher = told["watched"]
-    if watcher is None:
-        yield _matching(known, told["expr"])
+    if watcher is None or isinstance(watcher, HappenedWhile):
+        yield _matching(known, told["expr"], watcher)
         return
     if known.until_ns is None:
         return
@@ -108,16 +110,16 @@ def _truth(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any])
     )  # fmt: skip
 
 
-def _matching(known: Evidence, expression: str) -> Judged:
+def _matching(known: Evidence, expression: str, watched: HappenedWhile | None) -> Judged:
     """Return the verdict on what is to happen never: findings and causes that an expression is true of."""
-    found = known.matching(expression)
+    found, verdict, reason = judged_while(known.matching(expression), watched)
     frames = sorted({frame for one in found for frame in one.frames})[:FRAMES_KEPT]
     begin_ns = [one for one in map(_begin_ns, found) if one is not None]
     titles = list(
         dict.fromkeys(one.title if isinstance(one, Cause) else f"{one.code} {one.kind.name}" for one in found)
     )
     return Judged(
-        Verdict.FAIL if found else Verdict.PASS, reason="; ".join(titles[:3]), worst=len(found), limit=0, unit="events",
+        verdict, reason=reason or "; ".join(titles[:3]), worst=len(found), limit=0, unit="events",
         count=len(found), first_ns=min(begin_ns, default=None), frames=tuple(frames),
     )  # fmt: skip
 
@@ -127,17 +129,17 @@ def _begin_ns(one: Finding | Cause) -> int | None:
 
 
 def _watch_truth(*, wanted: bool) -> Any:
-    def watch(setting: Setting, told: Mapping[str, Any]) -> TruthWatcher | FigureWindows | None:
+    def watch(setting: Setting, told: Mapping[str, Any]) -> TruthWatcher | FigureWindows | HappenedWhile | None:
         if told["window"] is not None:
             return FigureWindows(setting, told["expr"], told["window"], told["for"], wanted=wanted)
         if told_of_plants(told["expr"], setting.fields):
-            if wanted or setting.when or told["for"]:
+            if wanted or told["for"]:
                 raise Unfit(
                     "causes and findings begin by themselves, and hold at no moment",
                     "expr",
-                    next_step="never is for what must not happen, without when and for",
+                    next_step="never is for what must not happen, without for",
                 )
-            return None
+            return watch_what_happens(setting, told)
         return TruthWatcher(setting, told["expr"], told["for"], wanted=wanted)
 
     return watch
@@ -171,7 +173,11 @@ def _occurrence(known: Evidence, lists: Collection[ListKey], told: Mapping[str, 
         return
     windows = watcher.windows(known.until_ns)
     if not windows:
-        yield Judged(Verdict.INCONCLUSIVE, reason=_TOO_SHORT)
+        is_conditional = watcher.is_conditional
+        reason = _TOO_SHORT
+        if is_conditional:
+            reason = NO_WHOLE_WINDOW if watcher.judged else NEVER_SO
+        yield Judged(Verdict.INCONCLUSIVE, reason=reason, vacuous=is_conditional)
         return
     if told["expr"] is not None:
         yield _of_windows(known, watcher, 0, None, windows, told)

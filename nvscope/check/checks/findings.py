@@ -7,6 +7,7 @@ from typing import Any
 
 from nvscope.causes.catalogue import KINDS
 from nvscope.check.check import Check, Evidence
+from nvscope.check.happened_while import judged_while, watch_what_happens
 from nvscope.check.parameters import AMOUNT, Parameter, one_of
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.findings.catalogue import CATALOGUE as FINDINGS
@@ -56,12 +57,12 @@ def _findings(known: Evidence, lists: Collection[ListKey], told: Mapping[str, An
         if one.kind.severity >= least and not {one.code, one.kind.name} & allowed
         and _concerns(known, _lists_of(known, one), set() if one.node is None else {one.node}, lists, told)
     ]  # fmt: skip
+    found, verdict, reason = judged_while(found, told["watched"])
     frames = sorted({frame for one in found for frame in one.frames})[:FRAMES_KEPT]
     times = [one.first_ns for one in found if one.first_ns is not None]
     yield Judged(
-        Verdict.FAIL if found else Verdict.PASS, reason=_told([f"{one.code} {one.kind.name}" for one in found]),
-        worst=len(found), limit=0, unit="findings", count=len(found), first_ns=min(times, default=None),
-        frames=tuple(frames),
+        verdict, reason=reason or _told([f"{one.code} {one.kind.name}" for one in found]), worst=len(found), limit=0,
+        unit="findings", count=len(found), first_ns=min(times, default=None), frames=tuple(frames),
     )  # fmt: skip
 
 
@@ -72,11 +73,12 @@ def _causes(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]
         if one.severity >= least and one.kind.name not in allowed
         and _concerns(known, set(one.lists), set(one.nodes), lists, told)
     ]  # fmt: skip
+    found, verdict, reason = judged_while(found, told["watched"])
     times = [one.since_ns for one in found if one.since_ns is not None]
     frames = sorted({frame for one in found for frame in one.frames})[:FRAMES_KEPT]
     yield Judged(
-        Verdict.FAIL if found else Verdict.PASS, reason=_told([one.title for one in found]), worst=len(found), limit=0,
-        unit="causes", count=len(found), first_ns=min(times, default=None), frames=tuple(frames),
+        verdict, reason=reason or _told([one.title for one in found]), worst=len(found), limit=0, unit="causes",
+        count=len(found), first_ns=min(times, default=None), frames=tuple(frames),
     )  # fmt: skip
 
 
@@ -106,6 +108,7 @@ CHECKS = (
             Parameter("severity", _SEVERITY, "from which on they count", "warning"),
             Parameter("allow", array(_FINDINGS, single=True), "codes or names of those that may be", ()), _NODE,
         ),
+        watch_what_happens, at_times=True,
     ),
     Check(
         "causes", "capture", "A report has no causes but those that are allowed.", "causes", "there is one",
@@ -114,6 +117,7 @@ CHECKS = (
             Parameter("severity", _SEVERITY, "from which on they count", "warning"),
             Parameter("allow", array(_CAUSES, single=True), "kinds of those that may be", ()), _NODE,
         ),
+        watch_what_happens, at_times=True,
     ),
     Check(
         "capture_quality", "capture", "The capture is good enough to be judged.", "frames that it lost",

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from nvscope.check.check import Check, Evidence
 from nvscope.check.counted_while import CountedWhile, telegrams_of, watch_at_times
 from nvscope.check.doubt import BEGAN_LATER, doubt
+from nvscope.check.first_telegrams import FirstTelegrams, watch_first
 from nvscope.check.parameters import Parameter
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.list_key import ListKey
@@ -20,33 +22,49 @@ _SECOND_NS = 1_000_000_000
 _TOO_SHORT = "the capture is shorter than the rule needs"
 
 
-def _first_ns(known: Evidence, counted: CountedWhile | None) -> Mapping[ListKey, int]:
-    """Return when each list came the first time, behind the warm-up or before; or while it is ``counted``."""
-    if counted is not None:
-        came = {key: counted.first_ns(number) for number, key in known.keys.items()}
-        return {key: first_ns for key, first_ns in came.items() if first_ns is not None}
-    found = {one.key: min(stream.first_ns for stream in one.streams) for one in known.summary.lists if one.streams}
-    return found | {
-        one.key: min(stream.first_ns for stream in one.streams) for one in known.summary.can.lists if one.streams
-    }
+def _first_ns(known: Evidence, watched: FirstTelegrams | None) -> Mapping[ListKey, int]:
+    """Return when each list came the first time, behind the warm-up or before; or while it is ``watched``."""
+    found: dict[ListKey, int] = {}
+    streams = [(one.key, stream.stream, stream.first_ns) for one in known.summary.lists for stream in one.streams]
+    streams += [(one.key, stream.stream, stream.first_ns) for one in known.summary.can.lists for stream in one.streams]
+    for key, stream, first_ns in streams:
+        first = (first_ns, 0) if watched is None else watched.of(stream)
+        if first is not None:
+            found[key] = min(first[0], found.get(key, first[0]))
+    return found
 
 
-def _first_frames(known: Evidence, streams: Iterable[StreamSummary], nodes: Collection[str]) -> tuple[int, ...]:
-    """Return the first frame of each of some nodes in some streams, the first of them in front."""
+@dataclass(frozen=True, slots=True)
+class _Sent:
+    """The first telegram of a stream that is judged: who sent it, when, and its frame."""
+
+    node: int
+    address: str
+    first_ns: int
+    frame: int
+
+
+def _sent(known: Evidence, streams: Iterable[StreamSummary], watched: FirstTelegrams | None) -> list[_Sent]:
+    """Return what some streams have sent, of those that have sent anything."""
+    first_of = known.first_telegram if watched is None else watched.of
+    first = ((one, first_of(one.stream)) for one in streams if one.telegrams)
+    return [_Sent(one.node, known.summary.addresses[one.node], *at) for one, at in first if at is not None]
+
+
+def _first_frames(sent: Iterable[_Sent], nodes: Collection[str]) -> tuple[int, ...]:
+    """Return the first frame of each of some nodes, the first of them in front."""
     frames: dict[int, int] = {}
-    for one in streams:
-        frame = known.first_frame(one.stream)
-        if frame is not None and known.summary.addresses[one.node] in nodes:
-            frames[one.node] = min(frame, frames.get(one.node, frame))
+    for one in sent:
+        if one.address in nodes:
+            frames[one.node] = min(one.frame, frames.get(one.node, one.frame))
     return tuple(sorted(frames.values())[:FRAMES_KEPT])
 
 
-def _frames_of(known: Evidence, key: ListKey) -> tuple[int, ...]:
-    """Return the first frame of a list, nothing where none came."""
+def _first_of(known: Evidence, key: ListKey) -> tuple[int, int] | None:
+    """Return when the first telegram of a list came, and its frame; None where none did."""
     own = [stream.stream for one in known.summary.lists if one.key == key for stream in one.streams]
     own += [stream.stream for one in known.summary.can.lists if one.key == key for stream in one.streams]
-    frames = [known.first_frame(one) for one in own]
-    return tuple(sorted(one for one in frames if one is not None)[:1])
+    return min((first for one in own if (first := known.first_telegram(one)) is not None), default=None)
 
 
 def _present(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
@@ -65,9 +83,10 @@ def _present(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any
         elif came_ns is not None and known.since_ns is not None and known.began_between(known.since_ns, came_ns):
             verdict, reason = Verdict.INCONCLUSIVE, BEGAN_LATER
         worst_s = None if took_ns is None else took_ns / _SECOND_NS
+        first_of = _first_of(known, key) if verdict is Verdict.FAIL else None
         yield Judged(
             verdict, key, reason=reason, worst=worst_s, limit=limit_s, unit="s", first_ns=came_ns,
-            frames=_frames_of(known, key) if verdict is Verdict.FAIL else (),
+            frames=first_of[1:] if first_of else (),
         )  # fmt: skip
 
 
@@ -78,17 +97,17 @@ def _is_too_short(known: Evidence, within_ns: int | None) -> bool:
 
 
 def _absent(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
-    counted = told["watched"]
-    first = _first_ns(known, counted)
-    subjects = [one for one in known.of(Of.LIST, lists) if one.list is not None]
-    came = {known.keys[one.list]: telegrams_of(one, counted) for one in subjects if one.list is not None}
+    counted: CountedWhile | None = told["watched"]
+    subjects = {known.keys[one.list]: one for one in known.of(Of.LIST, lists) if one.list is not None}
     for key in sorted(lists):
-        telegrams = came.get(key, 0)
-        verdict = Verdict.FAIL if telegrams else Verdict.PASS
+        own = subjects.get(key)
+        telegrams = 0 if own is None else telegrams_of(own, counted)
+        first = None
+        if own is not None and telegrams:
+            first = _first_of(known, key) if counted is None else counted.first(own.list)
         yield Judged(
-            verdict, key, worst=telegrams, limit=0, unit="telegrams", count=telegrams,
-            first_ns=max(first[key], known.since_ns or 0) if telegrams and key in first else None,
-            frames=_frames_of(known, key) if telegrams and counted is None else (),
+            Verdict.FAIL if telegrams else Verdict.PASS, key, worst=telegrams, limit=0, unit="telegrams",
+            count=telegrams, first_ns=first[0] if first else None, frames=first[1:] if first else (),
         )  # fmt: skip
 
 
@@ -97,8 +116,8 @@ def _single_sender(known: Evidence, lists: Collection[ListKey], told: Mapping[st
     for entry in known.summary.lists:
         if entry.key not in lists:
             continue
-        sending = [one for one in entry.streams if one.telegrams]
-        senders = [known.summary.addresses[node] for node in dict.fromkeys(one.node for one in sending)]
+        sending = _sent(known, entry.streams, told["watched"])
+        senders = list(dict.fromkeys(one.address for one in sending))
         if not senders:
             continue
         strangers = (
@@ -109,15 +128,15 @@ def _single_sender(known: Evidence, lists: Collection[ListKey], told: Mapping[st
         if strangers:
             verb = "send it, and are not named" if len(strangers) > 1 else "sends it, and is not named"
             reason = f"{', '.join(strangers)} {verb}"
-        begins = sorted((one.first_ns, known.summary.addresses[one.node]) for one in sending)
+        begins = sorted((one.first_ns, one.address) for one in sending)
         others = [first_ns for first_ns, node in begins if node in (strangers or [begins[-1][1]])]
-        frames = _first_frames(known, sending, strangers or [begins[-1][1]]) if fails else ()
+        frames = _first_frames(sending, strangers or [begins[-1][1]]) if fails else ()
         # One that is alone and not named is one too many.
         worst, limit = (len(strangers), 0) if strangers and len(senders) == 1 else (len(senders), 1)
         yield Judged(
             Verdict.FAIL if fails else Verdict.PASS, entry.key, reason=reason, worst=worst, limit=limit,
             unit="senders", count=len(senders) if fails else 0,
-            first_ns=max(min(others), known.since_ns or 0) if fails and others else None, frames=frames,
+            first_ns=min(others) if fails and others else None, frames=frames,
         )  # fmt: skip
 
 
@@ -127,10 +146,10 @@ def _known_nodes(known: Evidence, lists: Collection[ListKey], told: Mapping[str,
         yield Judged(Verdict.INCONCLUSIVE, reason="no node is named, neither by the rule nor by the project")
         return
     begins: dict[str, int] = {}
-    sending = [one for entry in known.summary.lists if entry.key in lists for one in entry.streams if one.telegrams]
+    streams = (one for entry in known.summary.lists if entry.key in lists for one in entry.streams)
+    sending = _sent(known, streams, told["watched"])
     for one in sending:
-        node = known.summary.addresses[one.node]
-        begins[node] = min(one.first_ns, begins.get(node, one.first_ns))
+        begins[one.address] = min(one.first_ns, begins.get(one.address, one.first_ns))
     if not begins:
         yield Judged(Verdict.INCONCLUSIVE, reason="nobody sends anything that has an address", vacuous=True)
         return
@@ -138,8 +157,8 @@ def _known_nodes(known: Evidence, lists: Collection[ListKey], told: Mapping[str,
     yield Judged(
         Verdict.FAIL if strangers else Verdict.PASS, reason=f"not named: {', '.join(strangers)}" if strangers else "",
         worst=len(strangers), limit=0, unit="nodes", count=len(strangers),
-        first_ns=max(min(begins[one] for one in strangers), known.since_ns or 0) if strangers else None,
-        frames=_first_frames(known, sending, strangers),
+        first_ns=min(begins[one] for one in strangers) if strangers else None,
+        frames=_first_frames(sending, strangers),
     )  # fmt: skip
 
 
@@ -147,7 +166,7 @@ CHECKS = (
     Check(
         "present", "list", "A list is sent.", "time of its first telegram", "none came until then",
         'check = "present"\nlist = "axis"\nwithin = "2s"', _present,
-        (Parameter("within", LENGTH, "by when its first telegram has to be there; else at all", None),), watch_at_times,
+        (Parameter("within", LENGTH, "by when its first telegram has to be there; else at all", None),), watch_first,
         at_times=True,
     ),
     Check(
@@ -159,10 +178,12 @@ CHECKS = (
         "there are several, or one that is not named",
         'check = "single_sender"\nlist = "axis"\nsenders = ["press-1"]', _single_sender,
         (Parameter("senders", array(TEXT, single=True), "addresses or names of nodes that may; else any one", ()),),
+        watch_first, at_times=True,
     ),
     Check(
         "known_nodes", "capture", "Nobody sends who is not known.", "nodes that send and are not named", "there is one",
         'check = "known_nodes"\nnodes = ["192.168.1.10", "press-2"]', _known_nodes,
         (Parameter("nodes", array(TEXT, single=True), "addresses or names; else those of the project", ()),),
+        watch_first, at_times=True,
     ),
 )  # fmt: skip

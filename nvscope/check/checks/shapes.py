@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
-from nvscope.check.asked_rows import EVERY_LIST, OfLists
 from nvscope.check.check import Check, Evidence, Setting
-from nvscope.check.early_cycles import Counted, EarlyCycles
+from nvscope.check.counted_while import NOTHING_CAME, CountedWhile, watch_at_times
+from nvscope.check.cycle_watcher import CycleWatcher, watch_cycles
+from nvscope.check.doubt import doubt_of_clock
+from nvscope.check.happened_while import NOBODY_KNOWS, happened_while
+from nvscope.check.judged_cycles import JudgedCycles
 from nvscope.check.parameters import RATIO, Parameter
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.findings.can import DLC_MISMATCH
@@ -15,18 +18,20 @@ from nvscope.findings.definition import DEFINITION_MISMATCH
 from nvscope.list_key import ListKey
 from nvscope.toml_table import SPAN
 from nvscope.tracker.counters import Scope
-from nvscope.tracker.event_kinds import FRAMES_KEPT, EventKind
 from nvscope.tracker.figures import Of
 from nvscope.units import count_of, duration
 
 _SECOND_NS = 1_000_000_000
+_AROUND_NS = 1_000_000_000
 _MISFITS = (DEFINITION_MISMATCH, DLC_MISMATCH)
 """The findings that say that telegrams are not as a definition has them."""
 
 
 def _definition(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
     defined = known.project.definition.by_key()
+    watched: CountedWhile | None = told["watched"]
     came = {one.list: known.keys[one.list] for one in known.of(Of.LIST, lists) if one.list is not None}
+    numbers = {key: number for number, key in came.items()}
     unfit: dict[ListKey, list[Any]] = {}
     for finding in known.findings:
         if finding.kind in _MISFITS:
@@ -41,7 +46,15 @@ def _definition(known: Evidence, lists: Collection[ListKey], told: Mapping[str, 
         if key not in came.values():
             yield Judged(Verdict.INCONCLUSIVE, key, reason="it never came")
             continue
-        found = unfit.get(key)
+        every = unfit.get(key, [])
+        found = every
+        if watched is not None and watched.holds is not None:
+            has = [happened_while(one, watched.holds.spans) for one in every]
+            found = [one for one, is_so in zip(every, has, strict=True) if is_so]
+            if not found and (None in has or not watched.telegrams(numbers[key])):
+                reason, is_vacuous = (NOBODY_KNOWS, False) if None in has else (NOTHING_CAME, True)
+                yield Judged(Verdict.INCONCLUSIVE, key, reason=reason, limit=0, unit="findings", vacuous=is_vacuous)
+                continue
         if not found:
             yield Judged(Verdict.PASS, key, worst=0, limit=0, unit="findings")
             continue
@@ -56,72 +69,89 @@ def _definition(known: Evidence, lists: Collection[ListKey], told: Mapping[str, 
         )  # fmt: skip
 
 
-def _watch_cycles(setting: Setting, told: Mapping[str, Any]) -> EarlyCycles:
-    lists = OfLists(patterns=setting.lists) if setting.lists else EVERY_LIST
-    return EarlyCycles(setting.rows, lists, setting.since_ns)
+def _watch_cycles(setting: Setting, told: Mapping[str, Any]) -> CycleWatcher:
+    return watch_cycles(setting)
 
 
 def _coherence(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
-    most, skew_limit_ns = told["max"], told["skew"]
-    watcher: EarlyCycles = told["watched"]
+    watcher: CycleWatcher = told["watched"]
     for entry in known.summary.lists:
         if entry.key not in lists:
             continue
         for node in dict.fromkeys(stream.node for stream in entry.streams):
             own = [stream.stream for stream in entry.streams if stream.node == node]
-            if len(own) < 2:
-                if told["list_named"]:
-                    reason = "all of it is in one telegram"
-                    yield Judged(
-                        Verdict.INCONCLUSIVE, entry.key, known.node(node), reason=reason, limit=most, unit="ratio"
-                    )
-                continue
-            scope = known.scope_of(entry.number)
-            early = watcher.counted(own) if scope != Scope.NODE_TELEGRAM else Counted()
-            cycles, torn, skew_ns = known.cycles(own) or (0, 0, 0)
-            counted = cycles + early.cycles, torn + early.torn, max(skew_ns, early.skew_ns)
-            if not counted[0]:
-                yield Judged(
-                    Verdict.INCONCLUSIVE, entry.key, known.node(node),
-                    reason="it came for too short: cycles are told once its intervals are known",
-                    limit=most, unit="ratio",
-                )  # fmt: skip
-                continue
-            yield _of_cycles(
-                known, entry.number, entry.key, known.node(node), counted, early.frames, most, skew_limit_ns
-            )  # fmt: skip
+            place = entry.number, entry.key, known.node(node)
+            if len(own) > 1:
+                cycles = watcher.of(own, early=known.scope_of(entry.number) != Scope.NODE_TELEGRAM)
+                yield _of_cycles(known, place, cycles, told)
+            elif told["list_named"]:
+                yield _undecided(place, "all of it is in one telegram", told)
+    for on_can in known.summary.can.lists:
+        if on_can.key not in lists or not on_can.streams:
+            continue
+        defined = () if on_can.extended or known.pdos is None else known.pdos.own_of(on_can.key)
+        place = on_can.number, on_can.key, None
+        if len(defined) > 1:
+            cycles = watcher.on_can([one.stream for one in on_can.streams], len(defined))
+            yield _of_cycles(known, place, cycles, told)
+        elif told["list_named"]:
+            reason = "all of it is in one frame" if defined else "only a definition says which frames belong together"
+            yield _undecided(place, reason, told)
 
 
-def _of_cycles(
-    known: Evidence, number: int, key: ListKey, node: str | None, counted: tuple[int, int, int],
-    early: Sequence[tuple[int, int]], most: float, skew_limit_ns: int | None,
-) -> Judged:  # fmt: skip
-    cycles, torn, skew_ns = counted
-    share = torn / cycles
-    if skew_limit_ns is not None and skew_ns > skew_limit_ns and share <= most:
-        return Judged(
-            Verdict.FAIL, key, node, reason="the parts of one cycle are that far apart", worst=skew_ns / _SECOND_NS,
-            limit=skew_limit_ns / _SECOND_NS, unit="s",
-        )  # fmt: skip
-    verdict, reason = Verdict.PASS, f"{torn} of {count_of(cycles, 'cycle')}" if torn else ""
-    frames = sorted([*early, *known.frames.of([EventKind.TORN_CYCLE], number)])[:FRAMES_KEPT] if torn else []
+Place = tuple[int, ListKey, str | None]
+"""A list by number and key, and the node that sends it."""
+
+
+def _undecided(place: Place, reason: str, told: Mapping[str, Any]) -> Judged:
+    return Judged(Verdict.INCONCLUSIVE, *place[1:], reason=reason, limit=told["max"], unit="ratio")
+
+
+def _of_cycles(known: Evidence, place: Place, found: JudgedCycles | None, told: Mapping[str, Any]) -> Judged:
+    most, skew_limit_ns = told["max"], told["skew"]
+    if found is None or not found.cycles:
+        return _undecided(place, "it came for too short: cycles are told once its intervals are known", told)
+    share = found.torn / found.cycles
+    if skew_limit_ns is not None and found.skew_ns > skew_limit_ns and share <= most:
+        return _too_far_apart(known, place, found, skew_limit_ns)
+    verdict, reason = Verdict.PASS, f"{found.torn} of {count_of(found.cycles, 'cycle')}" if found.torn else ""
     if share > most:
         verdict = Verdict.FAIL
-        if known.drops and torn - known.drops <= most * cycles:
-            verdict = Verdict.INCONCLUSIVE
-            reason = f"the capture itself lost {count_of(known.drops, 'frame')}: it may have been these"
+        if why := _may_be_drops(known, found, most):
+            verdict, reason = Verdict.INCONCLUSIVE, why
     elif skew_limit_ns is not None:
-        reason = f"its parts are up to {duration(skew_ns)} apart"
+        reason = f"its parts are up to {duration(found.skew_ns)} apart"
     return Judged(
-        verdict, key, node, reason=reason, worst=share, limit=most, unit="ratio", count=torn,
-        first_ns=frames[0][1] if frames else None, frames=tuple(frame for frame, _ in frames),
+        verdict, *place[1:], reason=reason, worst=share, limit=most, unit="ratio", count=found.torn,
+        first_ns=found.frames[0][1] if found.frames else None, frames=tuple(frame for frame, _ in found.frames),
+    )  # fmt: skip
+
+
+def _may_be_drops(known: Evidence, found: JudgedCycles, most: float) -> str:
+    """Return what the capture itself lost, where the rest of the torn cycles would be allowed."""
+    near = [known.lost_between(at_ns - _AROUND_NS, at_ns + _AROUND_NS) for _, at_ns in found.frames]
+    drops = max(near, default=known.drops)
+    if not drops or found.torn - drops > most * found.cycles or (not most and not min(near, default=1)):
+        return ""
+    return f"the capture itself lost {count_of(known.drops, 'frame')}: it may have been these"
+
+
+def _too_far_apart(known: Evidence, place: Place, found: JudgedCycles, limit_ns: int) -> Judged:
+    frame, begin_ns = found.widest or (None, None)
+    verdict, reason = Verdict.FAIL, "the parts of one cycle are that far apart"
+    if why := doubt_of_clock(known, begin_ns):
+        verdict, reason = Verdict.INCONCLUSIVE, why
+    return Judged(
+        verdict, *place[1:], reason=reason, worst=found.skew_ns / _SECOND_NS, limit=limit_ns / _SECOND_NS, unit="s",
+        count=1, first_ns=begin_ns, frames=() if frame is None else (frame,),
     )  # fmt: skip
 
 
 CHECKS = (
     Check(
         "definition", "list", "Telegrams are as their definition has them.", "the first variable that does not fit",
-        "there is one", 'check = "definition"\nlist = "axis"', _definition, needs_definitions=True,
+        "there is one", 'check = "definition"\nlist = "axis"', _definition, (),
+        watch_at_times, needs_definitions=True, at_times=True,
     ),
     Check(
         "coherence", "list", "The telegrams of a list that takes several belong together.",
@@ -132,6 +162,6 @@ CHECKS = (
             Parameter("max", RATIO, "so large a share of the cycles may lack a part", 0.0),
             Parameter("skew", SPAN, "so far apart the parts of a cycle may be", None),
         ),
-        _watch_cycles,
+        _watch_cycles, at_times=True,
     ),
 )  # fmt: skip
