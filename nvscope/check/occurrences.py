@@ -132,17 +132,16 @@ class Occurrences(MomentWatcher):
         changes = np.flatnonzero(np.diff(so, prepend=self._was_so)).tolist()
         bounds = [0, *(one for one in changes if one), len(so)]
         for start, stop in pairwise(bounds):
+            is_first, self._is_first = self._is_first, False
             if not so[start]:
                 self._leave(int(asked.time_ns[start]))
                 continue
             if self._begin_ns is None:
                 # What is so from the first moment on has never been otherwise.
-                since_ns = self.start_ns if self._was_so or self._is_first else int(asked.time_ns[start])
+                since_ns = self.start_ns if self._was_so or is_first else int(asked.time_ns[start])
                 self._begin(max(since_ns, self.start_ns))
-            self._was_so = True
             self._take(asked, happened, slice(start, stop))
-            self._is_first = False
-        self._was_so, self._is_first = bool(so[-1]), False
+        self._was_so = bool(so[-1])
 
     def _take(self, asked: Asked, happened: Bool, part: slice) -> None:
         """Count what happened among some of the telegrams."""

@@ -45,6 +45,9 @@ FAST_OUTSIDE, FAST_INSIDE = {"extra": [5060]}, {"extra": [3060]}
         ('check = "min_gap"\nlist = 8\nmin = "50ms"', FAST_OUTSIDE, FAST_INSIDE, 0.01),
         ('check = "absent"\nlist = 8', {"left_out": [(2000, 4100), (6000, 8100)]}, {}, 40),
         ('check = "occurrence"\nlist = 8\nper = "2s"\nmax = 19', {"left_out": [(2300, 2400), (6300, 6400)]}, {}, 20),
+        ('check = "occurrence"\nlist = 8\nper = "1s"\nmin = 9', OUTSIDE, INSIDE, 5),
+        ('check = "always"\nlist = 8\nexpr = "list.telegrams > 8"\nwindow = "1s"', OUTSIDE, INSIDE, 2.0),
+        ('check = "always"\nlist = 8\nexpr = "list.interval_max < 0.5"\nwindow = "1s"', OUTSIDE, INSIDE, 1.0),
     ],
 )
 def test_what_happens_at_other_times_breaks_nothing(

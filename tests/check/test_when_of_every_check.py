@@ -13,7 +13,7 @@ from nvscope.check.catalogue import CATALOGUE
 from nvscope.check.deciding import Decided
 from nvscope.check.rules import read_rules
 from nvscope.check.run import checked
-from nvscope.check.verdict import Judged, Verdict
+from nvscope.check.verdict import Verdict
 from nvscope.simulate.scenario_file import load_scenario
 from tests.check.plants import ruled
 from tests.check.scenario_captures import SCENARIOS
@@ -95,31 +95,39 @@ def test_halves_make_a_whole(tmp_path_factory: pytest.TempPathFactory, name: str
         assert parts == told, one.rule.check.name
 
 
-PLANT = """
-title = "A plant with a fault at a time"
-duration = "30s"
-[[node]]
-name = "press"
-address = "192.168.1.10"
-[[node]]
-name = "hmi"
-address = "192.168.1.20"
-[[list]]
-name = "axis"
-index = 7
-sender = "press"
-bytes = [256, 40]
-interval = "50ms"
-{list}
-{more}
-"""
-ACKNOWLEDGED = 'acknowledge = true\nto = "192.168.1.20"\nreaders = ["hmi"]'
+@pytest.mark.parametrize(
+    ("name", "rule", "kept", "broken"),
+    [
+        ("second-sender", 'check = "single_sender"', "frame.number < 195", "frame.number > 300"),
+        ("second-sender", 'check = "known_nodes"\nnodes = "192.168.1.10"', "frame.number < 195", "frame.number > 300"),
+        ("second-sender", 'check = "causes"\nlist = 7', "frame.number < 195", "frame.number > 300"),
+        ("second-sender", 'check = "findings"\nlist = 7', "frame.number < 195", "frame.number < 205"),
+        ("second-sender", 'check = "never"\nexpr = "cause.kind"', "frame.number < 195", "frame.number > 300"),
+        (
+            "can-burst",
+            'check = "bus_load"\nmax = "4%"\nwindow = "100ms"',
+            "frame.number < 550",
+            "frame.number > 550",
+        ),
+        ("can-missing-pdo", 'check = "coherence"\nmax = "0.2%"', "frame.number < 140", "frame.number >= 140"),
+        ("acknowledgement-missing", 'check = "acknowledged"', "frame.number < 190", "frame.number < 210"),
+        ("boot-up", 'check = "boot_up"', "frame.number < 20", "frame.number >= 20"),
+        ("shape-change", 'check = "findings"\nseverity = "note"', "frame.number < 95", "frame.number < 105"),
+    ],
+)
+def test_what_happened_at_other_times_breaks_nothing(
+    name: str, rule: str, kept: str, broken: str, tmp_path: Path
+) -> None:
+    (usual,) = decided(name, tmp_path, rule)
+    assert usual.verdict is Verdict.FAIL
+    for when, verdict in ((kept, Verdict.PASS), (broken, Verdict.FAIL)):
+        (one,) = decided(name, tmp_path, f'{rule}\nwhen = "{when}"')
+        assert one.verdict is verdict, (when, one.subjects)
 
 
-def of_plant(folder: Path, rule: str, *, of_list: str = "", more: str = "", when: str = "") -> Judged:
-    """Return the verdict of one rule on the plant with some more in it."""
-    scenario = folder / "plant.toml"
-    scenario.write_text(PLANT.format(list=of_list, more=more), encoding="utf-8")
-    inquiry = Simulation(load_scenario(scenario)).inquiry(folder)
-    (one,) = checked(inquiry, read_rules([str(ruled(folder, f"{rule}\n{when}"))])).decided
-    return next((subject for subject in one.subjects if subject.verdict is one.verdict), one.subjects[0])
+def test_a_finding_that_goes_on_for_longer_than_its_frames_are_kept_is_not_decided(tmp_path: Path) -> None:
+    """Of 200 lost checksums, the first ten are known one by one: whether one is among the last frames, nobody knows."""
+    rule = 'check = "findings"\nlist = 7\nallow = ["NV401", "NV402"]\nwhen = "frame.number > 590"'
+    (one,) = decided("second-sender", tmp_path, rule)
+    assert one.verdict is Verdict.INCONCLUSIVE
+    assert "nobody knows" in one.subjects[0].reason

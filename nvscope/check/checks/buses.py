@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from dissectors.can.bits import Stuffing, wire_bits
+from dissectors.can.frame import CanBatch
 from nvscope.check.check import Check, Evidence, Setting
 from nvscope.check.parameters import RATIO, REQUIRED, Parameter
 from nvscope.check.verdict import Judged, Verdict
@@ -51,7 +52,6 @@ class LoadWatcher:
         self.length_ns, self.holds, self._since_ns = length_ns, holds, since_ns
         self._open: dict[tuple[str, int], Window] = {}
         self._left_out: set[int] = set()
-        self._last = 0
         self._busiest: dict[str, list[Window]] = defaultdict(list)
         """Of each channel the windows that may be the busiest one, whatever its bit rates are."""
 
@@ -63,12 +63,12 @@ class LoadWatcher:
             changes = so.changes[so.changes + told.first_frame > 1]
             packet = np.append(np.flatnonzero(~so.true), changes)
             self._left_out.update(np.unique(told.packets.ts_ns[packet] // self.length_ns).tolist())
+        if told.can is not None and len(told.can.row):
+            self._count(told, told.can)
         if len(told):
-            self._last = max(self._last, int(told.packets.ts_ns.max()) // self.length_ns)
-            self._left_out = {one for one in self._left_out if one >= self._last - _LATE}
-        frames = told.can
-        if frames is None or not len(frames.row):
-            return
+            self._end(int(told.packets.ts_ns.max()) // self.length_ns - _LATE)
+
+    def _count(self, told: Told, frames: CanBatch) -> None:
         bits = wire_bits(frames, Stuffing.EXACT)
         window = frames.ts_ns // self.length_ns
         channel = frames.channel.astype(np.int64)
@@ -87,10 +87,14 @@ class LoadWatcher:
             found = self._open.setdefault((told.pdos.channel(on), at), Window(0, 0, at * self.length_ns, frame))
             found.bits += own
             found.fast_bits += own_fast
-        for key in [key for key in self._open if key[1] < self._last - _LATE]:
+
+    def _end(self, before: int) -> None:
+        """End the windows before one."""
+        for key in [key for key in self._open if key[1] < before]:
             if key[1] not in self._left_out:
                 _offer(self._busiest[key[0]], self._open[key])
             del self._open[key]
+        self._left_out = {one for one in self._left_out if one >= before}
 
     def windows(self, channel: str) -> list[Window]:
         """Return the windows of a channel of which one is the busiest, whatever its bit rates are; the first first."""
