@@ -19,7 +19,7 @@ from nvscope.engine.run import Observer
 from nvscope.expression.words import Words
 from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey
-from nvscope.tracker.counters import Scope
+from nvscope.tracker.counters import SCOPE_UNUSED, Scope
 from nvscope.tracker.figures import Of
 from nvscope.tracker.subjects import Subject
 from nvscope.tracker.summary import Summary
@@ -59,6 +59,7 @@ class Evidence:
     open_waits: Mapping[int, Sequence[int]] = field(default_factory=dict)
     open_requests: Mapping[int, Sequence[int]] = field(default_factory=dict)
     _there: dict[tuple[Of, ListKey], list[tuple[int, Subject]]] = field(default_factory=dict)
+    _unused: set[int] = field(default_factory=set)
     _scopes: dict[int, Scope] = field(default_factory=dict)
 
     def waited_ns(self, number: int, waiting: Mapping[int, Sequence[int]]) -> Sequence[int]:
@@ -93,10 +94,17 @@ class Evidence:
         """Return what the Counter of the first sender of a list counts."""
         if not self._scopes:
             for entry in self.summary.lists:
+                if any(one.counter_scope == SCOPE_UNUSED for one in entry.streams):
+                    self._unused.add(entry.number)
                 if entry.streams:
                     scope = self.summary.scopes.get(entry.streams[0].node, Scope.STREAM)
                     self._scopes.setdefault(entry.number, scope)
         return self._scopes.get(number, Scope.STREAM)
+
+    def counts_nothing(self, number: int) -> bool:
+        """Tell whether a sender of a list leaves its Counter as it is, so that nothing can be told from it."""
+        self.scope_of(number)
+        return number in self._unused
 
     def of(self, kind: Of, lists: Collection[ListKey]) -> Iterator[Subject]:
         """Yield the subjects of a kind that belong to some lists, of which there is anything behind the warm-up."""

@@ -161,6 +161,9 @@ class FigureWindows:
             if of_counters and number in counters and counters[number].get("lost") is None:
                 yield Judged(Verdict.INCONCLUSIVE, key, reason=_NOT_BELIEVED, limit=limit, unit="s")
                 continue
+            if of_counters and not run.broken and known.counts_nothing(number):
+                yield Judged(Verdict.INCONCLUSIVE, key, reason=_NOT_BELIEVED, limit=limit, unit="s")
+                continue
             verdict = Verdict.FAIL if run.broken else Verdict.PASS
             reason = f"{run.broken} of {count_of(run.windows, 'window')}" if run.broken else ""
             may_be = run.broken == 1 or (run.broken <= known.drops and all_near_drops(known, run.times_ns))

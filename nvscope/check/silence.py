@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
-from typing import ClassVar
+from bisect import insort
+from collections import defaultdict
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -21,24 +22,32 @@ from nvscope.list_key import ListKey
 _PACKET_BITS = 40
 
 
-@dataclass(slots=True)
-class Silence:
-    """The longest time without a telegram of a list: how long, since when, and a frame.
+_MOST_KEPT = 32
+
+
+class Silence(NamedTuple):
+    """A time without a telegram of a list: how long, since when, and a frame.
 
     That is the one that ended it; of a silence up to the end, the one before it. None where there is none.
     ``is_first``: it was before its first telegram.
     """
 
-    longest_ns: int
+    length_ns: int
     begin_ns: int
     frame: int | None
     is_first: bool
+
+    @property
+    def end_ns(self) -> int:
+        """Up to when it was silent."""
+        return self.begin_ns + self.length_ns
 
 
 class SilenceWatcher:
     """An observer of how long lists are not sent, from ``since_ns`` on; None for the first frame.
 
     A silence ends where nobody listens any more, or what ``holds`` does not; the next one begins when that is over.
+    Of each list the longest ones are kept, of those that are longer than some rule allows.
     """
 
     by_stream: ClassVar[bool] = True
@@ -51,8 +60,16 @@ class SilenceWatcher:
         self._keys: list[ListKey] = []
         self._lists = _SilentColumns()
         self._is_heard = True
+        self._least_ns: int | None = None
+        self._kept: dict[int, list[Silence]] = defaultdict(list)
+        """By list, those that are kept, the longest last."""
+
         self._before = 0, 0
         """The longest time up to an end of all listening, and since when it was: so long a list was silent at least."""
+
+    def want(self, longer_than_ns: int) -> None:
+        """Keep silences that are so long, beside those wanted so far."""
+        self._least_ns = longer_than_ns if self._least_ns is None else min(self._least_ns, longer_than_ns)
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
@@ -92,7 +109,20 @@ class SilenceWatcher:
         row = own[longer]
         known.longest_ns[row], known.begin_ns[row] = until_ns - since_ns[longer], since_ns[longer]
         known.frame[row], known.first[row] = 0, ~known.came[row]
+        self._keep(own, until_ns - since_ns, since_ns, np.zeros(len(own), np.int64), ~known.came[own])
         known.paused[own] = True
+
+    def _keep(self, lists: I64, length_ns: I64, begin_ns: I64, frame: I64, is_first: Bool) -> None:
+        """Keep those that are among the longest of their lists, of those that are wanted."""
+        if self._least_ns is None:
+            return
+        row = np.flatnonzero((length_ns > self._least_ns) & (length_ns > self._lists.least_ns[lists]))
+        columns = lists, length_ns, begin_ns, frame, is_first
+        for number, *values in zip(*(one[row].tolist() for one in columns), strict=True):
+            kept = self._kept[number]
+            insort(kept, Silence(values[0], values[1], values[2] or None, values[3]), key=lambda one: one.length_ns)
+            if len(kept) > _MOST_KEPT:
+                self._lists.least_ns[number] = kept.pop(0).length_ns
 
     def _resume(self, at_ns: int) -> None:
         """Let the silences begin that were left."""
@@ -158,6 +188,9 @@ class SilenceWatcher:
         known.begin_ns[own[longer]] = before_ns[row[longer]]
         known.frame[own[longer]] = packet[row[longer]] + first_frame
         known.first[own[longer]] = ~known.came[own[longer]] & (row[longer] == begin[longer])
+        is_first = np.zeros(len(lists), np.bool_)
+        is_first[begin] = ~known.came[own]
+        self._keep(lists, gap_ns, before_ns, packet + first_frame, is_first)
         known.last_ns[own] = behind_ns[np.append(begin[1:], len(lists)) - 1]
         known.last_frame[own] = packet[np.append(begin[1:], len(lists)) - 1] + first_frame
         known.came[own] = True
@@ -167,8 +200,11 @@ class SilenceWatcher:
         since_ns = until_ns if self._since_ns is None else self._since_ns
         return max(self._before, (until_ns - since_ns, since_ns)) if self._is_heard else self._before
 
-    def of(self, lists: Collection[ListKey], until_ns: int) -> Mapping[ListKey, Silence]:
-        """Return the longest silence of each of some lists that were ever sent, up to a time."""
+    def of(self, lists: Collection[ListKey], until_ns: int) -> Mapping[ListKey, Sequence[Silence]]:
+        """Return silences of each of some lists that were ever sent, up to a time, the longest first.
+
+        That one is always there, the others are those that are kept.
+        """
         numbers = {key: number for number, key in enumerate(self._keys)}
         found, known = {}, self._lists
         for key in sorted(lists):
@@ -176,12 +212,12 @@ class SilenceWatcher:
             if number is None or not known.came[number]:
                 continue
             last_ns, longest_ns = int(known.last_ns[number]), int(known.longest_ns[number])
-            if until_ns - last_ns > longest_ns and not known.paused[number]:
-                last = int(known.last_frame[number]) or None
-                found[key] = Silence(until_ns - last_ns, last_ns, last, is_first=False)
-                continue
             frame = int(known.frame[number]) or None
-            found[key] = Silence(longest_ns, int(known.begin_ns[number]), frame, is_first=bool(known.first[number]))
+            own = {Silence(longest_ns, int(known.begin_ns[number]), frame, bool(known.first[number]))}
+            if not known.paused[number]:
+                own.add(Silence(until_ns - last_ns, last_ns, int(known.last_frame[number]) or None, is_first=False))
+            own.update(self._kept.get(number, ()))
+            found[key] = sorted(own, key=lambda one: (-one.length_ns, one.begin_ns))
         return found
 
 
@@ -194,7 +230,7 @@ class _SilentColumns(KeyedColumns):
     """One row a list: whether it came, when last, whether nobody listens to it.
 
     Of its longest silence: how long it was, when it began, the frame that ended it, 0 for none, and whether it was
-    before its first telegram.
+    before its first telegram. What is not longer than ``least_ns`` is not among those that are kept.
     """
 
     came: Bool
@@ -205,6 +241,7 @@ class _SilentColumns(KeyedColumns):
     begin_ns: I64
     frame: I64
     last_frame: I64
+    least_ns: I64
     COLUMNS: ClassVar = {
         "came": (np.False_, 1),
         "paused": (np.False_, 1),
@@ -214,4 +251,5 @@ class _SilentColumns(KeyedColumns):
         "begin_ns": (np.int64(0), 1),
         "frame": (np.int64(0), 1),
         "last_frame": (np.int64(0), 1),
+        "least_ns": (np.int64(0), 1),
     }

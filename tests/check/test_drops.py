@@ -85,10 +85,12 @@ def test_spans_are_told_by_statistics(tmp_path: Path) -> None:
 def test_a_break_at_another_time_is_none_of_the_capture_s(tmp_path: Path) -> None:
     told = [(2000, 0), (4000, 2), (7900, 2)]
     rules = ruled(
-        tmp_path, *RULES[:3], 'check = "never"\nexpr = "list.lost > 0"\nwindow = "1s"',
+        tmp_path, *RULES, 'check = "never"\nexpr = "list.lost > 0"\nwindow = "1s"',
         'check = "occurrence"\nper = "1s"\nmin = 10',
     )  # fmt: skip
     both = judged(capture(tmp_path, {30, 31, 60}, told), rules)
-    assert [one["verdict"] for one in both["rules"]] == ["fail"] * 5
+    silence = both["rules"][3]["subjects"][0]
+    assert (silence["worst"], silence["frames"]) == (pytest.approx(0.2), [59])
+    assert [one["verdict"] for one in both["rules"]] == ["fail"] * 6
     first = judged(capture(tmp_path, {30, 31}, told), rules)
-    assert [one["verdict"] for one in first["rules"]] == ["inconclusive"] * 5
+    assert [one["verdict"] for one in first["rules"]] == ["inconclusive"] * 6

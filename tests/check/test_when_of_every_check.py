@@ -131,3 +131,17 @@ def test_a_finding_that_goes_on_for_longer_than_its_frames_are_kept_is_not_decid
     (one,) = decided("second-sender", tmp_path, rule)
     assert one.verdict is Verdict.INCONCLUSIVE
     assert "nobody knows" in one.subjects[0].reason
+
+
+@pytest.mark.parametrize(
+    "rule",
+    [
+        'check = "loss"',
+        'check = "gap"',
+        'check = "duplicates"',
+        'check = "never"\nexpr = "list.lost > 0"\nwindow = "1s"',
+    ],
+)
+def test_a_counter_that_never_moves_tells_nothing(rule: str, tmp_path: Path) -> None:
+    (one,) = decided("counter-constant", tmp_path, rule)
+    assert one.verdict is Verdict.INCONCLUSIVE

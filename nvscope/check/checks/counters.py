@@ -22,6 +22,8 @@ _OF_NETWORK = ("lost", "gaps", "longest_gap")
 
 
 _AROUND_NS = 1_000_000_000
+COUNTS_NOTHING = "a sender leaves its Counter as it is: nobody can tell from it what was lost"
+_OF_ANY_COUNTER = ("lost", "gaps", "longest_gap", "duplicates", "overtaken", "restarts")
 _OF_COUNTERS = ("longest_gap", "duplicates", "overtaken", "restarts")
 
 
@@ -54,6 +56,8 @@ def _at_most(
         return Judged(Verdict.INCONCLUSIVE, key, reason=_NOT_BELIEVED, limit=limit, unit=unit)
     if counted is not None and counted.holds is not None and not value and not counted.telegrams(subject.list):
         return Judged(Verdict.INCONCLUSIVE, key, reason=NOTHING_CAME, limit=limit, unit=unit, vacuous=True)
+    if value <= limit and figure in _OF_ANY_COUNTER and known.counts_nothing(subject.list):
+        return Judged(Verdict.INCONCLUSIVE, key, reason=COUNTS_NOTHING, limit=limit, unit=unit)
     if value <= limit:
         return Judged(Verdict.PASS, key, worst=value, limit=limit, unit=unit)
     verdict, reason = Verdict.FAIL, ""

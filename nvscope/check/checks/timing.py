@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 from nvscope.check.asked_rows import EVERY_LIST, OfLists
 from nvscope.check.check import Check, Evidence, Setting
 from nvscope.check.doubt import BEGAN_LATER, all_near_drops, doubt, doubt_of_clock, parts
 from nvscope.check.parameters import PERCENT_OR_TIME, RATIO, REQUIRED, Parameter
-from nvscope.check.silence import SilenceWatcher
+from nvscope.check.silence import Silence, SilenceWatcher
 from nvscope.check.stream_intervals import IntervalWatcher, SpreadWatcher, StreamIntervals, StreamSpread
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.check.while_so import while_so
 from nvscope.list_key import ListKey
 from nvscope.toml_table import SPAN
+from nvscope.tracker.event_kinds import FRAMES_KEPT
 from nvscope.tracker.figures import Of
 from nvscope.tracker.subjects import Subject
 
@@ -162,42 +163,52 @@ def _silent_all_the_time(known: Evidence, key: ListKey, most_ns: int, silence: t
 
 
 def _watch_silence(setting: Setting, told: Mapping[str, Any]) -> SilenceWatcher:
-    return setting.shared(
+    watcher = setting.shared(
         ("silence", setting.when),
         lambda: SilenceWatcher(setting.since_ns, rows=setting.rows, holds=while_so(setting)),
     )
+    watcher.want(told["max"])
+    return watcher
 
 
 def _silence(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
     watcher: SilenceWatcher = told["watched"]
-    limit = told["max"] / _SECOND_NS
     if known.since_ns is None or known.until_ns is None:
         return
     found = watcher.of(lists, known.until_ns)
     for key in sorted(lists):
-        silence = found.get(key)
-        if silence is None:
-            if told["list_named"]:
-                yield _silent_all_the_time(known, key, told["max"], watcher.nothing(known.until_ns))
-            continue
-        worst = silence.longest_ns / _SECOND_NS
-        fails = silence.longest_ns > told["max"]
-        verdict, reason = Verdict.FAIL if fails else Verdict.PASS, ""
-        if fails and silence.is_first and known.began_between(silence.begin_ns, silence.begin_ns + silence.longest_ns):
-            verdict, reason = Verdict.INCONCLUSIVE, BEGAN_LATER
-        elif fails and (
-            why := doubt(
-                known, silence.begin_ns, parts(silence.longest_ns, told["max"]), silence.begin_ns + silence.longest_ns
-            )
-        ):  # fmt: skip
-            verdict, reason = Verdict.INCONCLUSIVE, why
-        elif not fails and known.until_ns - known.since_ns < told["max"]:
-            verdict, reason = Verdict.INCONCLUSIVE, "the capture is shorter than the rule needs"
-        yield Judged(
-            verdict, key, reason=reason, worst=worst, limit=limit, unit="s", count=int(fails),
-            first_ns=silence.begin_ns if fails else None,
-            frames=(silence.frame,) if fails and silence.frame is not None else (),
-        )  # fmt: skip
+        if key in found:
+            yield _of_silences(known, key, found[key], told["max"])
+        elif told["list_named"]:
+            yield _silent_all_the_time(known, key, told["max"], watcher.nothing(known.until_ns))
+
+
+def _of_silences(known: Evidence, key: ListKey, silences: Sequence[Silence], most_ns: int) -> Judged:
+    """Return the verdict on the silences of a list, the longest first: one that nothing explains breaks the rule."""
+    assert known.since_ns is not None
+    assert known.until_ns is not None
+    worst, verdict, reason = silences[0], Verdict.PASS, ""
+    broken = [(one, _why_silent(known, one, most_ns)) for one in silences if one.length_ns > most_ns]
+    unexplained = [one for one, why in broken if not why]
+    if unexplained:
+        worst, verdict = unexplained[0], Verdict.FAIL
+    elif broken:
+        verdict, reason = Verdict.INCONCLUSIVE, broken[0][1]
+    elif known.until_ns - known.since_ns < most_ns:
+        verdict, reason = Verdict.INCONCLUSIVE, "the capture is shorter than the rule needs"
+    told = sorted(unexplained or [one for one, _ in broken], key=lambda one: one.begin_ns)
+    frames = [one.frame for one in told if one.frame is not None]
+    return Judged(
+        verdict, key, reason=reason, worst=worst.length_ns / _SECOND_NS, limit=most_ns / _SECOND_NS, unit="s",
+        count=len(told), first_ns=told[0].begin_ns if told else None, frames=tuple(frames[:FRAMES_KEPT]),
+    )  # fmt: skip
+
+
+def _why_silent(known: Evidence, one: Silence, most_ns: int) -> str:
+    """Return why a list may have been silent only for the capture; "" where nothing says so."""
+    if one.is_first and known.began_between(one.begin_ns, one.end_ns):
+        return BEGAN_LATER
+    return doubt(known, one.begin_ns, parts(one.length_ns, most_ns), one.end_ns)
 
 
 CHECKS = (
