@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from copy import deepcopy
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,6 +16,7 @@ from nvscope.check.so_spans import whole_windows
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.check.while_so import NO_WHOLE_WINDOW, while_so
 from nvscope.check.window_counts import COUNTED, Counted, WindowCounts
+from nvscope.engine.keys import Keys
 from nvscope.engine.told import Told
 from nvscope.errors import UsageError
 from nvscope.expression.expression import Expression, compile_expression
@@ -51,7 +53,7 @@ class FigureWindows:
         self._lists = OfLists(patterns=setting.lists) if setting.lists else EVERY_LIST
         self._length_ns, self._limit_ns, self.holds = length_ns, limit_ns, while_so(setting)
         self._runs: dict[int, _Run] = {}
-        self._keys: dict[int, ListKey] = {}
+        self._numbers: Keys | None = None
         self.counts: WindowCounts | None = None
         self.windows: SharedWindows | None = None
         if {name.removeprefix(_PREFIX) for name in self._expression.fields} <= {*COUNTED, _RATE}:
@@ -70,17 +72,18 @@ class FigureWindows:
         """Take a batch, which follows those observed so far."""
         if self.holds is not None:
             self.holds.see(told)
+        self._numbers = told.keys
         if self.counts is not None:
             self.counts.observe(told)
             for counted in self.counts.ended:
-                self._take_counts(counted, told)
+                self._take_counts(self._runs, counted, told.keys)
         if self.windows is not None:
             self.windows.observe(told)
             for summaries in self.windows.ended:
                 self._take_summary(summaries, told)
 
-    def _take_counts(self, counted: Counted, told: Told) -> None:
-        mask = self._setting.rows.mask(self._lists, told.keys)
+    def _take_counts(self, runs: dict[int, _Run], counted: Counted, keys: Keys) -> None:
+        mask = self._setting.rows.mask(self._lists, keys)
         row = np.flatnonzero(mask[counted.list])
         fine = self._is_fine(counted, row)
         empty = self._is_fine(None, np.zeros(1, np.int64))[0]
@@ -90,13 +93,13 @@ class FigureWindows:
             return self._judged_of(counted.begin_ns, first, stop)
 
         for number, window, frame, is_fine in zip(*(one.tolist() for one in columns), strict=True):
-            run = self._run(number, told)
+            run = runs.setdefault(number, _Run(self._length_ns, self._limit_ns))
             run.pass_by(window, empty, counted.begin_ns, judged)
             if any(judged(window, window + 1)):
                 run.take(window, 1, is_fine, counted.begin_ns, frame)
             else:
                 run.leave_out(window + 1)
-        for run in self._runs.values():
+        for run in runs.values():
             run.pass_by(counted.until, empty, counted.begin_ns, judged)
             if counted.breaks:
                 run.break_off()
@@ -106,12 +109,6 @@ class FigureWindows:
         if self.holds is None:
             return iter([(first, stop)])
         return whole_windows(self.holds.spans, begin_ns, self._length_ns, first, stop)
-
-    def _run(self, number: int, told: Told) -> _Run:
-        if number not in self._runs:
-            self._runs[number] = _Run(self._length_ns, self._limit_ns)
-            self._keys[number] = told.keys.list_key(number)
-        return self._runs[number]
 
     def _is_fine(self, counted: Counted | None, row: Any) -> Any:
         """Tell of which windows the expression is as it is wanted; of None, of one in which nothing came."""
@@ -135,11 +132,22 @@ class FigureWindows:
         window, count = found.window, found.count
         for place, number in enumerate(found.lists[place] for place in own):
             if is_known is None or is_known[place]:
-                run = self._run(number, told)
+                run = self._runs.setdefault(number, _Run(self._length_ns, self._limit_ns))
                 begin_ns = window.start_ns - window.number * self._length_ns
                 for first, stop in self._judged_of(begin_ns, window.number, window.number + count):
                     run.skip_to(first)
                     run.take(first, stop - first, bool(true[place]) == self._wanted, begin_ns, None)
+
+    def _up_to(self, until_ns: int | None) -> Mapping[int, _Run]:
+        """Return what there is of each list when all windows are over that have ended by a time."""
+        if self.counts is None or self._numbers is None or until_ns is None:
+            return self._runs
+        rest = self.counts.rest(until_ns)
+        if rest is None:
+            return self._runs
+        runs = deepcopy(self._runs)
+        self._take_counts(runs, rest, self._numbers)
+        return runs
 
     @property
     def _why_none(self) -> str:
@@ -148,12 +156,12 @@ class FigureWindows:
     def judged(self, known: Evidence, lists: Collection[ListKey]) -> Iterator[Judged]:
         """Yield a verdict for each list that came; what is below the limit is not told."""
         limit = self._limit_ns / _SECOND_NS
-        runs = {self._keys[number]: (number, run) for number, run in self._runs.items()}
+        runs = {known.keys[number]: (number, run) for number, run in self._up_to(known.until_ns).items()}
         counters = {one.list: one.measured.counters for one in known.of(Of.LIST, lists)}
         of_counters = any(name.removeprefix(_PREFIX) in _OF_COUNTERS for name in self._expression.fields)
         for key in sorted(lists):
             number, run = runs.get(key, (-1, None))
-            if run is None and not self._setting.lists and self._runs:
+            if run is None and not self._setting.lists and runs:
                 continue
             if run is None or not run.windows:
                 yield Judged(Verdict.INCONCLUSIVE, key, reason=self._why_none, limit=limit, unit="s")

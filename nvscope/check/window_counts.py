@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
@@ -13,6 +14,7 @@ from nvscope.check.asked_rows import OfLists
 from nvscope.check.check import Setting
 from nvscope.engine.events import EventBatch
 from nvscope.engine.told import Told
+from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.frame_counts import LATE, STEPS, believed
 from nvscope.tracker.state import TrackerState
 
@@ -22,6 +24,10 @@ COUNTED = (TELEGRAMS, *(name for name in STEPS if name not in ("error_frames", "
 
 _KINDS = frozenset(step.kind for name in COUNTED[1:] for step in STEPS[name])
 _NO_FRAME = np.iinfo(np.int64).max
+_PATIENCE_NS = 100_000_000
+"""So long windows wait behind their ends: what was overtaken by then has not been missing in them."""
+
+_MOST_GAPS = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +64,9 @@ class WindowCounts:
         self._told: Told | None = None
         self._is_heard, self._until = True, 0
         self._open = _nothing({TELEGRAMS: None})
+        self._gaps: dict[tuple[int, int, int, int], deque[list[int]]] = {}
+        """By list, node, SubIndex and scope: of the last gaps, how many are still missing, and in which window."""
+
         self.ended: list[Counted] = []
         self._lists = OfLists()
         self._figures: dict[str, None] = {TELEGRAMS: None}
@@ -88,11 +97,12 @@ class WindowCounts:
         elif heard and self._begin_ns is not None:
             self._open = _joined([self._open, *self._events(heard, told)])
         if told.until_ns is not None:
-            self._end(told.until_ns)
+            self._end(told.until_ns - _PATIENCE_NS)
         for unheard in told.unheard:
             if unheard.everything and self._is_heard:
                 self._end(unheard.until_ns, breaks=True)
                 self._is_heard, self._open, self._until = False, _nothing(self._figures), 0
+                self._gaps.clear()
 
     def whole(self, until_ns: int) -> int:
         """Return how many windows have ended by a time."""
@@ -117,18 +127,19 @@ class WindowCounts:
             pieces.append(_Rows(lists[begin], place[begin], first, _event(len(begin)), count))
         pieces += self._events(heard, told)
         self._open = _joined(pieces)
-        self._end(int(latest_ns[-1]))
+        self._end(int(latest_ns[-1]) - _PATIENCE_NS)
 
     def _events(self, heard: list[EventBatch], told: Told) -> list[_Rows]:
         assert self._begin_ns is not None
-        found = []
+        found, steps = [], []
         mask = np.append(self._rows.mask(self._lists, told.keys), False)
         for events in believed(self.state, heard) if self.state is not None else heard:
             # What waited in vain counts when its time is over; all else, when its frame came.
-            window = (events.time_ns - self._begin_ns) // self.length_ns
+            at_ns = events.time_ns
             if events.kind not in LATE and len(told):
                 packet = np.clip(events.frame - told.first_frame, 0, len(told) - 1)
-                window = (self._rows.latest_ns(told)[packet] - self._begin_ns) // self.length_ns
+                at_ns = self._rows.latest_ns(told)[packet]
+            window = (at_ns - self._begin_ns) // self.length_ns
             window = np.where(window < 0, window, np.maximum(window, self._until))
             values = {
                 name: events.amount * step.by if step.of_amount else np.full(len(events), step.by, np.int64)
@@ -138,18 +149,59 @@ class WindowCounts:
             }
             own = np.flatnonzero((events.list >= 0) & mask[events.list])
             columns = {name: value[own] for name, value in values.items()}
+            if columns.pop("lost", None) is not None:
+                steps.append((events.take(own), window[own], at_ns[own]))
             found.append(_Rows(events.list[own], window[own], events.frame[own], events.frame[own], columns))
-        return found
+        return [*found, self._lost(steps)] if steps else found
+
+    def _lost(self, steps: list[tuple[EventBatch, I64, I64]]) -> _Rows:
+        """Return in which windows something was lost; what came late is taken from where it was missing.
+
+        What comes too late for that is taken from the window in which it came, as figures of a state are.
+        """
+        assert self._begin_ns is not None
+        told = []
+        for events, *place in steps:
+            columns = events.frame, events.list, events.node, events.subindex, events.amount, *place
+            is_gap, scope = events.kind is EventKind.GAP, -1 if events.scope is None else int(events.scope)
+            told += [(*row, scope, is_gap) for row in zip(*(one.tolist() for one in columns), strict=True)]
+        rows = []
+        for frame, number, node, subindex, amount, window, at_ns, scope, is_gap in sorted(told):
+            waits_from = (at_ns - _PATIENCE_NS - self._begin_ns) // self.length_ns
+            gaps = self._gaps.setdefault((number, node, subindex, scope), deque(maxlen=_MOST_GAPS))
+            if is_gap:
+                gaps.append([amount, window])
+                rows.append((number, window, frame, amount))
+                continue
+            left = amount
+            for gap in reversed(gaps):
+                back = min(left, gap[0])
+                left, gap[0] = left - back, gap[0] - back
+                if back:
+                    rows.append((number, gap[1] if gap[1] >= waits_from else window, _NO_FRAME, -back))
+            if left:
+                rows.append((number, window, frame, -left))
+        lists, windows, frames, lost = np.array(rows, np.int64).reshape(-1, 4).T
+        return _Rows(lists, windows, frames, frames, {"lost": lost})
+
+    def rest(self, until_ns: int) -> Counted | None:
+        """Return the windows that have ended by a time and still wait, None where nobody listens; nothing changes."""
+        if self._begin_ns is None or not self._is_heard:
+            return None
+        return self._counted(max(self.whole(until_ns), self._until), breaks=False)
 
     def _end(self, until_ns: int, *, breaks: bool = False) -> None:
         if self._begin_ns is None:
             return
         self._until = until = max(self.whole(until_ns), self._until)
-        over = (self._open.window < until) & (self._open.window >= 0)
-        rows = self._open.take(np.flatnonzero(over))
+        self.ended.append(self._counted(until, breaks=breaks))
         self._open = self._open.take(np.flatnonzero(self._open.window >= until))
+
+    def _counted(self, until: int, *, breaks: bool) -> Counted:
+        assert self._begin_ns is not None
+        rows = self._open.take(np.flatnonzero((self._open.window < until) & (self._open.window >= 0)))
         frame = np.where(rows.event == _NO_FRAME, rows.frame, rows.event)
-        self.ended.append(Counted(rows.list, rows.window, frame, rows.values, self._begin_ns, until, breaks))
+        return Counted(rows.list, rows.window, frame, rows.values, self._begin_ns, until, breaks)
 
 
 @dataclass(frozen=True, slots=True)

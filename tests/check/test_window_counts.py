@@ -21,9 +21,11 @@ from nvscope.tracker.figures import BY_NAME, Of
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.subjects import subjects
 from nvscope.tracker.windows import Windows
-from tests.check.plants import captured, judged, ruled
+from tests.capture.mcap.recordings import Packet, write
+from tests.check.plants import BEGIN_NS, captured, judged, ruled
 from tests.engine.traffic import CHANNELS, length_of, reading_of, traffic
 from tests.laws import examples
+from tests.oracle.builders import data_frame, telegram
 from tests.packets import Batches
 from tests.program import run_text
 from tests.simulate.simulation import simulated
@@ -131,3 +133,27 @@ def test_windows_are_no_shorter_than_they_can_be_looked_at(tmp_path: Path) -> No
     rules = ruled(tmp_path, 'check = "never"\nexpr = "list.interval_max > 200ms"\nwindow = "1ms"')
     done = run_text("check", captured(tmp_path, []), "--rules", rules)
     assert (done.returncode, "100 ms long at least" in done.stderr) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("counters", "verdict"),
+    [
+        ([*range(9), 10, 9, *range(11, 40)], "pass"),
+        ([*range(38), 39, 38], "pass"),
+        ([*range(9), 10, 11, 9, *range(12, 40)], "fail"),
+        ([*range(8), 9, 11, 10, *range(12, 41)], "fail"),
+    ],
+)
+def test_what_is_overtaken_across_the_end_of_a_window_was_not_lost(
+    counters: list[int], verdict: str, tmp_path: Path
+) -> None:
+    """Telegrams come every 100 ms from 50 ms on; one that is 200 ms late was missing for too long to be waited for."""
+    packets = []
+    for number, counter in enumerate(counters):
+        payload = telegram(list_id=8, counter=counter + 1, data=b"\0\0")
+        at_ns = BEGIN_NS + (50 + number * 100) * 10**6 if number else BEGIN_NS
+        one = data_frame(at_ns, "10.0.0.8", "10.0.0.255", payload)
+        packets.append(Packet(one.data, one.original, one.ts_ns, one.link))
+    rules = ruled(tmp_path, 'check = "never"\nexpr = "list.lost > 0"\nwindow = "1s"')
+    (one,) = judged(write(tmp_path / "x.pcap", packets), rules)["rules"]
+    assert one["verdict"] == verdict, one
