@@ -16,6 +16,7 @@ import numpy as np
 
 from nvscope.analysis.inquiry import Analysis
 from nvscope.list_key import ListKey
+from nvscope.tracker.evidence.contacts import destinations_of
 from nvscope.tracker.figures import Of
 from nvscope.tracker.histograms import Histogram, Histograms
 from nvscope.tracker.intervals import CYCLIC_SPREAD_PERCENT
@@ -28,7 +29,20 @@ FIGURES = (
 )  # fmt: skip
 """The figures of lists that are compared."""
 
-KINDS = ("list", "sender", "shape", "interval", "spread", "rate", "answer", "figure", "node", "cause")
+KINDS = (
+    "list",
+    "sender",
+    "receiver",
+    "shape",
+    "checksum",
+    "interval",
+    "spread",
+    "rate",
+    "answer",
+    "figure",
+    "node",
+    "cause",
+)
 """What differs, in the order in which it is told of a list."""
 
 _SURE = 5.0
@@ -117,6 +131,7 @@ class _Side:
         self.numbers = {one.key: one.number for one in summary.lists} | {
             one.key: one.number for one in summary.can.lists
         }
+        self._destinations = destinations_of(found.state)
         self._histograms = Histograms(found.state.senders.timing)
         span_ns = (summary.end_ns or 0) - (summary.start_ns or 0)
         self.seconds = span_ns / 1e9
@@ -126,6 +141,16 @@ class _Side:
 
     def senders(self, key: ListKey) -> Sequence[str]:
         return [self.addresses[node] for node in self.lists[key].senders] if key in self.lists else []
+
+    def receivers(self, key: ListKey) -> str:
+        """Return to whom a list is sent, in words; "" of one on CAN."""
+        nodes, everybody = self._destinations.get(self.numbers[key], (frozenset(), False))
+        return ", ".join([*sorted(self.addresses[node] for node in nodes), *(["all"] if everybody else [])])
+
+    def checksums(self, key: ListKey) -> Sequence[int | None]:
+        """Return the checksum of the definition by sender and SubIndex, None of what has none."""
+        streams = self.lists[key].streams if key in self.lists else ()
+        return [one.checksum for one in streams if one.telegrams]
 
     def streams(self, key: ListKey) -> Mapping[tuple[str | None, int], tuple[int, str, int]]:
         """Return by sender and SubIndex the number of each stream, its shape, and its telegrams."""
@@ -167,6 +192,15 @@ def _of_senders(a: _Side, b: _Side, key: ListKey) -> Iterator[Difference]:
     before, now = a.senders(key), b.senders(key)
     if set(before) != set(now):
         yield Difference("sender", "sent by", ", ".join(before), ", ".join(now), Where(key))
+    if a.receivers(key) != b.receivers(key):
+        yield Difference("receiver", "sent to", a.receivers(key), b.receivers(key), Where(key))
+    own, other = (", ".join(sorted(set(map(_checksum, side.checksums(key))))) for side in (a, b))
+    if own != other:
+        yield Difference("checksum", "checksum of the definition", own, other, Where(key))
+
+
+def _checksum(value: int | None) -> str:
+    return "none" if value is None else f"0x{value:02X}"
 
 
 def _of_streams(a: _Side, b: _Side, key: ListKey) -> Iterator[Difference]:

@@ -25,7 +25,7 @@ def diff(
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress bar.")] = False,
     colour: ColourOption = "auto",
 ) -> None:
-    """Tell what differs between two captures: lists, senders, shapes, intervals, losses, causes.
+    """Tell what differs between two captures: lists, senders, receivers, shapes, intervals, losses, causes.
 
     What differs by chance is not told: intervals are compared by a rank test, shares by their deviation. Exits with 0
     where nothing differs, with 1 where something does.

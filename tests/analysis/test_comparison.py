@@ -74,6 +74,12 @@ _CHANGES = {
     "losses": (("[expect.findings]", f"{_LOSSY}[expect.findings]"),),
     "slower readers": (('delay = "3ms"', 'delay = "60ms"'),),
     "rarer events": (('interval = "400ms"', 'interval = "4s"'),),
+    "another definition": (("checksum = 0x5A", "checksum = 0x5B"),),
+    "a definition without checksum": (("checksum = 0x5A\n", ""),),
+    "to all instead of one": (
+        ('destination = "hmi"\nbytes = 40', "bytes = 40"),
+        ("acknowledge = true\n", ""),
+    ),
 }
 
 _TOLD = {
@@ -89,6 +95,9 @@ _TOLD = {
     "losses": {("figure", "lost", 7, None), ("cause", "loss-of-list", 7, None)},
     "slower readers": {("answer", "acknowledged within", 3, None)},
     "rarer events": {("rate", "sent", 3, None)},
+    "another definition": {("checksum", "checksum of the definition", 7, None)},
+    "a definition without checksum": {("checksum", "checksum of the definition", 7, None)},
+    "to all instead of one": {("receiver", "sent to", 3, None)},
 }  # fmt: skip
 
 

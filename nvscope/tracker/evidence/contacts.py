@@ -68,12 +68,7 @@ class Contacts:
     @cached_property
     def destinations(self) -> Mapping[int, tuple[frozenset[int], bool]]:
         """The nodes that the data of each list goes to, and whether it goes to all of them, too, by its number."""
-        found: dict[int, tuple[set[int], bool]] = {}
-        for kind, number, _, to, *_ in zip(*(column.tolist() for column in self.flows), strict=True):
-            if kind in _DATA and to != ELSEWHERE:
-                nodes, everybody = found.get(number, (set(), False))
-                found[number] = (nodes | {to}, everybody) if to != NOBODY else (nodes, True)
-        return {number: (frozenset(nodes), everybody) for number, (nodes, everybody) in found.items()}
+        return _destinations(self.flows)
 
     @cached_property
     def spoken(self) -> Mapping[tuple[int, int], Mapping[FrameKind, Happened]]:
@@ -119,18 +114,37 @@ class Contacts:
         return own
 
 
-def contacts_of(state: TrackerState, witness: Witness) -> Contacts:
-    """Return who sends to whom, by a state and a witness that has settled; nothing changes by it."""
+def destinations_of(state: TrackerState) -> Mapping[int, tuple[frozenset[int], bool]]:
+    """Return the nodes that the data of each list goes to, and whether it goes to all of them, too, by its number."""
+    return _destinations(_flows(state))
+
+
+def _destinations(flows: tuple[I64, ...]) -> Mapping[int, tuple[frozenset[int], bool]]:
+    found: dict[int, tuple[set[int], bool]] = {}
+    for kind, number, _, to, *_ in zip(*(column.tolist() for column in flows), strict=True):
+        if kind in _DATA and to != ELSEWHERE:
+            nodes, everybody = found.get(number, (set(), False))
+            found[number] = (nodes | {to}, everybody) if to != NOBODY else (nodes, True)
+    return {number: (frozenset(nodes), everybody) for number, (nodes, everybody) in found.items()}
+
+
+def _flows(state: TrackerState) -> tuple[I64, ...]:
     table = state.lists.flows
     kind = table.column("kind")
     chosen = np.flatnonzero(np.isin(kind, [*_DATA, *_ASKED]) & (table.column("source") >= 0))
     names = ("kind", "list", "source", "destination", "count", "last_ns")
-    flows = tuple(table.column(name)[chosen].astype(np.int64) for name in names)
+    return tuple(table.column(name)[chosen].astype(np.int64) for name in names)
+
+
+def contacts_of(state: TrackerState, witness: Witness) -> Contacts:
+    """Return who sends to whom, by a state and a witness that has settled; nothing changes by it."""
     unanswered = witness.unanswered
     refused = tuple(word.view(np.int64).copy() for word in unanswered.keys.words)
     refused += tuple(unanswered.columns.column(name).copy() for name in ("count", "first_ns", "last_ns"))
     left_out = unanswered.left_out + witness.evidence.answers.left_out
-    return Contacts(flows, _answers(witness), refused, _devices(state, witness), _others_ns(state, witness), left_out)
+    return Contacts(
+        _flows(state), _answers(witness), refused, _devices(state, witness), _others_ns(state, witness), left_out
+    )
 
 
 def _answers(witness: Witness) -> tuple[I64, ...]:
