@@ -17,7 +17,7 @@ from nvscope.capture.live.heap import Heap
 from nvscope.capture.live.inlet import Inlet
 from nvscope.capture.live.system_clock import SystemClock
 from nvscope.capture.live.wait import Wait
-from nvscope.capture.source import Attachment, Source, SourceInfo
+from nvscope.capture.source import Attachment, LostSpan, Source, SourceInfo
 from nvscope.capture.time_span import TimeSpan
 
 TICK_NS = 200_000_000
@@ -58,6 +58,9 @@ class LiveSource:
         self._begun = False
         self._taken_ns = 0
         self._carrier: list[tuple[int, int | None]] = []
+        self._lost: list[LostSpan] = []
+        self._now_ns: int | None = None
+        self._told_ns: int | None = None
         self._longest_wait_ns = TICK_NS
         if inlet.fileno() >= 0:
             wait.add(inlet.fileno())
@@ -116,7 +119,7 @@ class LiveSource:
 
     def _look(self) -> int | None:
         """Look at clock and carrier; return up to when all that came has been given out, None if nobody knows."""
-        now_ns = self._clock.look()
+        now_ns = self._now_ns = self._clock.look()
         self._look_at_carrier(now_ns)
         return now_ns - self._inlet.lag_ns
 
@@ -160,6 +163,7 @@ class LiveSource:
 
     def _tell(self) -> None:
         drops = self._inlet.drops()
+        self._note_lost(0 if drops is None else sum(drops.values()) - (self._info.drops or 0))
         self._info = replace(
             self._info,
             drops=None if drops is None else sum(drops.values()),
@@ -167,7 +171,20 @@ class LiveSource:
             clock_steps=self._clock.steps,
             failure="" if self._stopping else self._inlet.failure(),
             without_carrier=tuple(self._carrier),
+            lost=tuple(self._lost),
         )
+
+    def _note_lost(self, packets: int) -> None:
+        """Note that so many packets more were lost since somebody looked last."""
+        since_ns, self._told_ns = self._told_ns, self._now_ns
+        if packets <= 0:
+            return
+        last = self._lost[-1] if self._lost else None
+        # Times that follow each other are one; of too many, the last one goes on.
+        if last is not None and (last.until_ns == since_ns or len(self._lost) >= _MOST_TIMES):
+            self._lost[-1] = LostSpan(last.since_ns, self._now_ns, last.packets + packets)
+        else:
+            self._lost.append(LostSpan(since_ns, self._now_ns, packets))
 
     def _look_at_carrier(self, now_ns: int) -> None:
         """Note when the inlet loses its carrier, and when that is over."""

@@ -34,5 +34,5 @@ class StreamSource(LiveSource):
         progress = self._stream.progress
         self._info = replace(
             self._info, format=self._stream.format, drops=progress.drops, truncation=progress.truncation,
-            comments=tuple(progress.comments),
+            comments=tuple(progress.comments), lost=progress.lost,
         )  # fmt: skip

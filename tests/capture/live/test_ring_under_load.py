@@ -37,7 +37,7 @@ from nvscope.capture.live.open import LiveSettings, open_live
 settings = LiveSettings(bpf="", buffer_bytes=int(sys.argv[2]))
 source, pause_s = open_live([sys.argv[1]], settings), float(sys.argv[3])
 signal.signal(signal.SIGTERM, lambda *_: source.stop())
-numbers, torn = [], 0
+numbers, times, torn = [], [], 0
 for batch in source:
     if not numbers:
         time.sleep(pause_s)  # who reads too slowly
@@ -45,9 +45,17 @@ for batch in source:
         packet = batch.packet(row)
         at = 18 if packet[12:14] in (b"\\x81\\0", b"\\x88\\xa8") else 14
         numbers.append(int.from_bytes(packet[at : at + 4], "big"))
+        times.append(int(batch.ts_ns[row]))
         torn += int(packet != frame(numbers[-1]) or int(batch.original[row]) != len(packet))
 doubled = sum(after <= before for before, after in zip(numbers, numbers[1:]))
-print(json.dumps({"frames": len(numbers), "torn": torn, "doubled": doubled, "drops": source.infos[0].drops}))
+info, between = source.infos[0], list(zip(numbers, numbers[1:], times, times[1:]))
+holes = [(since, until) for before, after, since, until in between if after > before + 1]
+print(json.dumps({
+    "frames": len(numbers), "torn": torn, "doubled": doubled, "drops": info.drops,
+    "lost": sum(one.packets for one in info.lost),
+    "untold": sum(not any(one.touches(*hole) for one in info.lost) for hole in holes),
+    "spans": [(one.since_ns, one.until_ns) for one in info.lost],
+}))
 """
 
 
@@ -69,6 +77,7 @@ def test_each_frame_comes_whole_and_once_or_is_counted_as_dropped(
     assert (told["torn"], told["doubled"]) == (0, 0)
     assert told["frames"] + told["drops"] == sent
     assert (told["drops"] > 0) == loses
+    assert (told["lost"], told["untold"]) == (told["drops"], 0)
 
 
 _WAIT = """
