@@ -333,6 +333,8 @@ class HopWatcher(MomentWatcher):
         self._last: list[float | None] = [None, None]
         self.apart = Stretches(most_ns)
         self.known = self.changes = 0
+        self.largest = 0.0
+        """The largest difference, however short it was."""
 
     def take(self, asked: Asked, judged: Bool) -> None:
         columns, changes = [], []
@@ -351,6 +353,7 @@ class HopWatcher(MomentWatcher):
         self.known += len(row)
         self.changes += int(np.count_nonzero(changes[0] & judged))
         so = (apart > self._tolerance) & judged
+        self.largest = max(self.largest, float(apart[known & judged].max(initial=0.0)))
         self.apart.take(asked.time_ns[row], asked.frame[row], so[row], changes[0][row])
 
     def resume(self, unheard: Unheard) -> None:

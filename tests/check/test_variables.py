@@ -125,6 +125,7 @@ def test_one_variable_follows_another(delay: int | None, verdict: str, worst: fl
     told, subject = of_plant(tmp_path, [one for one in sent if one[0] < 5901], rule)
     assert (told, subject["worst"]) == (verdict, pytest.approx(worst))
     assert subject["variable"] == "bStop → valve:bClosed"
+    assert subject["reason"] == "they differ by up to 1"
 
 
 @pytest.mark.parametrize(

@@ -233,7 +233,8 @@ def _hops(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) 
         reason = "not both of them came" if not watcher.known else f"{told['from']} never changed"
         yield Judged(Verdict.INCONCLUSIVE, reason=reason, variable=name, limit=limit, unit="s", vacuous=True)
         return
-    verdict, reason = Verdict.FAIL if apart.count else Verdict.PASS, ""
+    verdict = Verdict.FAIL if apart.count else Verdict.PASS
+    reason = f"they differ by up to {watcher.largest:g}" if watcher.largest else ""
     if apart.count and (why := doubt(known, apart.first_ns, parts(apart.longest_ns or 0, told["max_delay"]))):
         verdict, reason = Verdict.INCONCLUSIVE, why
     yield Judged(
@@ -304,7 +305,7 @@ CHECKS = (
     ),
     Check(
         "hops", "pair", "A variable follows another one.",
-        "the longest time in which they differed, since either changed",
+        "the longest time in which they differed, since either changed; and by how much they did",
         "it is longer than max_delay",
         'check = "hops"\nfrom = "plc1:fSetpoint"\nto = "plc2:fSetpoint"\nmax_delay = "100ms"', _hops,
         (
