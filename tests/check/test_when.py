@@ -145,6 +145,53 @@ def test_silences_and_intervals_are_those_within(
     assert gap.subjects[0].worst == (pytest.approx(min(intervals) / 1000) if intervals else None)
 
 
+@given(
+    modes=st.lists(st.sampled_from([1, 3]), min_size=30, max_size=60),
+    sent=st.lists(st.integers(0, 299), min_size=2, max_size=60, unique=True),
+    length=st.sampled_from([100, 150, 300, 700]),
+)
+@examples(30)
+def test_windows_are_those_that_lie_wholly_within(
+    tmp_path_factory: pytest.TempPathFactory, modes: list[int], sent: list[int], length: int
+) -> None:
+    """A second time, window by window: those of figures lie on one grid, those of occurrences begin with each time."""
+    folder = tmp_path_factory.mktemp("windows")
+    sent = sorted(one * 20 + 10 for one in sent if one * 20 + 10 < len(modes) * 100)
+    sendings: list[Sending] = [(number * 100, 7, [False, mode]) for number, mode in enumerate(modes)]
+    sendings += [(one, 8, []) for one in sent]
+    end_ms = max(one[0] for one in sendings)
+    spans: list[list[int]] = []
+    for number, mode in enumerate(modes):
+        if mode == 3 and (not number or modes[number - 1] != 3):
+            spans.append([number * 100, end_ms])
+        elif mode != 3 and number and modes[number - 1] == 3:
+            spans[-1][1] = number * 100
+    on_grid = [
+        at for at in range(0, end_ms - length + 1, length)
+        if any(begin <= at and at + length <= end for begin, end in spans)
+    ]  # fmt: skip
+    anew = [at for begin, end in spans for at in range(begin, end - length + 1, length)]
+
+    def counts(begins: list[int]) -> list[int]:
+        return [sum(at <= one < at + length for one in sent) for at in begins]
+
+    window = f'window = "{length}ms"'
+    rules = ruled(
+        folder, f'check = "never"\nlist = 8\nexpr = "list.telegrams > 1"\n{window}\n{WHEN}',
+        f'check = "occurrence"\nlist = 8\nper = "{length}ms"\nmax = 1\nmin = 1\n{WHEN}',
+    )  # fmt: skip
+    project = read_project(None, definitions=[str(one) for one in definitions(folder)])
+    capture = captured(folder, sendings)
+    never, occurrence = checked(Inquiry([str(capture)], project), read_rules([str(rules)])).decided
+    if not spans:
+        assert [one.verdict for one in (never, occurrence)] == [Verdict.INCONCLUSIVE] * 2
+        return
+    broken = sum(one > 1 for one in counts(on_grid))
+    assert never.subjects[0].count == broken
+    assert (never.verdict is Verdict.FAIL) == (broken > 0)
+    assert occurrence.subjects[0].count == sum(one != 1 for one in counts(anew))
+
+
 def swapped(at_ms: int, lost_ms: int | None = None) -> list[Sending]:
     """Return the valve's list with two telegrams that overtook each other, and perhaps one that was lost."""
     times = [number * 100 + 50 for number in range(100)]
