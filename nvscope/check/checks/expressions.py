@@ -242,7 +242,7 @@ CHECKS = (
         'check = "occurrence"\nlist = "recipe"\nper = "10s"\nmin = 1\nmax = 5', _occurrence,
         (
             Parameter("expr", EXPRESSION, "how often it becomes true; else how often telegrams of the list come", None),
-            Parameter("per", SPAN, "the windows, end to end; one that is not over when it ends, or when, is left out", REQUIRED),
+            Parameter("per", SPAN, "the windows, end to end; one that is not over in the end is left out", REQUIRED),
             Parameter("min", AMOUNT, "so many there are at least", None),
             Parameter("max", AMOUNT, "so many there are at most", None),
         ),
