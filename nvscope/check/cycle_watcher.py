@@ -46,14 +46,21 @@ class CycleWatcher:
     def __init__(self, setting: Setting) -> None:
         self.holds: WhileSo | None = while_so(setting)
         self._since_ns = setting.since_ns
-        lists = OfLists(patterns=setting.lists) if setting.lists else EVERY_LIST
-        self._early = EarlyCycles(setting.rows, lists, setting.since_ns)
+        self._early = EarlyCycles(setting.rows, setting.since_ns)
         self._telegrams, self._frames = _Telegrams(), _CanFrames()
+        self._told: Told | None = None
         self.state: TrackerState | None = None
         """The state that counts all others; it has to be there before anything is asked."""
 
+    def want(self, lists: OfLists) -> None:
+        """Look at the first cycles of some lists, beside those wanted so far; at all others of every list anyway."""
+        self._early.want(lists)
+
     def observe(self, told: Told) -> None:
-        """Take a batch that the state has taken."""
+        """Take a batch that the state has taken; several rules may hand over the same one."""
+        if self._told is told:
+            return
+        self._told = told
         assert self.state is not None
         if self.holds is not None:
             self.holds.see(told)
@@ -182,9 +189,9 @@ class _CanFrames:
 def _widen(widest: _Widest, over: Over, pairs: int) -> None:
     """Take the longest skew of each pair, the first where several are as long."""
     widest.resize(pairs)
-    order = np.lexsort((-over.begin_frame, over.skew_ns, over.pair))
+    wider = np.flatnonzero(over.skew_ns > widest.skew_ns[over.pair])
+    order = wider[np.lexsort((-over.begin_frame[wider], over.skew_ns[wider], over.pair[wider]))]
     row = order[np.flatnonzero(np.diff(over.pair[order], append=-1))]
-    row = row[over.skew_ns[row] > widest.skew_ns[over.pair[row]]]
     pair = over.pair[row]
     widest.skew_ns[pair], widest.frame[pair] = over.skew_ns[row], over.begin_frame[row]
     widest.begin_ns[pair] = over.begin_ns[row]
@@ -197,5 +204,7 @@ def _widest_of(widest: _Widest, pair: int) -> tuple[int, tuple[int, int] | None]
 
 
 def watch_cycles(setting: Setting) -> CycleWatcher:
-    """Return what watches cycles, one for all rules about the same lists at the same times."""
-    return setting.shared(("cycles", setting.lists, setting.when), lambda: CycleWatcher(setting))
+    """Return what watches cycles, one for all rules that are judged at the same times."""
+    watcher = setting.shared(("cycles", setting.when), lambda: CycleWatcher(setting))
+    watcher.want(OfLists(patterns=setting.lists) if setting.lists else EVERY_LIST)
+    return watcher

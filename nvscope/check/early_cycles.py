@@ -39,9 +39,13 @@ class EarlyCycles:
 
     by_stream: ClassVar[bool] = True
 
-    def __init__(self, rows: AskedRows, lists: OfLists, since_ns: int | None) -> None:
-        self._rows, self._lists, self._since_ns = rows, lists, since_ns
+    def __init__(self, rows: AskedRows, since_ns: int | None) -> None:
+        self._rows, self._lists, self._since_ns = rows, OfLists(), since_ns
         self._telegrams: dict[int, list[tuple[int, int, int]]] = {}
+
+    def want(self, lists: OfLists) -> None:
+        """Keep those of some lists, beside those wanted so far."""
+        self._lists = self._lists.and_of(lists)
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""

@@ -114,19 +114,23 @@ def believed(state: TrackerState, heard: list[EventBatch]) -> list[EventBatch]:
     scopes, erratic = scopes_in_force(state), erratic_streams(state, lists=lists)
     described = state.keys.described(np.array(sorted(erratic), np.int64))
     doubted = set(zip(*(column.tolist() for column in described), strict=True))
+    most = max((int(events.node.max()) for events in heard if len(events)), default=0)
+    # Where nobody knows what a node counts, nothing of its Counters is believed; and some events are of no node.
+    scope_of = np.full(max(most, *scopes, 0) + 2, -1)
+    for node, scope in scopes.items():
+        scope_of[node] = min(scope, Scope.NODE_TELEGRAM)
     kept = []
     for events in heard:
         if events.scope is None:
             kept.append(events)
             continue
-        places = zip(events.list.tolist(), events.node.tolist(), events.subindex.tolist(), strict=True)
-        rows = [
-            row for row, place in enumerate(places)
-            if place[1] in scopes and min(scopes[place[1]], Scope.NODE_TELEGRAM) == events.scope
-            and place not in doubted
-        ]  # fmt: skip
-        if rows:
-            kept.append(events.take(np.array(rows)))
+        rows = np.flatnonzero(scope_of[events.node] == events.scope)
+        if doubted:
+            columns = events.list[rows], events.node[rows], events.subindex[rows]
+            places = zip(*(column.tolist() for column in columns), strict=True)
+            rows = rows[[place not in doubted for place in places]]
+        if len(rows):
+            kept.append(events.take(rows))
     return kept
 
 
