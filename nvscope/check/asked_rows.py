@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -60,15 +61,37 @@ class Asked:
     their numbers in the capture, ``counter`` their Counters. Shapes (n,).
     """
 
-    rows: FrameRows
+    frames: FrameRows | LazyRows
     stream: I64
     list: I64
     time_ns: I64
     frame: I64
     counter: I64
 
+    @property
+    def rows(self) -> FrameRows:
+        """All that was found in them."""
+        return self.frames.rows if isinstance(self.frames, LazyRows) else self.frames
+
     def __len__(self) -> int:
         return len(self.stream)
+
+
+class LazyRows:
+    """Rows of some packets of a batch that are made when somebody asks for them."""
+
+    def __init__(self, told: Told, packet: I64) -> None:
+        self.told, self.packet = told, packet
+
+    @property
+    def are_telegrams(self) -> bool:
+        """Whether nothing but telegrams of network variables was found in the batch."""
+        return self.told.can is None and not self.told.parts and self.told.others is None
+
+    @cached_property
+    def rows(self) -> FrameRows:
+        """The rows."""
+        return FrameRows.of(self.told, self.packet)
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,6 +216,6 @@ def _asked(batch: _Batch, packet: I64, stream: I64, numbers: I64, *, in_order: b
         order = np.argsort(packet, kind="stable")
         packet, stream, numbers = packet[order], stream[order], numbers[order]
     return Asked(
-        FrameRows.of(told, packet), stream, numbers, batch.latest_ns[packet], packet + told.first_frame,
+        LazyRows(told, packet), stream, numbers, batch.latest_ns[packet], packet + told.first_frame,
         told.counter[packet].astype(np.int64),
     )  # fmt: skip

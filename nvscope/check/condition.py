@@ -7,12 +7,13 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from dissectors.batch import Bool
-from nvscope.check.asked_rows import Asked, OfLists
+from nvscope.check.asked_rows import Asked, LazyRows, OfLists
 from nvscope.check.parameters import Unfit
 from nvscope.errors import UsageError
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.fields.shown_fields import CAUSE, FINDING
 from nvscope.view.moment_filter import MomentFilter
+from nvscope.view.variety_answers import VarietyAnswers
 
 
 def compiled(text: str, fields: Mapping[str, TelegramField], within: str = "{}") -> MomentFilter:
@@ -45,6 +46,7 @@ class Condition:
         if begins and not chosen.momentary and (any(sent_in) or chosen.remembers):
             chosen = compiled(text, fields, "rose({})")
         self._chosen, self._fields = chosen, fields
+        self._answers = VarietyAnswers(lambda rows: chosen.told(rows, rows.row)) if chosen.constant else None
         self.alone = not any(sent_in) and not chosen.remembers
         """Whether each telegram is asked by itself, whatever came before it."""
         self.lists: OfLists | None = None
@@ -58,6 +60,11 @@ class Condition:
 
     def told(self, asked: Asked) -> tuple[Bool, Bool]:
         """Tell of which telegrams it is true, and of which that is known."""
+        if self._answers is not None and isinstance(asked.frames, LazyRows) and asked.frames.are_telegrams:
+            self._answers.learn(asked.frames.told)
+            variety = asked.frames.told.variety[asked.frames.packet]
+            if not self._answers.undecided[variety].any():
+                return self._answers.true[variety], self._answers.known[variety]
         true, known = self._chosen.told(asked.rows, asked.stream)
         known = np.ones(len(asked), np.bool_) if known is None else known
         return true & known, known

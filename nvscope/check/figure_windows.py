@@ -87,18 +87,25 @@ class FigureWindows:
         row = np.flatnonzero(mask[counted.list])
         fine = self._is_fine(counted, row)
         empty = self._is_fine(None, np.zeros(1, np.int64))[0]
-        columns = counted.list[row], counted.window[row], counted.frame[row], fine
+        columns: list[Any] = [counted.list[row], counted.window[row], counted.frame[row], fine]
+        count = np.ones(len(row), np.int64)
+        if self.holds is None:
+            # Of windows in a row that are as they should be, nothing but their number is wanted.
+            begins = (np.diff(columns[0]) != 0) | (np.diff(columns[1]) != 1) | ~fine[1:] | ~fine[:-1]
+            begin = np.flatnonzero(np.append(True, begins)[: len(row)])
+            count = np.diff(begin, append=len(row))
+            columns = [one[begin] for one in columns]
 
         def judged(first: int, stop: int) -> Iterator[tuple[int, int]]:
             return self._judged_of(counted.begin_ns, first, stop)
 
-        for number, window, frame, is_fine in zip(*(one.tolist() for one in columns), strict=True):
+        for number, window, frame, is_fine, many in zip(*(one.tolist() for one in (*columns, count)), strict=True):
             run = runs.setdefault(number, _Run(self._length_ns, self._limit_ns))
             run.pass_by(window, empty, counted.begin_ns, judged)
-            if any(judged(window, window + 1)):
-                run.take(window, 1, is_fine, counted.begin_ns, frame)
+            if any(judged(window, window + many)):
+                run.take(window, many, is_fine, counted.begin_ns, frame)
             else:
-                run.leave_out(window + 1)
+                run.leave_out(window + many)
         for run in runs.values():
             run.pass_by(counted.until, empty, counted.begin_ns, judged)
             if counted.breaks:

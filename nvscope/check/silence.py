@@ -11,7 +11,7 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from dissectors.can.pdo import PdoRules
-from nvscope.check.asked_rows import EVERY_LIST, AskedRows
+from nvscope.check.asked_rows import EVERY_LIST, AskedRows, OfLists
 from nvscope.check.while_so import WhileSo
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.keys import Keys
@@ -58,6 +58,7 @@ class SilenceWatcher:
         self._since_ns, self.holds = since_ns, holds
         self._rows = AskedRows({}) if rows is None else rows
         self._keys: list[ListKey] = []
+        self._wanted = OfLists()
         self._lists = _SilentColumns()
         self._is_heard = True
         self._least_ns: int | None = None
@@ -67,8 +68,9 @@ class SilenceWatcher:
         self._before = 0, 0
         """The longest time up to an end of all listening, and since when it was: so long a list was silent at least."""
 
-    def want(self, longer_than_ns: int) -> None:
-        """Keep silences that are so long, beside those wanted so far."""
+    def want(self, longer_than_ns: int, lists: OfLists = EVERY_LIST) -> None:
+        """Watch some lists, and keep silences that are so long, beside those wanted so far."""
+        self._wanted = self._wanted.and_of(lists)
         self._least_ns = longer_than_ns if self._least_ns is None else min(self._least_ns, longer_than_ns)
 
     def observe(self, told: Told) -> None:
@@ -159,8 +161,10 @@ class SilenceWatcher:
 
     def _columns(self, told: Told) -> Iterator[tuple[I64, I64]]:
         """Yield the lists of telegrams, and their packets; of frames of CAN likewise."""
-        for runs, _ in self._rows.runs(told, EVERY_LIST):
-            yield np.repeat(runs.lists, runs.rows.stop - runs.rows.start), runs.rows.packet
+        for runs, own in self._rows.runs(told, self._wanted):
+            rows, run = runs.rows, np.array(own)
+            packet = rows.packet if len(run) == len(runs.lists) else rows.packet[rows.of_runs(run)]
+            yield np.repeat(runs.lists[run], (rows.stop - rows.start)[run]), packet
 
     def _take(self, lists: I64, packet: I64, latest_ns: I64, first_frame: int) -> None:
         if not len(lists):
@@ -179,20 +183,18 @@ class SilenceWatcher:
         known.paused[own] = False
         gap_ns = behind_ns - before_ns
         longest_ns = np.maximum.reduceat(gap_ns, begin)
-        # Of each list the first gap that is as long as its longest one here.
-        group = np.repeat(np.arange(len(begin)), np.diff(np.append(begin, len(lists))))
-        row = np.flatnonzero(gap_ns == longest_ns[group])
-        row = row[np.unique(group[row], return_index=True)[1]]
-        longer = longest_ns > known.longest_ns[own]
-        known.longest_ns[own[longer]] = longest_ns[longer]
-        known.begin_ns[own[longer]] = before_ns[row[longer]]
-        known.frame[own[longer]] = packet[row[longer]] + first_frame
-        known.first[own[longer]] = ~known.came[own[longer]] & (row[longer] == begin[longer])
+        stop = np.append(begin[1:], len(lists))
+        for place in np.flatnonzero(longest_ns > known.longest_ns[own]).tolist():
+            number, first = int(own[place]), int(begin[place])
+            row = first + int(gap_ns[first : stop[place]].argmax())
+            known.longest_ns[number], known.begin_ns[number] = longest_ns[place], before_ns[row]
+            known.frame[number] = packet[row] + first_frame
+            known.first[number] = not known.came[number] and row == first
         is_first = np.zeros(len(lists), np.bool_)
         is_first[begin] = ~known.came[own]
         self._keep(lists, gap_ns, before_ns, packet + first_frame, is_first)
-        known.last_ns[own] = behind_ns[np.append(begin[1:], len(lists)) - 1]
-        known.last_frame[own] = packet[np.append(begin[1:], len(lists)) - 1] + first_frame
+        known.last_ns[own] = behind_ns[stop - 1]
+        known.last_frame[own] = packet[stop - 1] + first_frame
         known.came[own] = True
 
     def nothing(self, until_ns: int) -> tuple[int, int]:

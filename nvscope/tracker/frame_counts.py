@@ -11,6 +11,7 @@ import numpy as np
 
 from dissectors.batch import I64
 from nvscope.engine.events import EventBatch
+from nvscope.engine.runs import distinct
 from nvscope.engine.told import Told
 from nvscope.tracker.counted import erratic_streams
 from nvscope.tracker.counters import Scope
@@ -110,7 +111,7 @@ def believed(state: TrackerState, heard: list[EventBatch]) -> list[EventBatch]:
     """Return events without those of a Counter that counts something else, or that nobody believes, as is known now."""
     if not any(events.kind in _OF_COUNTERS for events in heard):
         return heard
-    lists = {number for events in heard if events.scope is not None for number in np.unique(events.list).tolist()}
+    lists = {number for events in heard if events.scope is not None for number in distinct(events.list).tolist()}
     scopes, erratic = scopes_in_force(state), erratic_streams(state, lists=lists)
     described = state.keys.described(np.array(sorted(erratic), np.int64))
     doubted = set(zip(*(column.tolist() for column in described), strict=True))

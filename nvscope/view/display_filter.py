@@ -7,8 +7,6 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from dissectors.batch import I64, Bool
-from dissectors.netvar import Fault
-from dissectors.varieties import NO_TELEGRAM, Varieties
 from nvscope.engine.told import Told
 from nvscope.expression.expression import compile_expression
 from nvscope.expression.typed_columns import Column
@@ -17,7 +15,8 @@ from nvscope.view.fields.frame import CARRIER_FIELDS, FIELDS, expression_names, 
 from nvscope.view.fields.shown import NONE
 from nvscope.view.fields.shown_fields import CAUSE, FINDING
 from nvscope.view.fields.verdicts import Verdicts
-from nvscope.view.rows.frames import NETVAR, FrameRows
+from nvscope.view.rows.frames import FrameRows
+from nvscope.view.variety_answers import VarietyAnswers
 
 _OF_CARRIERS = frozenset(field.name for field in CARRIER_FIELDS)
 _SHOWN = (FINDING, CAUSE)
@@ -118,17 +117,16 @@ class PacketChoice:
 
     def __init__(self, chosen: DisplayFilter) -> None:
         self._filter = chosen
-        self._varieties: Varieties | None = None
-        self._answer = np.zeros(0, np.bool_)
-        self._undecided = np.zeros(0, np.bool_)
+        self._answers = VarietyAnswers(lambda rows: (chosen(rows), None))
 
     def __call__(self, told: Told) -> Bool:
         """Return a mask over the packets of the batch."""
         if self._filter.constant:
-            self._describe(told)
-            chosen = self._answer[told.variety]
-            if self._undecided.any():
-                self._ask(told, np.flatnonzero(self._undecided[told.variety]), chosen)
+            answers = self._answers
+            answers.learn(told)
+            chosen = answers.true[told.variety]
+            if answers.undecided.any():
+                self._ask(told, np.flatnonzero(answers.undecided[told.variety]), chosen)
             for part in told.parts.values():
                 self._ask(told, part.row, chosen)
             if told.others is not None:
@@ -142,22 +140,3 @@ class PacketChoice:
         """Ask of the telegrams in some packets one by one, and enter the answers."""
         if len(packet):
             chosen[packet] = self._filter(FrameRows.of(told, packet))
-
-    def _describe(self, told: Told) -> None:
-        """Ask of the varieties that are new."""
-        if told.varieties is not self._varieties:
-            self._varieties = told.varieties
-            self._answer, self._undecided = np.zeros(0, np.bool_), np.zeros(0, np.bool_)
-        known = len(self._answer)
-        if len(told.varieties) == known:
-            return
-        new = np.arange(known, len(told.varieties))
-        rows = FrameRows.of_varieties(told, new)
-        answer = self._filter(rows) & (new != NO_TELEGRAM)
-        # Of these, a variety does not tell all that was captured.
-        undecided = np.zeros(len(new), np.bool_)
-        if found := rows.parts.get(NETVAR):
-            fault = found.part.fault
-            undecided[found.positions(len(new))] = (fault == Fault.HEADER_CUT) | (fault == Fault.SHORT)
-        self._answer = np.concatenate([self._answer, answer & ~undecided])
-        self._undecided = np.concatenate([self._undecided, undecided])

@@ -21,7 +21,8 @@ class MomentFilter:
     """Tells of which telegrams an expression is true that may have functions of time, and variables of several lists.
 
     ``alone`` is the display filter that it is where each telegram can be asked alone, None where it remembers: then it
-    is asked of all telegrams in their order, each once, and variables hold their last value. ``momentary``, ``ages``
+    is asked of all telegrams in their order, each once, and variables hold their last value. ``constant``: what it says
+    is the same for all telegrams of a variety. ``momentary``, ``ages``
     and ``remembers`` are as of ``Expression``. ``by_stream`` is whether telegrams of one stream follow each other, or,
     where variables last, all do; ``by_bus``, whether all frames of a CAN channel do, since it asks for what is of the
     bus. UsageError, with the place, where the expression cannot be understood.
@@ -38,6 +39,7 @@ class MomentFilter:
         self.alone: DisplayFilter | None = None
         if not self._expression.remembers and len(lasting) < 2:
             self.alone = DisplayFilter(text, fields)
+        self.constant = self.alone is not None and self.alone.constant and not self.alone.judged
         self.by_stream = self.alone is not None or not lasting
         self.by_bus = any(field.name.startswith(_OF_BUSES) for field in self.named)
         self._lasting = Lasting()

@@ -167,7 +167,7 @@ def _watch_silence(setting: Setting, told: Mapping[str, Any]) -> SilenceWatcher:
         ("silence", setting.when),
         lambda: SilenceWatcher(setting.since_ns, rows=setting.rows, holds=while_so(setting)),
     )
-    watcher.want(told["max"])
+    watcher.want(told["max"], OfLists(patterns=setting.lists) if setting.lists else EVERY_LIST)
     return watcher
 
 
