@@ -133,6 +133,7 @@ class WindowCounts:
         assert self._begin_ns is not None
         found, steps = [], []
         mask = np.append(self._rows.mask(self._lists, told.keys), False)
+        heard = [events.take(np.flatnonzero((events.list >= 0) & mask[events.list])) for events in heard]
         for events in believed(self.state, heard) if self.state is not None else heard:
             # What waited in vain counts when its time is over; all else, when its frame came.
             at_ns = events.time_ns
@@ -147,11 +148,9 @@ class WindowCounts:
                 for step in STEPS[name]
                 if step.kind is events.kind
             }
-            own = np.flatnonzero((events.list >= 0) & mask[events.list])
-            columns = {name: value[own] for name, value in values.items()}
-            if columns.pop("lost", None) is not None:
-                steps.append((events.take(own), window[own], at_ns[own]))
-            found.append(_Rows(events.list[own], window[own], events.frame[own], events.frame[own], columns))
+            if values.pop("lost", None) is not None:
+                steps.append((events, window, at_ns))
+            found.append(_Rows(events.list, window, events.frame, events.frame, values))
         return [*found, self._lost(steps)] if steps else found
 
     def _lost(self, steps: list[tuple[EventBatch, I64, I64]]) -> _Rows:
