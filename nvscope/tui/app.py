@@ -126,7 +126,6 @@ class WatchApp(App[None], inherit_bindings=False):
             lambda scene: self.call_from_thread(self._take, scene),
             lambda error: self.call_from_thread(self.end, error),
         )
-
         self.set_interval(1.0, self._tell_frozen)
         self.app_resume_signal.subscribe(self.screen, self._draw_all)
         self._end_in_order()
@@ -200,8 +199,8 @@ class WatchApp(App[None], inherit_bindings=False):
         self.draw()
 
     def _show(self, scene: Scene) -> None:
-        if not self.query("#views"):
-            return  # the screen is being taken down
+        if not self._is_whole:
+            return
         self._drawn_s = time.monotonic()
         self.draws += 1
         self._look = Look.of(
@@ -213,25 +212,25 @@ class WatchApp(App[None], inherit_bindings=False):
         if front is not None and front.shows_frames and looks_for_frames:
             # They are mostly there at once, and would be drawn twice.
             self.set_timer(_FRAMES_S, lambda: self._show_without_frames(scene))
-        elif front is not None:
-            front.show(self._look)
-            self._shown = scene
+        else:
+            self._show_in_front(self._look)
         self._tell_bars()
 
     def _show_without_frames(self, scene: Scene) -> None:
         """Show a scene whose frames are still being looked for."""
-        if self._look is not None and self._look.scene is scene and self._shown is not scene:
-            self._shown = scene
-            if self.front is not None:
-                self.front.show(self._look)
+        if self._is_whole and self._look is not None and self._look.scene is scene and self._shown is not scene:
+            self._show_in_front(self._look)
+
+    def _show_in_front(self, look: Look) -> None:
+        self._shown = look.scene
+        if self.front is not None:
+            self.front.show(look)
 
     def take_found(self) -> None:
         """Take that it is known, or known better, which frames are to be shown."""
-        if self._look is not None:
+        if self._is_whole and self._look is not None:
             self._look = replace(self._look, found=self.find.found, choice=self.find.choice)
-            self._shown = self._look.scene
-            if self.front is not None:
-                self.front.show(self._look)
+            self._show_in_front(self._look)
 
     def on_resize(self) -> None:
         self.call_after_refresh(self._tell_bars)
@@ -239,14 +238,20 @@ class WatchApp(App[None], inherit_bindings=False):
     def on_view_changed(self) -> None:
         self.again()
 
+    @property
+    def _is_whole(self) -> bool:
+        """Whether the screen is there, and not being taken down: a timer or a thread may come meanwhile."""
+        return all(self.query(one) for one in ("#head", "#views", "#foot"))
+
     def _tell_bars(self) -> None:
+        if not self._is_whole:
+            return
         top, bottom = self.query_one("#head", Bar), self.query_one("#foot", Bar)
         if self._look is not None:
             top.tell(*head(self._look, self._state, self.size.width))
         else:
             top.tell([Cell(" nvscope ", Tone.STRONG), Cell("waiting for the first look …", Tone.FAINT)])
-        front = self.front
-        hints = front.hints() if front else ()
+        hints = self.front.hints() if self.front else ()
         bottom.tell(*foot(self.keymap, hints, self._states_below, self.size.width, plays=self.feed.player is not None))
 
     @property
