@@ -9,17 +9,22 @@ from typing import ClassVar
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.analysis.watching import Scene
 from nvscope.engine.told import Told
+from nvscope.tracker.counted import Counted
 from nvscope.tracker.since import Since
+from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import Summary
 
 
 class BehindWarmUp:
-    """What one state has counted behind the warm-up, or all of it where there is none."""
+    """What one state has counted behind the warm-up, or all of it where there is none.
+
+    ``apart`` is that state, where it is not the one that scenes show.
+    """
 
     by_stream: ClassVar[bool] = True
 
-    def __init__(self, inquiry: Inquiry, since: Since | None) -> None:
-        self._inquiry, self._since = inquiry, since
+    def __init__(self, inquiry: Inquiry, since: Since | None, apart: TrackerState | None = None) -> None:
+        self._inquiry, self._since, self._apart = inquiry, since, apart
         self.since_ns = None if since is None else since.start_ns
 
     @property
@@ -41,10 +46,13 @@ class BehindWarmUp:
 
     def summary(self, scene: Scene) -> Summary:
         """Return what is known behind the warm-up; before that is over, of all."""
-        inquiry = self._inquiry
         if self._since is None or self.is_ahead:
-            return scene.snapshot.summary
-        return self._since.counted().summary(
+            return scene.snapshot.summary if self._apart is None else self._summary(Counted.of(self._apart))
+        return self._summary(self._since.counted())
+
+    def _summary(self, counted: Counted) -> Summary:
+        inquiry = self._inquiry
+        return counted.summary(
             intervals_ns=inquiry.project.definition.nominal_intervals_ns(), readers=inquiry.project.readers,
             buses=inquiry.project.buses, cob_ids=inquiry.pdos.cob_ids if inquiry.pdos else frozenset(),
         )  # fmt: skip

@@ -49,6 +49,8 @@ class Condition:
         self._answers = VarietyAnswers(lambda rows: chosen.told(rows, rows.row)) if chosen.constant else None
         self.alone = not any(sent_in) and not chosen.remembers
         """Whether each telegram is asked by itself, whatever came before it."""
+        self.lasts = bool(sent_in) and all(sent_in) and not chosen.momentary
+        """Whether it is so until something that it names is sent again: it names variables alone."""
         self.lists: OfLists | None = None
         if sent_in and all(sent_in) and not chosen.ages:
             self.lists = OfLists(frozenset(key for places in sent_in for key, _ in places))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from nvscope.check.check import Evidence
 from nvscope.check.lists import CalledLists
 from nvscope.check.rules import Mistakes, Rule
+from nvscope.check.stage import StageKey
 from nvscope.check.verdict import Judged, Verdict, worst_of
 from nvscope.check.while_so import NEVER_SO, WhileSo
 from nvscope.engine.run import Observer
@@ -31,9 +32,13 @@ class Decided:
 
 @dataclass(slots=True)
 class WatchedRule:
-    """A rule, what watches for it, and why it cannot be judged, "" where it can; the rules of the file it names."""
+    """A rule, what watches for it, and why it cannot be judged, "" where it can; the rules of the file it names.
+
+    ``stage`` is where it is judged.
+    """
 
     rule: Rule
+    stage: StageKey
     watcher: Observer | None = None
     reason: str = ""
     inner: Sequence[WatchedRule] = ()
@@ -44,9 +49,9 @@ class WatchedRule:
         yield from self.inner
 
 
-def decided(watched: WatchedRule, known: Evidence, called: CalledLists) -> Decided:
-    """Return the verdict on a rule, by all that is known."""
-    rule = watched.rule
+def decided(watched: WatchedRule, evidence: Mapping[StageKey, Evidence], called: CalledLists) -> Decided:
+    """Return the verdict on a rule, by all that is known where it is judged."""
+    rule, known = watched.rule, evidence[watched.stage]
     if watched.reason:
         return Decided(rule, Verdict.INCONCLUSIVE, [Judged(Verdict.INCONCLUSIVE, reason=watched.reason)])
     if known.ends_early:
@@ -58,7 +63,7 @@ def decided(watched: WatchedRule, known: Evidence, called: CalledLists) -> Decid
         return Decided(rule, Verdict.PASS if rule.optional else Verdict.INCONCLUSIVE, [_optional(rule, never)])
     lists, unknown = called.chosen(rule.lists)
     told = {**rule.parameters, "watched": watched.watcher, "list_named": bool(rule.lists)}
-    told["inner"] = [decided(one, known, called) for one in watched.inner]
+    told["inner"] = [decided(one, evidence, called) for one in watched.inner]
     judged = list(rule.check.judge(known, lists, told)) if lists or not rule.lists else []
     for name in unknown:
         # What has to be absent is, as long as it is told by what is on the wire and not by a name.

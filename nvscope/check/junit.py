@@ -20,9 +20,9 @@ def junit(
 ) -> bytes:  # fmt: skip
     """Return the document.
 
-    Rules of the severities that are ``failing`` are failures where they are broken; others are skipped then, with what
-    broke them: a build server goes red for nothing that ``check`` does not exit with 1 for. With ``inconclusive_fails``
-    what could not be decided is a failure, too.
+    Rules of the severities that are ``failing`` are failures where they are broken, with ``inconclusive_fails`` where
+    they could not be decided, too; others are skipped then, with what broke them: a build server goes red for nothing
+    that ``check`` does not exit with 1 for.
     """
     root = Element("testsuites", name="nvscope")
     for path, group in groupby(found.decided, key=lambda one: one.rule.path):
@@ -51,9 +51,8 @@ def junit(
 
 
 def _fails(decided: Decided, inconclusive_fails: bool, failing: Sequence[str]) -> bool:
-    if decided.verdict is Verdict.FAIL:
-        return decided.rule.severity in failing
-    return inconclusive_fails and decided.verdict is Verdict.INCONCLUSIVE
+    is_bad = decided.verdict is Verdict.FAIL or (inconclusive_fails and decided.verdict is Verdict.INCONCLUSIVE)
+    return is_bad and decided.rule.severity in failing
 
 
 def _text(found: Checked, decided: Decided, paths: Sequence[str]) -> list[str]:

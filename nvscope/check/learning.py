@@ -21,7 +21,7 @@ from nvscope.check.learnt_limits import (
     time_with_room,
 )
 from nvscope.check.learnt_lists import LearntList, learnt_lists
-from nvscope.check.rules import Rules, rules_of
+from nvscope.check.rules import rules_of
 from nvscope.check.run import Checked, checked
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.duration import format_duration
@@ -93,13 +93,13 @@ class Lesson:
 def learn(inquiry: Inquiry, warmup_ns: int = 0) -> Lesson:
     """Return what captures teach; they are read twice. Raises what reading them raises."""
     plain = [{"id": "malformed", "check": "malformed", "max": _NOTHING_BREAKS}]
-    first = checked(inquiry, Rules(rules_of(plain, "").rules, [], warmup_ns))
+    first = checked(inquiry, rules_of(plain, "", warmup_ns))
     if first.known.ends_early:
         raise UsageError("the captures end before the warm-up is over", next_step="give a shorter --warmup")
     lists = learnt_lists(first)
     left_out, lists = lists[MOST_LISTS:], lists[:MOST_LISTS]
     tables = list(_loosest(lists, bool(inquiry.project.definition.by_key())))
-    rules = Rules(rules_of(tables, "").rules, [], warmup_ns)
+    rules = rules_of(tables, "", warmup_ns)
     lesson = _Teacher(checked(inquiry, rules), lists, inquiry).lesson()
     if left_out:
         lesson.left_out.append(f"{count_of(len(left_out), 'list')} behind the first {count(MOST_LISTS)}")

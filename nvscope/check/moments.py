@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,14 @@ from nvscope.engine.watch import Unheard
 from nvscope.tracker.event_kinds import FRAMES_KEPT
 
 _MOST_OPEN = 100_000
+
+
+class Before(NamedTuple):
+    """What held at a moment: whether it was so, whether anybody knows, and the frame that said so last."""
+
+    true: bool
+    known: bool
+    frame: int
 
 
 class MomentWatcher:
@@ -40,6 +48,9 @@ class MomentWatcher:
         self._asks = asks if asks is None or lists is None else asks.and_of(lists)
         self.judged = 0
         self.start_ns = setting.since_ns
+        self._may_carry = setting.since_ns is not None and not setting.lists
+        self._before: Before | None = None
+        """What held up to the warm-up's end, as long as nothing has come behind that."""
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
@@ -69,12 +80,36 @@ class MomentWatcher:
 
     def look(self, asked: Asked, judged: Bool) -> None:
         """Look at telegrams, of which some are to be judged, if it is the time for it; they follow those before."""
+        while_so = True
         if self._when is not None:
-            judged &= self._when.told(asked)[0]
+            told = self._when.told(asked)[0]
+            judged &= told
+            while_so = bool(told[-1])
         self.judged += int(np.count_nonzero(judged))
+        since_ns = self._setting.since_ns
+        is_behind = since_ns is not None and int(asked.time_ns[-1]) >= since_ns
+        if is_behind:
+            self._carry_over()
         # Whatever bytes variables have, they are values of some kind: what is no number is told as that.
         with np.errstate(all="ignore"):
             self.take(asked, judged)
+        if self._may_carry and not is_behind:
+            self._before = Before(*self._lasting, int(asked.frame[-1])) if while_so and self._lasting is not None else None
+
+    @property
+    def _lasting(self) -> tuple[bool, bool] | None:
+        """Whether what is asked was so at the telegram taken last, and whether anybody knows; None: it holds not on."""
+        return None
+
+    def _carry_over(self) -> None:
+        """Take what held up to the end of the warm-up as what holds there: values last."""
+        before, self._before = self._before, None
+        if before is not None and before.known and self._setting.since_ns is not None:
+            self.judged += 1
+            self.carry(self._setting.since_ns, before)
+
+    def carry(self, time_ns: int, before: Before) -> None:
+        """Take that something is so at a time, and was before."""
 
     @property
     def is_conditional(self) -> bool:
@@ -98,9 +133,31 @@ class TruthWatcher(MomentWatcher):
         self._wanted = wanted
         self.broken = Stretches(limit_ns)
         self.known = 0
+        self._told: tuple[bool, bool] | None = None
+
+    @property
+    def _lasting(self) -> tuple[bool, bool] | None:
+        return self._told if self._condition.lasts else None
+
+    def carry(self, time_ns: int, before: Before) -> None:
+        """Take that something is so at a time, and was before."""
+        self.known += 1
+        so = before.true != self._wanted
+        self.broken.take(np.array([time_ns]), np.array([before.frame]), np.array([so]))
+
+    def up_to(self, until_ns: int) -> TruthWatcher:
+        """Return it with what is broken at a time ended by then; this one goes on."""
+        found = copy(self)
+        found.broken = copy(self.broken)
+        found.broken.frames = list(self.broken.frames)
+        if self._setting.since_ns is not None and until_ns >= self._setting.since_ns:
+            found._carry_over()
+        found.broken.end(until_ns)
+        return found
 
     def take(self, asked: Asked, judged: Bool) -> None:
         true, known = self._condition.told(asked)
+        self._told = bool(true[-1]), bool(known[-1])
         self.known += int(np.count_nonzero(judged & known))
         row = np.flatnonzero(known | ~judged)
         so = (judged & known & (true != self._wanted))[row]
@@ -191,9 +248,28 @@ class FirstWatcher(MomentWatcher):
         self.known = 0
         self.first_ns: int | None = None
         self.frame: int | None = None
+        self._told: tuple[bool, bool] | None = None
+
+    @property
+    def _lasting(self) -> tuple[bool, bool] | None:
+        return self._told if self._condition.lasts else None
+
+    def carry(self, time_ns: int, before: Before) -> None:
+        """Take that something is so at a time, and was before."""
+        self.known += 1
+        if before.true and self.first_ns is None:
+            self.first_ns, self.frame = time_ns, before.frame
+
+    def up_to(self, until_ns: int) -> FirstWatcher:
+        """Return it as it is at a time, of which nothing more comes; this one goes on."""
+        found = copy(self)
+        if self._setting.since_ns is not None and until_ns >= self._setting.since_ns:
+            found._carry_over()
+        return found
 
     def take(self, asked: Asked, judged: Bool) -> None:
         true, known = self._condition.told(asked)
+        self._told = bool(true[-1]), bool(known[-1])
         self.known += int(np.count_nonzero(known & judged))
         row = np.flatnonzero(true & judged)
         if len(row) and self.first_ns is None:

@@ -97,6 +97,9 @@ class Occurrences(MomentWatcher):
         self.length_ns = length_ns
         self._nothing = Counts(least, most, 0, length_ns)
         """What was counted of what never came."""
+        self.known = 0
+        """At how many moments anybody knew whether the expression was true."""
+
         self._counts: dict[int, Counts] = {}
         self._ended = 0
         """How many whole windows there were before those that go on now."""
@@ -123,7 +126,11 @@ class Occurrences(MomentWatcher):
         if self._when is None and self._begin_ns is None:
             self._begin(self.start_ns)
         with np.errstate(all="ignore"):
-            happened = judged if self._condition is None else judged & self._condition.told(asked)[0]
+            happened = judged
+            if self._condition is not None:
+                true, known = self._condition.told(asked)
+                happened = judged & true
+                self.known += int(np.count_nonzero(judged & known))
             so = None if self._when is None else self._when.told(asked)[0]
         self.judged += int(np.count_nonzero(judged if so is None else judged & so))
         if so is None:
@@ -138,7 +145,8 @@ class Occurrences(MomentWatcher):
                 continue
             if self._begin_ns is None:
                 # What is so from the first moment on has never been otherwise.
-                since_ns = self.start_ns if self._was_so or is_first else int(asked.time_ns[start])
+                goes_on = is_first or (self._was_so and not start)
+                since_ns = self.start_ns if goes_on else int(asked.time_ns[start])
                 self._begin(max(since_ns, self.start_ns))
             self._take(asked, happened, slice(start, stop))
         self._was_so = bool(so[-1])

@@ -33,6 +33,13 @@ COMMON: Mapping[str, tuple[ValueKind, str, Any]] = {
 }
 """The keys that every rule has: what may stand there, what it says, and what it is where it is left out."""
 
+
+def common_keys(check: Check) -> Mapping[str, tuple[ValueKind, str, Any]]:
+    """Return the keys that rules of a check share with all others: a parameter of the same name is its own."""
+    own = {one.name for one in check.parameters}
+    return {name: told for name, told in COMMON.items() if name not in own}
+
+
 DEFAULTS: Mapping[str, tuple[ValueKind, str, Any]] = {
     "warmup": (LENGTH, "nothing is judged before: starts of plants are noisy", 0),
     "severity": (choice(*SEVERITIES), "of rules that do not say theirs", "error"),
@@ -68,6 +75,8 @@ class Rule:
     place: Place = field(repr=False)
     inner: Sequence[Rule] = ()
     """Those of the file that it stands for."""
+    warmup_ns: int = 0
+    """So long behind the first frame nothing is judged."""
 
     @property
     def path(self) -> str:
@@ -124,11 +133,10 @@ class RuleTest:
 
 @dataclass(slots=True)
 class Rules:
-    """All rules of files, in their order, and for how long nothing is judged."""
+    """All rules of files, in their order."""
 
     rules: list[Rule] = field(default_factory=list)
     tests: list[RuleTest] = field(default_factory=list)
-    warmup_ns: int = 0
     paths: list[str] = field(default_factory=list)
     """All files that were read, those that are included too."""
 
@@ -161,10 +169,10 @@ def read_rules(paths: Sequence[str]) -> Rules:
     return reader.found
 
 
-def rules_of(tables: Sequence[Mapping[str, Any]], where: str) -> Rules:
+def rules_of(tables: Sequence[Mapping[str, Any]], where: str, warmup_ns: int = 0) -> Rules:
     """Return rules that are given as tables, as of a file; Mistakes, each with ``where`` and the key."""
     reader = _Reader()
-    reader.take({"rule": list(tables)}, Place(where))
+    reader.take({"rule": list(tables)}, Place(where), warmup_ns)
     if reader.mistakes:
         raise Mistakes(reader.mistakes)
     return reader.found
@@ -201,15 +209,15 @@ class _Reader:
             return
         self.take(*read)
 
-    def take(self, document: Mapping[str, Any], place: Place) -> None:
-        """Take what stands in a file."""
+    def take(self, document: Mapping[str, Any], place: Place, warmup_ns: int = 0) -> None:
+        """Take what stands in a file; the defaults there are for its own rules, a warm-up is else as given."""
         for name in document:
             if name not in _TABLES:
                 self._note(place.below(name).error(f"unknown key '{name}'", nearest(name, list(_TABLES))))
         for name in self._tried(lambda: _INCLUDE.read(document.get("include", []), place.below("include"))) or ():
             self.read(str(Path(place.path).parent / name))
         defaults = self._keys(document.get("defaults", {}), place.below("defaults"), DEFAULTS)
-        self.found.warmup_ns = max(self.found.warmup_ns, defaults.get("warmup", 0))
+        defaults["warmup"] = defaults.get("warmup") or warmup_ns
         rules = document.get("rule", [])
         if not isinstance(rules, list):
             self._note(place.below("rule").error("rules are an array of tables", "begin each with [[rule]]"))
@@ -220,7 +228,7 @@ class _Reader:
                 self._note(place.below("rule").below(number).error(told))
                 break
             self._rules += 1
-            self._rule(table, place.below("rule").below(number), defaults.get("severity", "error"))
+            self._rule(table, place.below("rule").below(number), defaults)
         tests = document.get("test", [])
         if not isinstance(tests, list):
             self._note(place.below("test").error("tests are an array of tables", "begin each with [[test]]"))
@@ -251,16 +259,18 @@ class _Reader:
             series, worst, margin = known["series"], known["worst"], known["margin"]
             self.found.tests.append(RuleTest(rule, known["step"], series, known["expect"], worst, margin, place))
 
-    def _rule(self, table: Any, place: Place, severity: str) -> None:
+    def _rule(self, table: Any, place: Place, defaults: Mapping[str, Any]) -> None:
         if not isinstance(table, Mapping):
             self._note(place.error("a table is expected", "begin each rule with [[rule]]"))
             return
         before = len(self.mistakes)
-        known = self._keys({key: value for key, value in table.items() if key in COMMON}, place, COMMON)
         check = CATALOGUE.get(str(table.get("check", "")))
+        # What a check calls its own is not said of the rule.
+        common = COMMON if check is None else common_keys(check)
+        known = self._keys({key: value for key, value in table.items() if key in common}, place, common)
         own: Mapping[str, Any] = {}
         if check is not None:
-            others = {key: value for key, value in table.items() if key not in COMMON}
+            others = {key: value for key, value in table.items() if key not in common}
             kinds = {one.name: (one.kind, one.help, one.default) for one in check.parameters}
             own = self._keys(others, place, kinds, [*kinds, *COMMON])
             if known.get("when") and not (check.by_moment or check.at_times):
@@ -285,8 +295,8 @@ class _Reader:
             return
         self.found.rules.append(
             Rule(
-                known["id"], check, own, known["list"], known["severity"] or severity, known["description"],
-                known["optional"], known["when"], place, inner,
+                known["id"], check, own, known["list"], known.get("severity") or defaults.get("severity", "error"),
+                known["description"], known["optional"], known["when"], place, inner, defaults["warmup"],
             )
         )  # fmt: skip
 
@@ -305,7 +315,6 @@ class _Reader:
                 self._known[real] = reader.found.rules
                 self.mistakes += reader.mistakes
                 self.found.paths += reader.found.paths
-                self.found.warmup_ns = max(self.found.warmup_ns, reader.found.warmup_ns)
                 if not reader.found.rules and not reader.mistakes:
                     self._note(where.error("there is no rule in that file", "a rule begins with [[rule]]"))
             self._rules += len(self._known[real])

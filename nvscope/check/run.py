@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,25 +13,17 @@ from nvscope.analysis.watching import Scene, Watched, Watching
 from nvscope.capture.begun import begun
 from nvscope.capture.source import Source, SourceInfo, any_live
 from nvscope.causes.cause import Cause
-from nvscope.check.answered_while import AnsweredWhile
 from nvscope.check.asked_rows import AskedRows
-from nvscope.check.behind_warm_up import BehindWarmUp
 from nvscope.check.check import Evidence, Setting
 from nvscope.check.condition import compiled
-from nvscope.check.counted_while import CountedWhile
-from nvscope.check.cycle_watcher import CycleWatcher
 from nvscope.check.deciding import Decided, WatchedRule, called_lists, decided, tell_of_unknown
-from nvscope.check.figure_windows import FigureWindows
-from nvscope.check.first_frames import FirstFrames
-from nvscope.check.first_telegrams import FirstTelegrams
 from nvscope.check.rules import Mistakes, Rule, Rules
-from nvscope.check.stream_intervals import IntervalWatcher
+from nvscope.check.stage import Stage, StageKey, as_of_all, stage_of
 from nvscope.check.verdict import Verdict
-from nvscope.engine.run import run
+from nvscope.engine.run import Observer, run
 from nvscope.errors import ConfigurationError, UsageError
 from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey
-from nvscope.tracker.since import Since
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.subjects import subjects
 
@@ -80,18 +72,16 @@ def checked(inquiry: Inquiry, rules: Rules, how: Judging | None = None) -> Check
     given that say what there is.
     """
     how = how or Judging()
-    inquiry = _patient(inquiry, rules.rules)
     # What is wrong is told before anything is waited for.
     watched = watching(inquiry, rules, None)
     opened = inquiry.open()
     with inquiry.watch(opened) as progress:
-        source, since_ns = opened, None
-        if rules.warmup_ns:
+        source, first_ns = opened, None
+        if any(one.stage.warmup_ns for rule in watched for one in rule.each()):
             source, first_ns = begun(opened)
-            since_ns = None if first_ns is None else first_ns + rules.warmup_ns
-        if since_ns is not None:
-            watched = watching(inquiry, rules, since_ns)
-        judge = _Judge(inquiry, watched, source, since_ns, how)
+        if first_ns is not None:
+            watched = watching(inquiry, rules, first_ns)
+        judge = _Judge(inquiry, watched, source, first_ns, how)
         due_s = time.monotonic() + _LOOK_S
         for _ in run(judge.source, inquiry.reading(), judge.observers):
             progress()
@@ -102,49 +92,43 @@ def checked(inquiry: Inquiry, rules: Rules, how: Judging | None = None) -> Check
     return judge.checked()
 
 
-def _patient(inquiry: Inquiry, rules: Sequence[Rule]) -> Inquiry:
-    """Return the inquiry with answers waited for as long as some rule allows them to take."""
-    every = [inner for rule in rules for inner in (rule, *rule.inner)]
-    longest_ns = max((one.parameters["within"] or 0 for one in every if one.check.name in _OF_ANSWERS), default=0)
-    patience_ns = inquiry.timeout_ns or inquiry.project.limits.acknowledgement_ns
-    return replace(inquiry, timeout_ns=longest_ns) if longest_ns > patience_ns else inquiry
-
-
 class _Judge:
     """What watches for all rules, and what is known of them at any time."""
 
     def __init__(
-        self, inquiry: Inquiry, rules: Sequence[WatchedRule], source: Source, since_ns: int | None, how: Judging
+        self, inquiry: Inquiry, rules: Sequence[WatchedRule], source: Source, first_ns: int | None, how: Judging
     ) -> None:  # fmt: skip
         self._inquiry = inquiry
         self._rules = rules
-        self._frames, self._telegrams = FirstFrames(since_ns), FirstTelegrams(since_ns)
-        # Several rules may have one in common.
         every = [one for rule in self._rules for one in rule.each()]
-        watchers = list({id(one.watcher): one.watcher for one in every if one.watcher is not None}.values())
-        of_figures = [one for one in watchers if isinstance(one, FigureWindows)]
-        for windows in {id(one.windows): one.windows for one in of_figures if one.windows is not None}.values():
-            source = windows.windows.cut(source)
-        counts = list({id(one.counts): one.counts for one in of_figures if one.counts is not None}.values())
-        counted = [one for one in watchers if isinstance(one, CountedWhile | AnsweredWhile)]
-        others = Watching(
-            how.ring_bytes, others=[self._telegrams, *watchers], listeners=(self._frames, *counted, *counts)
-        )
+        # Several rules may have a watcher in common.
+        watchers: dict[StageKey, dict[int, Observer]] = {one.stage: {} for one in every}
+        for one in every:
+            if one.watcher is not None:
+                watchers[one.stage][id(one.watcher)] = one.watcher
+        self._stages: dict[StageKey, Stage] = {}
+        # One state can tell what it has counted since one moment; who wants another one has a state of its own.
+        cut = next((key for key in watchers if key.patience_ns is None and key.warmup_ns), None)
+        for key, own in watchers.items():
+            since_ns = first_ns + key.warmup_ns if first_ns is not None and key.warmup_ns else None
+            shared = key.patience_ns is None and (not key.warmup_ns or key == cut)
+            self._stages[key] = Stage(inquiry, key, since_ns, list(own.values()), shared=shared)
+        stages = list(self._stages.values())
+        listeners = [one for stage in stages if stage.is_shared for one in stage.listeners]
+        others = Watching(how.ring_bytes, listeners=listeners)
         self._watched = Watched(inquiry, source, others, overdue=any_live(source.infos))
-        intervals = [one for one in watchers if isinstance(one, IntervalWatcher | CycleWatcher)]
-        for measuring in (*intervals, *counts):
-            measuring.state = self._watched.state
-        since = None if since_ns is None else Since(self._watched.state, since_ns)
-        self._counted = BehindWarmUp(inquiry, since)
-        self.source = source if since is None else since.cut(source)
-        self.observers = [*self._watched.observers, self._counted]
+        for stage in stages:
+            stage.look_at(self._watched.state)
+            source = stage.cut(source)
+        self.source = source
+        self.observers = [*self._watched.observers, *(one for stage in stages for one in stage.observers)]
 
     def is_broken(self) -> bool:
         """Tell whether a rule of severity error is broken by now, and not only since something may still come."""
-        known = self._evidence(self._look())
-        called = called_lists(known)
+        evidence = self._evidence(self._look())
+        called = called_lists(next(iter(evidence.values())))
         return any(
-            one.rule.severity == "error" and decided(one, known, called).verdict is Verdict.FAIL
+            one.rule.severity == "error" and decided(one, evidence, called).verdict is Verdict.FAIL
             for one in self._rules
             if one.rule.parameters.get("within", 0) is not None
         )
@@ -152,27 +136,30 @@ class _Judge:
     def checked(self) -> Checked:
         """Return all verdicts."""
         scene = self._look()
-        known = self._evidence(scene)
+        evidence = self._evidence(scene)
+        known = next(iter(evidence.values()))
         called = called_lists(known)
-        found = [decided(one, known, called) for one in self._rules]
+        found = [decided(one, evidence, called) for one in self._rules]
         tell_of_unknown(self._rules, known, called)
         return Checked(found, scene, known)
 
     def _look(self) -> Scene:
-        with self._counted.as_of_all():
+        with as_of_all(list(self._stages.values())):
             return self._watched.look()
 
-    def _evidence(self, scene: Scene) -> Evidence:
-        state, telegrams = self._watched.state, self._telegrams
-        return _evidence(self._inquiry, scene, self._counted, self._frames, state, telegrams.of)
+    def _evidence(self, scene: Scene) -> Mapping[StageKey, Evidence]:
+        return {key: _evidence(self._inquiry, scene, stage) for key, stage in self._stages.items()}
 
 
-def watching(inquiry: Inquiry, rules: Rules, since_ns: int | None) -> list[WatchedRule]:
-    """Return what watches for each rule; Mistakes with all that rules ask for and that there is not."""
+def watching(inquiry: Inquiry, rules: Rules, first_ns: int | None) -> list[WatchedRule]:
+    """Return what watches for each rule of captures whose first frame came then; None: nobody knows yet, or asks.
+
+    Mistakes with all that rules ask for and that there is not.
+    """
     names = {key: entry.name for key, entry in inquiry.project.definition.by_key().items() if entry.name}
     setting = Setting(
         inquiry.project.definition.nominal_intervals_ns(), inquiry.fields, AskedRows(names), names, inquiry.layouts,
-        since_ns=since_ns,
+        since_ns=first_ns,
     )  # fmt: skip
     mistakes: list[ConfigurationError] = []
     found = _watching(inquiry, rules.rules, setting, mistakes)
@@ -186,9 +173,14 @@ def _watching(
 ) -> list[WatchedRule]:  # fmt: skip
     found = []
     for rule in rules:
-        one = WatchedRule(rule, inner=_watching(inquiry, rule.inner, setting, mistakes))
+        stage = stage_of(rule, inquiry)
+        one = WatchedRule(rule, stage, inner=_watching(inquiry, rule.inner, setting, mistakes))
         found.append(one)
-        own = replace(setting, lists=tuple(rule.lists), when=rule.when)
+        first_ns = setting.since_ns
+        own = replace(
+            setting, lists=tuple(rule.lists), when=rule.when, common=setting.common.setdefault(stage, {}),
+            since_ns=first_ns + stage.warmup_ns if first_ns is not None and stage.warmup_ns else None,
+        )  # fmt: skip
         if setting.layouts is None and (rule.check.needs_definitions or rule.names_variables):
             one.reason = "no definition is given"
             continue
@@ -212,10 +204,8 @@ def _mistakes(rule: Rule, inquiry: Inquiry) -> Iterator[ConfigurationError]:
             yield rule.mistake(error, key)
 
 
-def _evidence(
-    inquiry: Inquiry, scene: Scene, counted: BehindWarmUp, frames: FirstFrames, state: TrackerState,
-    first_telegram: Callable[[int], tuple[int, int] | None],
-) -> Evidence:  # fmt: skip
+def _evidence(inquiry: Inquiry, scene: Scene, stage: Stage) -> Evidence:
+    counted, frames = stage.counted, stage.frames
     project, known, since_ns = inquiry.project, scene.snapshot, counted.since_ns
     summary = counted.summary(scene)
     keys = {one.number: one.key for one in summary.lists} | {one.number: one.key for one in summary.can.lists}
@@ -242,7 +232,7 @@ def _evidence(
         summary, list(subjects(summary)), keys, names, findings, causes, frames, project, inquiry.pdos,
         matching, begin_ns, known.summary.end_ns, drops, truncated,
         [info.start_ns for info in known.infos if info.start_ns is not None], known.infos, counted.is_ahead,
-        first_telegram, *_open_waits(state, since_ns),
+        stage.telegrams.of, *_open_waits(stage.state, since_ns),
     )  # fmt: skip
 
 

@@ -116,6 +116,12 @@ class Told:
         told._listeners = listeners
         return told
 
+    def waiting(self, timeout_ns: int) -> Told:
+        """Return the same batch for who lets answers take so long."""
+        told = self.heard_by(self._listeners)
+        told.__dict__ = {**self.__dict__, "timeout_ns": timeout_ns}
+        return told
+
     @property
     def is_heard(self) -> bool:
         """Whether anybody listens: what takes time to tell need not be told to nobody."""

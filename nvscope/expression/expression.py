@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import reduce
 from itertools import pairwise
 from typing import TypeVar, cast
 
@@ -28,7 +29,7 @@ from nvscope.expression.pattern import Pattern, PatternError
 from nvscope.expression.syntax import Node, parse, span_of
 from nvscope.expression.terms import NUMBERS, TESTS, WORDS, Terms, Typed, Written
 from nvscope.expression.typed_columns import BytesColumn, FieldType, NameTable, TextColumn
-from nvscope.expression.values import Evaluate, Moments, Operands, Read
+from nvscope.expression.values import Evaluate, Moments, Operands, Read, both_known
 
 _SIGNS = {"eq": "==", "ne": "!=", "lt": "<", "le": "<=", "gt": ">", "ge": ">="}
 Compiled = TypeVar("Compiled")
@@ -63,10 +64,11 @@ class Expression:
     def told(self, read: Read, moments: Moments | None = None) -> tuple[Bool, Bool | None]:
         """Return in which telegrams it holds, and of which that can be told at all; None: of all.
 
-        It can, where all is known that lasts, and something of the rest.
+        It can, where all is known that lasts, and something of the rest, and what values of before it asks for.
         """
         operands = Operands(read, moments)
-        return self.test(operands), Subject(self.fields, self.lasting).known(operands)
+        true = self.test(operands)
+        return true, reduce(both_known, operands.before, Subject(self.fields, self.lasting).known(operands))
 
 
 def compile_expression(text: str, names: NameTable, *, over_time: bool = False) -> Expression:

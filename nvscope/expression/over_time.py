@@ -253,4 +253,5 @@ class Before:
             self._kept[stream] = picked(column, np.array([last]))
         at, known = np.zeros(len(operand), np.int64), np.zeros(len(operand), np.bool_)
         at[order.row], known[order.row] = np.maximum(before, 0), before != _NONE
+        operands.before.append(known)
         return [Operand(picked(longer, at), known)]

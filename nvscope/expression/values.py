@@ -48,12 +48,14 @@ class Moments:
 class Operands:
     """The fields that an expression reads, each read when it is first needed, and once.
 
-    ``moments`` are there for an expression that looks at time.
+    ``moments`` are there for an expression that looks at time. ``before`` tells, for each value of before that was
+    asked for, of which rows there is one.
     """
 
     def __init__(self, read: Read, moments: Moments | None = None) -> None:
         self._read = read
         self.moments = moments
+        self.before: list[Bool] = []
         self._operands: dict[str, Operand] = {}
 
     def __getitem__(self, name: str) -> Operand:

@@ -82,7 +82,7 @@ def test_all_mistakes_of_a_file_are_told_at_once_with_their_places(tmp_path: Pat
 
 def test_the_example_is_read(tmp_path: Path) -> None:
     found = read_rules([str(EXAMPLE)])
-    assert found.warmup_ns == 10**9
+    assert [one.warmup_ns for one in found.rules] == [10**9] * len(found.rules)
     first = found.rules[0]
     assert (first.id, first.check.name, first.lists, first.parameters, first.severity) == (
         "axis-complete", "loss", ("7",), {"max": 0.001}, "error",

@@ -94,7 +94,8 @@ def _truth(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any])
     if isinstance(watcher, FigureWindows):
         yield from watcher.judged(known, lists)
         return
-    broken, limit = watcher.broken.up_to(known.until_ns), told["for"] / _SECOND_NS
+    watcher = watcher.up_to(known.until_ns)
+    broken, limit = watcher.broken, told["for"] / _SECOND_NS
     if not watcher.known:
         reason = _UNKNOWN if watcher.judged else _NEVER_JUDGED
         yield Judged(Verdict.INCONCLUSIVE, reason=reason, limit=limit, unit="s", vacuous=True)
@@ -149,6 +150,7 @@ def _eventually(known: Evidence, lists: Collection[ListKey], told: Mapping[str, 
     watcher: FirstWatcher = told["watched"]
     if known.since_ns is None or known.until_ns is None:
         return
+    watcher = watcher.up_to(known.until_ns)
     within_ns = told["within"]
     limit = _seconds(within_ns)
     took_ns = None if watcher.first_ns is None else max(watcher.first_ns - known.since_ns, 0)
@@ -178,6 +180,10 @@ def _occurrence(known: Evidence, lists: Collection[ListKey], told: Mapping[str, 
         if is_conditional:
             reason = NO_WHOLE_WINDOW if watcher.judged else NEVER_SO
         yield Judged(Verdict.INCONCLUSIVE, reason=reason, vacuous=is_conditional)
+        return
+    if told["expr"] is not None and not watcher.known:
+        reason = _UNKNOWN if watcher.judged else _NEVER_JUDGED
+        yield Judged(Verdict.INCONCLUSIVE, reason=reason, unit="events", vacuous=True)
         return
     if told["expr"] is not None:
         yield _of_windows(known, watcher, 0, None, windows, told)
