@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, S
 from dataclasses import dataclass, field
 from typing import Any, TypeVar, cast
 
+from nvscope.capture.recordings import recordings
 from nvscope.capture.source import SourceInfo
 from nvscope.causes.cause import Cause
 from nvscope.check.asked_rows import AskedRows
@@ -66,6 +67,16 @@ class Evidence:
         """Return for how long answers about a list have been waited for, that still are at the end."""
         return [(self.until_ns or one) - one for one in waiting.get(number, ())]
 
+    @property
+    def covered_ns(self) -> int:
+        """How long somebody captured behind the warm-up: what is between recordings is not captured."""
+        if self.since_ns is None or self.until_ns is None:
+            return 0
+        every = recordings(self.infos, self.since_ns, self.until_ns)
+        if len(every) < 2:
+            return self.until_ns - self.since_ns
+        return sum(max(one.end_ns - max(one.start_ns, self.since_ns), 0) for one in every)
+
     def began_between(self, since_ns: int, until_ns: int) -> bool:
         """Tell whether one of the captures begins within a time."""
         return any(since_ns < start_ns <= until_ns for start_ns in self.starts_ns)
@@ -89,6 +100,17 @@ class Evidence:
         """Return the address of a node, None for none, as on CAN."""
         known = self.summary.addresses
         return known[number] if number is not None and 0 <= number < len(known) else None
+
+    @property
+    def node_words(self) -> set[str]:
+        """What nodes may be called: the addresses that were seen, and the addresses and names of the project."""
+        names = self.project.node_names
+        return {*self.summary.addresses, *names, *names.values()}
+
+    def unknown_nodes(self, named: Sequence[str]) -> list[str]:
+        """Return those of some words that no node is called."""
+        words = self.node_words if named else set()
+        return [one for one in named if one not in words]
 
     def scope_of(self, number: int) -> Scope:
         """Return what the Counter of the first sender of a list counts."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from ipaddress import ip_address
 
 from nvscope.check.check import Evidence
 from nvscope.check.lists import CalledLists
@@ -15,6 +16,7 @@ from nvscope.check.while_so import NEVER_SO, WhileSo
 from nvscope.engine.run import Observer
 from nvscope.errors import ConfigurationError, UsageError
 from nvscope.list_key import ListKey
+from nvscope.toml_table import nearest
 from nvscope.tracker.figures import Of
 
 _ON_THE_WIRE = re.compile(r"(?:udp/\d+/|can/[^/]+/)?(?:\d+x?|0x[0-9a-fA-F]+)")
@@ -103,16 +105,46 @@ def tell_of_unknown(rules: Sequence[WatchedRule], known: Evidence, called: Calle
     """Raise Mistakes where rules name lists that neither definitions nor captures know, if definitions are given."""
     if not known.project.definition.by_key():
         return
-    mistakes: list[ConfigurationError] = []
-    for one in (inner for rule in rules for inner in rule.each()):
-        _, unknown = called.chosen(one.rule.lists)
+    every = [inner.rule for rule in rules for inner in rule.each()]
+    mistakes = [*unknown_lists(every, called, known.names), *unknown_nodes(every, known)]
+    if mistakes:
+        raise Mistakes(mistakes)
+
+
+def unknown_nodes(rules: Sequence[Rule], known: Evidence) -> Iterator[ConfigurationError]:
+    """Yield a mistake for each name of a node that a rule asks about and that the project does not know.
+
+    Whether an address is there tells the capture alone.
+    """
+    for rule in rules:
+        for name in known.unknown_nodes(rule.parameters.get("node") or ()):
+            if known.project.node_names and not _is_address(name):
+                error = UsageError(
+                    f"no node is called '{name}', neither by the project nor in the capture",
+                    next_step=nearest(name, sorted(known.node_words)),
+                )
+                yield rule.mistake(error, "node")
+
+
+def _is_address(text: str) -> bool:
+    try:
+        ip_address(text)
+    except ValueError:
+        return False
+    return True
+
+
+def unknown_lists(
+    rules: Sequence[Rule], called: CalledLists, names: Mapping[ListKey, str]
+) -> Iterator[ConfigurationError]:
+    """Yield a mistake for each list that a rule names and that there is not; ``names`` are those of definitions."""
+    for rule in rules:
+        _, unknown = called.chosen(rule.lists)
         for name in unknown:
-            if (one.rule.check.name == "absent" or one.rule.optional) and _ON_THE_WIRE.fullmatch(name):
+            if (rule.check.name == "absent" or rule.optional) and _ON_THE_WIRE.fullmatch(name):
                 continue
             error = UsageError(
                 f"no list is called '{name}', neither by definitions nor in the capture",
-                next_step=f"there are {', '.join(sorted(set(known.names.values()))[:6])}" if known.names else "",
+                next_step=f"there are {', '.join(sorted(set(names.values()))[:6])}" if names else "",
             )
-            mistakes.append(one.rule.mistake(error, "list"))
-    if mistakes:
-        raise Mistakes(mistakes)
+            yield rule.mistake(error, "list")

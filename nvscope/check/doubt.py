@@ -20,11 +20,21 @@ def doubt(known: Evidence, at_ns: int | None, needed: int = 1, until_ns: int | N
     it must have lost for that to explain what was missing. A clock that stepped, or an end that is cut off,
     explains what is near to it.
     """
+    return doubt_of_drops(known, at_ns, needed, until_ns) or doubt_of_ends(known, at_ns)
+
+
+def doubt_of_drops(known: Evidence, at_ns: int | None, needed: int = 1, until_ns: int | None = None) -> str:
+    """Return the same, as far as it may be that the capture lost it."""
     drops = known.drops
     if at_ns is not None:
         drops = known.lost_between(at_ns - _AROUND_NS, (at_ns if until_ns is None else until_ns) + _AROUND_NS)
     if drops >= max(needed, 1):
         return f"the capture itself lost {count_of(drops, 'frame')}: it may have been these"
+    return ""
+
+
+def doubt_of_ends(known: Evidence, at_ns: int | None) -> str:
+    """Return the same, as far as the capture was cut then, or its clock stepped."""
     if known.truncated and (at_ns is None or known.until_ns is None or known.until_ns - at_ns <= _AROUND_NS):
         return f"the capture was cut: {known.truncated}"
     return doubt_of_clock(known, at_ns)

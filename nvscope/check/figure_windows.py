@@ -181,7 +181,9 @@ class FigureWindows:
                 continue
             verdict = Verdict.FAIL if run.broken else Verdict.PASS
             reason = f"{run.broken} of {count_of(run.windows, 'window')}" if run.broken else ""
-            may_be = run.broken == 1 or (run.broken <= known.drops and all_near_drops(known, run.times_ns))
+            lost = counters[number].get("lost") if of_counters and number in counters else None
+            may_be = (lost or 0) <= known.drops or not known.drops
+            may_be &= run.broken == 1 or (run.broken <= known.drops and all_near_drops(known, run.times_ns))
             if may_be and (why := doubt(known, run.first_ns, run.broken)):
                 verdict, reason = Verdict.INCONCLUSIVE, why
             yield Judged(

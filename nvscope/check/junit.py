@@ -16,7 +16,7 @@ _MOST_SUBJECTS = 50
 
 
 def junit(
-    found: Checked, paths: Sequence[str], *, inconclusive_fails: bool = False, failing: Sequence[str] = ("error",)
+    found: Checked, *, inconclusive_fails: bool = False, failing: Sequence[str] = ("error",)
 ) -> bytes:  # fmt: skip
     """Return the document.
 
@@ -39,10 +39,10 @@ def junit(
                 suite, "testcase", name=visible(rule.id), classname=f"nvscope.{rule.check.name}", time="0"
             )
             if decided in failed:
-                text = _text(found, decided, paths)
+                text = _text(found, decided)
                 SubElement(case, "failure", message=text[0], type=decided.verdict.value).text = "\n".join(text)
             elif decided in skipped:
-                told = _text(found, decided, paths)[0]
+                told = _text(found, decided)[0]
                 is_broken = decided.verdict is Verdict.FAIL
                 SubElement(case, "skipped", message=f"{decided.rule.severity}: {told}" if is_broken else told)
     indent(root)
@@ -55,12 +55,12 @@ def _fails(decided: Decided, inconclusive_fails: bool, failing: Sequence[str]) -
     return is_bad and decided.rule.severity in failing
 
 
-def _text(found: Checked, decided: Decided, paths: Sequence[str]) -> list[str]:
+def _text(found: Checked, decided: Decided) -> list[str]:
     """Return what a person needs, first in a line; then where each subject broke the rule, and what shows it."""
     subjects = shown(decided)[:_MOST_SUBJECTS]
     lines = [sentence(found, subjects[0])]
     for judged in subjects:
-        lines += [sentence(found, judged), *filter(None, [command(judged, paths)])]
+        lines += [sentence(found, judged), *filter(None, [command(found, judged)])]
     if decided.rule.description:
         lines.append(visible(decided.rule.description))
     return list(dict.fromkeys(lines))

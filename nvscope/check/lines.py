@@ -35,7 +35,7 @@ def lines(found: Checked, files: Sequence[str], paths: Sequence[str], width: int
     column = min(max((display_width(visible(one.rule.id)) for one in broken), default=0), _LONGEST_ID) + 2
     for decided in broken:
         yield []
-        yield from _rule(found, decided, paths, column, width)
+        yield from _rule(found, decided, column, width)
     if passed := found.of(Verdict.PASS):
         yield []
         yield from wrap(_passed(passed), width, hanging=2)
@@ -59,7 +59,7 @@ def _symbol(decided: Decided) -> Cell:
     return _BROKEN[decided.rule.severity] if decided.verdict is Verdict.FAIL else _SYMBOLS[decided.verdict]
 
 
-def _rule(found: Checked, decided: Decided, paths: Sequence[str], column: int, width: int) -> Iterator[Line]:
+def _rule(found: Checked, decided: Decided, column: int, width: int) -> Iterator[Line]:
     name = shorten(visible(decided.rule.id), column - 2)
     symbol = _symbol(decided)
     broken = shown(decided)
@@ -69,7 +69,7 @@ def _rule(found: Checked, decided: Decided, paths: Sequence[str], column: int, w
             yield from wrap(told, width, hanging=column + 2)
         else:
             yield from wrap(list(_told(found, judged)), width, column + 2, column + 2)
-        yield from _where(found, judged, paths, column + 2, width)
+        yield from _where(found, judged, column + 2, width)
     if len(broken) > _MOST_SUBJECTS:
         yield [Cell(" " * (column + 2)), Cell(f"{len(broken) - _MOST_SUBJECTS} more: --json has all", Tone.FAINT)]
     if decided.rule.description:
@@ -80,7 +80,7 @@ def _told(found: Checked, judged: Judged) -> Iterator[Cell]:
     yield Cell(_GAP.join(filter(None, [subject(found, judged), *measures(judged)])))
 
 
-def _where(found: Checked, judged: Judged, paths: Sequence[str], indent: int, width: int) -> Iterator[Line]:
+def _where(found: Checked, judged: Judged, indent: int, width: int) -> Iterator[Line]:
     """Yield where in time it broke: a strip of the list, the first frame, and the command that shows it."""
     at = when(found, judged)
     if not at:
@@ -91,7 +91,7 @@ def _where(found: Checked, judged: Judged, paths: Sequence[str], indent: int, wi
     if chronicle is not None and judged.list is not None and key in chronicle.numbers and room >= _LEAST_STRIP:
         strip = "".join(MARKS[mark][0] for mark in chronicle.strips([key], room)[0]) + _GAP
     yield [Cell(" " * indent), Cell(strip), Cell(at)]
-    if shows := command(judged, paths):
+    if shows := command(found, judged):
         yield [Cell(" " * indent), Cell(shows, Tone.FAINT)]
 
 

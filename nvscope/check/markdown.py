@@ -22,7 +22,7 @@ def markdown(found: Checked, paths: Sequence[str]) -> Iterator[str]:
         yield f"- {_mark(decided)} **{markdown_safe(decided.rule.id)}**{why}"
         for judged in shown(decided)[:5]:
             yield f"  - {markdown_safe(sentence(found, judged))}"
-            if shows := command(judged, paths):
+            if shows := command(found, judged):
                 yield f"    {markdown_code(shows)}"
     yield ""
     yield "| | rule | check | worst | limit | margin |"

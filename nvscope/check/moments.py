@@ -48,6 +48,7 @@ class MomentWatcher:
         self._asks = asks if asks is None or lists is None else asks.and_of(lists)
         self.judged = 0
         self.start_ns = setting.since_ns
+        self._so = Stretches(0)
         self._may_carry = setting.since_ns is not None and not setting.lists
         self._before: Before | None = None
         """What held up to the warm-up's end, as long as nothing has come behind that."""
@@ -61,6 +62,7 @@ class MomentWatcher:
                 # What came last is not what holds when somebody listens again.
                 for one in self._conditions:
                     one.forget()
+                self._so.end(unheard.until_ns)
             self.resume(unheard)
 
     def resume(self, unheard: Unheard) -> None:
@@ -83,6 +85,8 @@ class MomentWatcher:
         while_so = True
         if self._when is not None:
             told = self._when.told(asked)[0]
+            since_ns = self._setting.since_ns
+            self._so.take(asked.time_ns, asked.frame, told if since_ns is None else told & (asked.time_ns >= since_ns))
             judged &= told
             while_so = bool(told[-1])
         self.judged += int(np.count_nonzero(judged))
@@ -94,7 +98,8 @@ class MomentWatcher:
         with np.errstate(all="ignore"):
             self.take(asked, judged)
         if self._may_carry and not is_behind:
-            self._before = Before(*self._lasting, int(asked.frame[-1])) if while_so and self._lasting is not None else None
+            last = self._lasting if while_so else None
+            self._before = None if last is None else Before(*last, int(asked.frame[-1]))
 
     @property
     def _lasting(self) -> tuple[bool, bool] | None:
@@ -110,6 +115,10 @@ class MomentWatcher:
 
     def carry(self, time_ns: int, before: Before) -> None:
         """Take that something is so at a time, and was before."""
+
+    def longest_judged_ns(self, since_ns: int, until_ns: int) -> int:
+        """Return for how long it was to be judged without a break, at most, of a capture from one time to another."""
+        return until_ns - since_ns if self._when is None else self._so.up_to(until_ns).longest_ns or 0
 
     @property
     def is_conditional(self) -> bool:

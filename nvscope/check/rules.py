@@ -136,6 +136,9 @@ class Rules:
     """All rules of files, in their order."""
 
     rules: list[Rule] = field(default_factory=list)
+    halves: list[Rule] = field(default_factory=list)
+    """Rules with mistakes, as far as they can be read: there may be more mistakes in them."""
+
     tests: list[RuleTest] = field(default_factory=list)
     paths: list[str] = field(default_factory=list)
     """All files that were read, those that are included too."""
@@ -291,12 +294,14 @@ class _Reader:
         inner = () if check is None else self._rules_within(check, own, place)
         if inner and known.get("list"):
             self._note(place.below("list").error("the rules of its file say which lists they are for"))
-        if len(self.mistakes) > before or check is None:
+        if check is None:
             return
-        self.found.rules.append(
+        is_whole = len(self.mistakes) == before
+        severity = known.get("severity") or defaults.get("severity", "error")
+        (self.found.rules if is_whole else self.found.halves).append(
             Rule(
-                known["id"], check, own, known["list"], known.get("severity") or defaults.get("severity", "error"),
-                known["description"], known["optional"], known["when"], place, inner, defaults["warmup"],
+                known.get("id", ""), check, own, known.get("list", ()), severity, known.get("description", ""),
+                known.get("optional", False), known.get("when", ""), place, inner, defaults["warmup"],
             )
         )  # fmt: skip
 

@@ -16,7 +16,8 @@ from nvscope.causes.cause import Cause
 from nvscope.check.asked_rows import AskedRows
 from nvscope.check.check import Evidence, Setting
 from nvscope.check.condition import compiled
-from nvscope.check.deciding import Decided, WatchedRule, called_lists, decided, tell_of_unknown
+from nvscope.check.deciding import Decided, WatchedRule, called_lists, decided, tell_of_unknown, unknown_lists
+from nvscope.check.lists import CalledLists
 from nvscope.check.rules import Mistakes, Rule, Rules
 from nvscope.check.stage import Stage, StageKey, as_of_all, stage_of
 from nvscope.check.verdict import Verdict
@@ -73,7 +74,10 @@ def checked(inquiry: Inquiry, rules: Rules, how: Judging | None = None) -> Check
     """
     how = how or Judging()
     # What is wrong is told before anything is waited for.
-    watched = watching(inquiry, rules, None)
+    try:
+        watched = watching(inquiry, rules, None)
+    except Mistakes as error:
+        raise Mistakes([*error.mistakes, *_lists_nowhere(inquiry, rules.rules)]) from None
     opened = inquiry.open()
     with inquiry.watch(opened) as progress:
         source, first_ns = opened, None
@@ -191,6 +195,32 @@ def _watching(
         except UsageError as error:
             mistakes.append(rule.mistake(error))
     return found
+
+
+def further_mistakes(inquiry: Inquiry, rules: Rules) -> Iterator[ConfigurationError]:
+    """Yield what is wrong beside mistakes that reading files has shown: expressions, and lists that captures lack.
+
+    Captures are read for that if definitions are given, and they name no such list.
+    """
+    try:
+        watching(inquiry, rules, None)
+    except Mistakes as error:
+        yield from error.mistakes
+    for rule in rules.halves:
+        yield from _mistakes(rule, inquiry)
+    yield from _lists_nowhere(inquiry, [*rules.rules, *rules.halves])
+
+
+def _lists_nowhere(inquiry: Inquiry, rules: Sequence[Rule]) -> Iterator[ConfigurationError]:
+    """Yield a mistake for each list that neither definitions nor files have; these are read only if need be."""
+    names = {key: entry.name for key, entry in inquiry.project.definition.by_key().items()}
+    defined = CalledLists(names, names)
+    if names and inquiry.paths and any(defined.chosen(rule.lists)[1] for rule in rules):
+        state = inquiry.state()
+        for _ in inquiry.run(inquiry.open(), [state]):
+            pass
+        came = [state.keys.list_key(number) for number in range(len(state.keys.lists))]
+        yield from unknown_lists(rules, CalledLists(dict.fromkeys((*came, *names)), names), names)
 
 
 def _mistakes(rule: Rule, inquiry: Inquiry) -> Iterator[ConfigurationError]:

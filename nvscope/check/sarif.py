@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -21,11 +21,11 @@ _ABOUT = "https://pypi.org/project/nvscope/"
 _MOST_SUBJECTS = 50
 
 
-def sarif(found: Checked, paths: Sequence[str], *, inconclusive_fails: bool = False) -> dict[str, Any]:
+def sarif(found: Checked, *, inconclusive_fails: bool = False) -> dict[str, Any]:
     """Return the log; with ``inconclusive_fails``, what could not be decided is a failure, else it is open."""
     rules = list(found.decided)
     results = [
-        _result(found, decided, number, judged, paths, inconclusive_fails=inconclusive_fails)
+        _result(found, decided, number, judged, inconclusive_fails=inconclusive_fails)
         for number, decided in enumerate(rules)
         if decided.verdict is not Verdict.PASS
         for judged in shown(decided)[:_MOST_SUBJECTS]
@@ -50,12 +50,12 @@ def _descriptor(decided: Decided) -> Mapping[str, Any]:
 
 
 def _result(
-    found: Checked, decided: Decided, number: int, judged: Judged, paths: Sequence[str], *, inconclusive_fails: bool
+    found: Checked, decided: Decided, number: int, judged: Judged, *, inconclusive_fails: bool
 ) -> Mapping[str, Any]:  # fmt: skip
     rule = decided.rule
     fails = decided.verdict is Verdict.FAIL or inconclusive_fails
     text = sentence(found, judged) or decided.verdict.value
-    if shows := command(judged, paths):
+    if shows := command(found, judged):
         text += f"\n{shows}"
     physical: dict[str, Any] = {"artifactLocation": {"uri": _uri(rule.path)}}
     if rule.line:

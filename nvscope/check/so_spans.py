@@ -49,6 +49,10 @@ class SoSpans:
             found &= begin_ns <= until_ns
         return bool(found.any())
 
+    def longest_ns(self, since_ns: int, until_ns: int) -> int:
+        """Return for how long it was so without a break, at most, from one time to another."""
+        return max((end_ns - max(begin_ns, since_ns) for begin_ns, end_ns in self.over(since_ns, until_ns)), default=0)
+
     def over(self, since_ns: int, until_ns: int) -> list[tuple[int, int]]:
         """Return since when and until when it was so, of what touches a time; open ends are at its end."""
         begin_ns, end_ns = self._column(0), self._end(0)

@@ -16,6 +16,7 @@ from nvscope.check.so_spans import SoSpans
 from nvscope.engine.told import Told
 
 NEVER_SO = "when was never so"
+TOO_SHORT_SO = "when was so for a shorter time than the rule needs"
 NO_WHOLE_WINDOW = "when was so in no whole window"
 
 

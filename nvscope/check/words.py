@@ -16,6 +16,7 @@ from nvscope.view.escape import visible
 
 _AROUND = 4
 _MOST_PERCENT = 9_999
+_MOST_PATHS = 4
 
 
 def value_in_words(value: float | None, unit: str) -> str:
@@ -77,17 +78,22 @@ def when(found: Checked, judged: Judged) -> str:
     start_ns = found.scene.snapshot.summary.start_ns
     if judged.first_ns is None or start_ns is None or judged.verdict is Verdict.PASS:
         return ""
-    at = f"first at {units.duration(judged.first_ns - start_ns)}"
+    at = f"first at {value_in_words((judged.first_ns - start_ns) / 1_000_000_000, 's')}"
     return at + (f", frame {units.count(judged.frames[0])}" if judged.frames else "")
 
 
-def command(judged: Judged, paths: Sequence[str]) -> str:
-    """Return the command that shows where it was broken first; "" where nobody knows, or several files are one."""
-    if not judged.frames or judged.verdict is Verdict.PASS or len(paths) != 1:
+def command(found: Checked, judged: Judged) -> str:
+    """Return the command that shows where it was broken first; "" where nobody knows, or none can read it again."""
+    inquiry = found.scene.inquiry
+    paths, asked = inquiry.paths, inquiry.asked
+    is_again = 0 < len(paths) <= _MOST_PATHS and "-" not in paths
+    if not judged.frames or judged.verdict is Verdict.PASS or not is_again:
         return ""
     first = judged.frames[0]
     between = f"frame.number >= {max(first - _AROUND, 1)} && frame.number <= {first + _AROUND}"
-    return visible(f"nvscope packets {shlex.quote(paths[0])} -Y '{between}'")
+    # Frames are numbered within the part of a capture that is read.
+    options = () if asked is None else asked.options
+    return visible(" ".join(["nvscope packets", *map(shlex.quote, (*paths, *options)), f"-Y '{between}'"]))
 
 
 def sentence(found: Checked, judged: Judged) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -37,10 +37,12 @@ from nvscope.cli.terminal import ColourOption, colour_wanted, echo, guard_workfl
 from nvscope.errors import ExitCode, NvscopeError, UsageError
 
 if TYPE_CHECKING:
+    from dissectors.netvar import PortRules
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.check.rules import Rules
     from nvscope.check.run import Checked, Judging
     from nvscope.definition.project import Project
+    from nvscope.view.asked_time import AskedRange
     from nvscope.view.lines.table import Line
 
 _SUFFIX = ".rules.toml"
@@ -140,7 +142,7 @@ def check(
     plant = with_channels(project_of(project, gvl, paths), channel_map)
     plant = replace(plant, buses=plant.buses.overridden(bit_rates or ()))
     files = rules or _found(plant)
-    told = _read(files, plant)
+    told = _read(files, plant, paths, ports, asked)
 
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.check.run import checked
@@ -260,20 +262,27 @@ def _found(plant: Project) -> list[str]:
     return found
 
 
-def _read(files: Sequence[str], plant: Project) -> Rules:
-    """Return the rules of files; each mistake in them is told, also in their expressions, then it ends."""
+def _read(
+    files: Sequence[str], plant: Project, paths: Sequence[str] = (), ports: PortRules | None = None,
+    asked: AskedRange | None = None,
+) -> Rules:  # fmt: skip
+    """Return the rules of files; each mistake in them is told, then it ends.
+
+    Also those in expressions, and lists that no capture has, if these are files.
+    """
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.check.rules import Mistakes, read_rules
-    from nvscope.check.run import watching
+    from nvscope.check.run import further_mistakes
 
     try:
         return read_rules(files)
     except Mistakes as error:
         mistakes = list(error.mistakes)
-        try:
-            watching(Inquiry((), plant), error.readable, None)
-        except Mistakes as others:
-            mistakes += others.mistakes
+        captures = [path for path in paths if Path(path).is_file()]
+        inquiry = Inquiry(captures if len(captures) == len(paths) else (), plant, ports, asked=asked)
+        # What cannot be read is told when there is nothing else to be told.
+        with suppress(NvscopeError):
+            mistakes += further_mistakes(inquiry, error.readable)
     _tell(sorted(mistakes, key=_place))
     raise typer.Exit(ExitCode.USAGE)
 

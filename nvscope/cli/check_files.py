@@ -48,10 +48,10 @@ def write_files(
     files = WholeFiles([*inquiry.paths, *rules, *inquiry.project.inputs], force=force)
     try:
         if wanted.junit is not None:
-            content = junit(found, inquiry.paths, inconclusive_fails=inconclusive_fails, failing=failing)
+            content = junit(found, inconclusive_fails=inconclusive_fails, failing=failing)
             files.write(wanted.junit, content, Existing.REPLACED)
         if wanted.sarif is not None:
-            log = sarif(found, inquiry.paths, inconclusive_fails=inconclusive_fails)
+            log = sarif(found, inconclusive_fails=inconclusive_fails)
             files.write(wanted.sarif, json.render(log).encode(), Existing.REPLACED)
         if wanted.evidence is not None:
             if not wanted.evidence:
@@ -71,7 +71,7 @@ def _write_evidence(inquiry: Inquiry, found: Checked, folder: str, around_ns: in
     from nvscope.view.escape import visible
     from nvscope.whole_files import Existing
 
-    told = ", ".join(inquiry.paths) or "the capture"
+    told = " ".join((", ".join(inquiry.paths) or "the capture", *(inquiry.asked.options if inquiry.asked else ())))
     evidence = evidence_of(found, around_ns, told)
     if without := len(found.of(Verdict.FAIL)) - len(evidence):
         told_of = f"{count_of(without, 'broken rule')} no moment is known, and there is no evidence"

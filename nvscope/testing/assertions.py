@@ -104,10 +104,10 @@ class UnderTest:
         found = self.check(rules)
         broken = [one for one in found.decided if one.rule.severity == "error" and one.verdict is not Verdict.PASS]
         if broken:
-            raise AssertionError("\n\n".join(told_of(found, one, self._inquiry.paths) for one in broken))
+            raise AssertionError("\n\n".join(told_of(found, one) for one in broken))
 
 
-def told_of(found: Checked, decided: Decided, paths: Sequence[str]) -> str:
+def told_of(found: Checked, decided: Decided) -> str:
     """Return why a rule is broken, or cannot be decided: each subject with its margin, and what shows it."""
     rule = decided.rule
     what = "is broken" if decided.verdict is Verdict.FAIL else "could not be decided"
@@ -115,7 +115,7 @@ def told_of(found: Checked, decided: Decided, paths: Sequence[str]) -> str:
     subjects = shown(decided)
     for judged in subjects[:_MOST_SUBJECTS]:
         lines.append(f"  {sentence(found, judged)}")
-        lines += [f"    {one}" for one in (command(judged, paths),) if one]
+        lines += [f"    {one}" for one in (command(found, judged),) if one]
     if len(subjects) > _MOST_SUBJECTS:
         lines.append(f"  and {len(subjects) - _MOST_SUBJECTS} more")
     if rule.description:

@@ -147,7 +147,7 @@ class RuleItem(pytest.Item):
     def _told(self) -> str:
         from nvscope.testing.assertions import told_of
 
-        return told_of(self._file().found(), self._decided(), _captures(self.config))
+        return told_of(self._file().found(), self._decided())
 
 
 class RuleBroken(Exception):

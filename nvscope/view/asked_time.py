@@ -75,6 +75,12 @@ class AskedRange:
         return next((told for one, told in asked if one and one.reference is Reference.END), "")
 
     @property
+    def options(self) -> tuple[str, ...]:
+        """The words by which they were asked for."""
+        asked = [told for one, told in ((self.start, self.told_start), (self.end, self.told_end)) if one is not None]
+        return (*(word for told in asked for word in told.split(" ", 1)), *(["--utc"] if asked and self.utc else []))
+
+    @property
     def is_absolute(self) -> bool:
         """Whether it can be told without knowing when captures begin and end."""
         return all(one is None or one.reference is Reference.EPOCH for one in (self.start, self.end))

@@ -71,7 +71,7 @@ STEADY = list(range(1, 101))
         (STEADY, 'check = "known_nodes"\nnodes = ["10.0.0.2"]', "fail", 1),
         (STEADY, 'check = "known_nodes"', "inconclusive", None),
         (STEADY, 'check = "capture_quality"\nmin_duration = "5s"', "pass", 0),
-        (STEADY, 'check = "capture_quality"\nmin_duration = "1min"', "fail", 0),
+        (STEADY, 'check = "capture_quality"\nmin_duration = "1min"', "fail", 9.9),
         (STEADY, 'check = "causes"', "pass", 0),
         (STEADY, 'check = "loss"\nlist = "8"', "inconclusive", None),
         (STEADY, 'check = "loss"\nlist = "8"\noptional = true', "pass", None),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from nvscope.capture.time_span import TIME_LIMIT_NS
 _DEFAULT_RESOLUTION = 6
 _MAX_DECIMAL_EXPONENT = 19  # of those of 10 that 64 bits hold
 
+MOST_SPANS = 10_000
+"""Of so many times it is kept how many packets were lost."""
+
 _LIMIT_SECONDS = TIME_LIMIT_NS // 1_000_000_000
 # Seconds and offsets beyond these are none, and stay so in their sum, which is an int64.
 _MAX_SECONDS, _MAX_OFFSET_SECONDS = 1 << 62, 1 << 61
@@ -25,7 +28,7 @@ class Interface:
     """One interface of a section. ``longest`` are the captured bytes of a packet that are believed.
 
     ``statistics_drops`` are those of the last statistics, by where they were lost, None before any; they are of the
-    time ``told_ns``.
+    time ``told_ns``. Packets may tell how many were lost in front of them, too (``packet_drops``).
 
     ``channel`` is the number of its name among those of the file; interfaces of one name are one channel.
     """
@@ -39,19 +42,26 @@ class Interface:
     statistics_drops: Mapping[str, int] | None = None
     packet_drops: int = 0
     told_ns: int | None = None
+    statistics_spans: list[LostSpan] = field(default_factory=list)
+    packet_spans: list[LostSpan] = field(default_factory=list)
 
     @property
     def longest(self) -> int:
         return max(MAX_PACKET_BYTES, min(self.snap_bytes, MAX_SNAP_BYTES))
 
-    def lost_by(self, units: int, counts: Mapping[str, int]) -> LostSpan:
-        """Take statistics of a time; return what was lost since those before, of which nobody may know when it was."""
+    def take_statistics(self, units: int, counts: Mapping[str, int]) -> None:
+        """Take statistics of a time: what was lost since those before."""
         told_ns, known = nanoseconds(np.array([units], np.uint64), self.resolution, self.offset_s)
         until_ns = int(told_ns[0]) if known[0] and told_ns[0] > 0 else None
         lost = sum(counts.values()) - sum((self.statistics_drops or {}).values())
-        found = LostSpan(self.told_ns, until_ns, lost)
+        if lost > 0 and len(self.statistics_spans) < MOST_SPANS:
+            self.statistics_spans.append(LostSpan(self.told_ns, until_ns, lost))
         self.told_ns, self.statistics_drops = until_ns, counts
-        return found
+
+    @property
+    def spans(self) -> list[LostSpan]:
+        """When packets were lost: by these themselves, where they tell of all."""
+        return self.packet_spans if self.packet_drops == self.drops else self.statistics_spans
 
     @property
     def drops(self) -> int:

@@ -37,10 +37,11 @@ from nvscope.capture.pcapng.blocks import (
     BlockFraming,
 )
 from nvscope.capture.pcapng.interfaces import Interface, InterfaceTable
+from nvscope.capture.pcapng.losses import Losses
 from nvscope.capture.pcapng.packet_blocks import PacketBlocks
 from nvscope.capture.reader import ReadingSizes
 from nvscope.capture.record_reader import RecordReader, Taken
-from nvscope.capture.source import DropsPart, LostSpan
+from nvscope.capture.source import DropsPart
 from nvscope.errors import UnreadableInput
 
 MAX_INTERFACES = 65_536
@@ -54,7 +55,6 @@ _DIRECTION_BITS = 3
 _MAX_BLOCK_OPTIONS = 1024
 # One count of a field of 64 bits is not believed beyond this, so that sums stay int64.
 _MOST_DROPS = 1 << 40
-_MOST_SPANS = 10_000
 _DROPS_PARTS = {OPTION_INTERFACE_DROPS: DropsPart.INTERFACE, OPTION_SYSTEM_DROPS: DropsPart.KERNEL}
 
 
@@ -101,9 +101,7 @@ class PcapngReader(RecordReader):
         self._interfaces: list[Interface] = []
         self._names: dict[str, int] = {}
         self._unsaid: list[str] = []
-        self._closed_drops = 0
-        self._lost: list[LostSpan] = []
-        self._closed_drops_by: Counter[str] = Counter()
+        self._losses = Losses()
         self._last_ts_ns = 0
         self._comment_bytes = 0
 
@@ -131,17 +129,9 @@ class PcapngReader(RecordReader):
                 fault, incomplete = stretch.fault, False
                 after = int(usable[begin + len(stretch.at)])
                 break
-        self.progress.drops, self.progress.drops_by = self._drops()
-        self.progress.lost = tuple(self._lost)
+        self.progress.drops, self.progress.drops_by = self._losses.counted(self._interfaces)
+        self.progress.lost = self._losses.spans(self._interfaces)
         return Taken(join(parts), after, fault, incomplete)
-
-    def _drops(self) -> tuple[int, Counter[str]]:
-        """Return how many packets were lost up to here, and where as far as statistics tell."""
-        total, parts = self._closed_drops, self._closed_drops_by.copy()
-        for interface in self._interfaces:
-            total += interface.drops
-            parts.update(interface.statistics_drops or {})
-        return total, parts
 
     def _up_to_other_order(self, view: View, found: I64, sections: I64) -> tuple[I64, int, str, bool]:
         """Like ``_judge_last``, but end before a section in the other byte order, and take that order from there on."""
@@ -202,7 +192,7 @@ class PcapngReader(RecordReader):
                 if major != 1:
                     stretch.cut(index, f"a section of pcapng version {major}.{minor}, expected 1.x")
                     break
-                self._closed_drops, self._closed_drops_by = self._drops()
+                self._losses.close(self._interfaces)
                 self._interfaces = []
                 stretch.comments += self._comments(index, body[16:])
             elif kind == INTERFACE:
@@ -290,6 +280,7 @@ class PcapngReader(RecordReader):
                 self._doubt_times(wrong, at, frames, _NO_TIME)
         if count:
             self._last_ts_ns = int(ts_ns[-1])
+        self._losses.settle(self._interfaces, packets.interface, ts_ns)
         link = table.only_link
         channel = table.channel[packets.interface] if table.channel is not None else None
         return PacketBatch(
@@ -319,14 +310,13 @@ class PcapngReader(RecordReader):
                     counts[_DROPS_PARTS[code].value] += min(struct.unpack(order + "Q", value)[0], _MOST_DROPS)
             if counts:
                 high, low = struct.unpack_from(f"{order}II", body, 4)
-                span = self._interfaces[number].lost_by(high << 32 | low, counts)
-                self._lost += [span] if span.packets > 0 and len(self._lost) < _MOST_SPANS else []
+                self._interfaces[number].take_statistics(high << 32 | low, counts)
 
     def _read_packet_options(self, stretch: _Stretch, packets: PacketBlocks, frames: int) -> U8 | None:
         """Collect comments and drop counts, one option of every packet at a time; return directions, if any is told."""
         direction: U8 | None = None
         if packets.drops is not None:
-            self._add_drops(packets.interface, packets.drops)
+            self._losses.note(np.arange(len(packets.drops)), packets.drops)
         begin = packets.at + 28 + ((packets.captured + 3) & ~3)
         end = packets.at + packets.length - 4
         rows = np.flatnonzero(begin + 4 <= end)
@@ -363,14 +353,10 @@ class PcapngReader(RecordReader):
                     (halves[:, 1], halves[:, 0]) if self._blocks.byte_order == "<" else (halves[:, 0], halves[:, 1])
                 )
                 drops = (np.minimum(high, _MOST_DROPS >> 32) << 32) | low
-                self._add_drops(packets.interface[rows[counts]], np.minimum(drops, _MOST_DROPS))
+                self._losses.note(rows[counts], np.minimum(drops, _MOST_DROPS))
             going &= following + 4 <= end
             rows, at, end = rows[going], following[going], end[going]
         return direction
-
-    def _add_drops(self, interface: I64, drops: I64) -> None:
-        for number in np.unique(interface[drops > 0]).tolist():
-            self._interfaces[number].packet_drops += int(drops[interface == number].sum())
 
     def _body(self, stretch: _Stretch, index: int) -> bytes:
         at = int(stretch.at[index])

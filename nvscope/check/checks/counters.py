@@ -83,10 +83,11 @@ def _may_be_drops(known: Evidence, subject: Subject, figure: str, value: float, 
     drops = max(near, default=known.drops)
     if not drops or (not told["max"] and not min(near, default=1)):
         return False
-    if figure != "lost":
-        return bool(value - drops <= told["max"])
-    telegrams = telegrams_of(subject, told["watched"])
     lost = _figure(known, subject, "lost", told["watched"]) or 0
+    if figure != "lost":
+        # Where none may be missing, all that are have to be explained.
+        return bool(value - drops <= told["max"] and (told["max"] or lost <= known.drops))
+    telegrams = telegrams_of(subject, told["watched"])
     return bool(max(lost - drops, 0) <= told["max"] * (lost + telegrams))
 
 

@@ -15,7 +15,7 @@ from nvscope.check.moments import FirstWatcher, SequenceWatcher, TruthWatcher, W
 from nvscope.check.occurrences import Occurrences
 from nvscope.check.parameters import AMOUNT, EXPRESSION, EXPRESSIONS, REQUIRED, Parameter, Unfit
 from nvscope.check.verdict import Judged, Verdict
-from nvscope.check.while_so import NEVER_SO, NO_WHOLE_WINDOW
+from nvscope.check.while_so import NEVER_SO, NO_WHOLE_WINDOW, TOO_SHORT_SO
 from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey
 from nvscope.toml_table import LENGTH, SPAN
@@ -101,6 +101,11 @@ def _truth(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any])
         yield Judged(Verdict.INCONCLUSIVE, reason=reason, limit=limit, unit="s", vacuous=True)
         return
     verdict, reason = Verdict.FAIL if broken.count else Verdict.PASS, ""
+    since_ns = known.until_ns if known.since_ns is None else known.since_ns
+    if not broken.count and told["for"] > watcher.longest_judged_ns(since_ns, known.until_ns):
+        reason = _TOO_SHORT if not watcher.is_conditional else TOO_SHORT_SO
+        yield Judged(Verdict.INCONCLUSIVE, reason=reason, worst=_seconds(broken.longest_ns or 0), limit=limit, unit="s")
+        return
     # What was seen was so; but for how long it was, telegrams that are missing could tell otherwise.
     needed = parts(broken.longest_ns or 0, told["for"]) if told["for"] else known.drops + 1
     if broken.count and (why := doubt(known, broken.first_ns, needed)):
@@ -223,6 +228,7 @@ def _of_windows(
         if (
             not above
             and all_near_drops(known, counts.times_ns if known.drops else ())
+            and counts.broken - 1 + least - fewest <= max(known.drops, 1)
             and (why := doubt(known, counts.first_ns, least - fewest, (counts.first_ns or 0) + told["per"]))
         ):
             verdict, reason = Verdict.INCONCLUSIVE, why

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from nvscope.causes.catalogue import KINDS
@@ -16,12 +17,13 @@ from nvscope.findings.kind import Severity
 from nvscope.list_key import ListKey
 from nvscope.toml_table import LENGTH, TEXT, array, choice
 from nvscope.tracker.event_kinds import FRAMES_KEPT
-from nvscope.units import duration
+from nvscope.units import count_of, duration
 
 _SEVERITY = choice(*(one.name.lower() for one in Severity))
 _FINDINGS = one_of("code or name of a finding", [text for one in FINDINGS.values() for text in (one.code, one.name)])
 _CAUSES = one_of("kind of a cause", [one.name for one in KINDS])
 _MOST_NAMED = 3
+_SECOND_NS = 1_000_000_000
 
 
 def _told(titles: list[str]) -> str:
@@ -50,6 +52,11 @@ def _concerns(
     return any({one, known.project.node_names.get(one, one)} & named for one in addresses)
 
 
+def _of_nobody(unknown: Sequence[str], unit: str) -> Judged:
+    reason = f"no node is called {', '.join(unknown)}"
+    return Judged(Verdict.INCONCLUSIVE, reason=reason, limit=0, unit=unit, vacuous=True)
+
+
 def _findings(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
     least, allowed = Severity.of(told["severity"]), set(told["allow"])
     found = [
@@ -58,6 +65,10 @@ def _findings(known: Evidence, lists: Collection[ListKey], told: Mapping[str, An
         and _concerns(known, _lists_of(known, one), set() if one.node is None else {one.node}, lists, told)
     ]  # fmt: skip
     found, verdict, reason = judged_while(found, told["watched"])
+    unknown = [] if found else known.unknown_nodes(told["node"])
+    if unknown:
+        yield _of_nobody(unknown, "findings")
+        return
     frames = sorted({frame for one in found for frame in one.frames})[:FRAMES_KEPT]
     times = [one.first_ns for one in found if one.first_ns is not None]
     yield Judged(
@@ -74,6 +85,10 @@ def _causes(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]
         and _concerns(known, set(one.lists), set(one.nodes), lists, told)
     ]  # fmt: skip
     found, verdict, reason = judged_while(found, told["watched"])
+    unknown = [] if found else known.unknown_nodes(told["node"])
+    if unknown:
+        yield _of_nobody(unknown, "causes")
+        return
     times = [one.since_ns for one in found if one.since_ns is not None]
     frames = sorted({frame for one in found for frame in one.frames})[:FRAMES_KEPT]
     yield Judged(
@@ -83,19 +98,27 @@ def _causes(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]
 
 
 def _quality(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
-    length_ns = 0 if known.since_ns is None or known.until_ns is None else known.until_ns - known.since_ns
-    broken = [f"it ends before its end: {known.truncated}"] if known.truncated else []
+    length_ns = known.covered_ns
+    step_ns, stepped_ns = max(((step_ns, at_ns) for at_ns, step_ns in known.frames.clock_steps), default=(0, None))
+    # What is told in figures is what is broken first; of a capture that is good enough, what it lost.
+    drops = Judged(Verdict.PASS, worst=known.drops, limit=told["max_drops"], unit="frames")
+    broken = []
     if known.drops > told["max_drops"]:
-        broken.append(f"it lost {known.drops} frames")
+        broken.append((f"it lost {count_of(known.drops, 'frame')}", drops))
     if length_ns < told["min_duration"]:
-        broken.append(f"it is {duration(length_ns)} long")
-    step_ns = max((step_ns for _, step_ns in known.frames.clock_steps), default=0)
+        least = Judged(
+            Verdict.PASS, worst=length_ns / _SECOND_NS, limit=told["min_duration"] / _SECOND_NS, above=False, unit="s"
+        )
+        broken.append((f"it is {duration(told['min_duration'] - length_ns)} too short", least))
     if step_ns > told["max_clock_step"]:
-        broken.append(f"its clock stepped back by {duration(step_ns)}")
-    yield Judged(
-        Verdict.FAIL if broken else Verdict.PASS, reason="; ".join(broken), worst=known.drops, limit=told["max_drops"],
-        unit="frames",
-    )  # fmt: skip
+        most = told["max_clock_step"] / _SECOND_NS
+        step = Judged(Verdict.PASS, worst=step_ns / _SECOND_NS, limit=most, unit="s", first_ns=stepped_ns)
+        broken.append((f"its clock stepped back by {duration(step_ns)}", step))
+    if known.truncated:
+        broken.append((f"it ends before its end: {known.truncated}", Judged(Verdict.PASS)))
+    judged = broken[0][1] if broken else drops
+    told_of = "; ".join(text for text, _ in broken)
+    yield replace(judged, verdict=Verdict.FAIL if broken else Verdict.PASS, reason=told_of)
 
 
 _NODE = Parameter("node", array(TEXT, single=True), "of these nodes only, by address or name", ())

@@ -7,12 +7,12 @@ from typing import Any
 
 from nvscope.check.asked_rows import EVERY_LIST, OfLists
 from nvscope.check.check import Check, Evidence, Setting
-from nvscope.check.doubt import BEGAN_LATER, all_near_drops, doubt, doubt_of_clock, parts
+from nvscope.check.doubt import BEGAN_LATER, all_near_drops, doubt, doubt_of_clock, doubt_of_drops, doubt_of_ends, parts
 from nvscope.check.parameters import PERCENT_OR_TIME, RATIO, REQUIRED, Parameter
 from nvscope.check.silence import Silence, SilenceWatcher
 from nvscope.check.stream_intervals import IntervalWatcher, SpreadWatcher, StreamIntervals, StreamSpread
 from nvscope.check.verdict import Judged, Verdict
-from nvscope.check.while_so import while_so
+from nvscope.check.while_so import TOO_SHORT_SO, WhileSo, while_so
 from nvscope.list_key import ListKey
 from nvscope.toml_table import SPAN
 from nvscope.tracker.event_kinds import FRAMES_KEPT
@@ -75,10 +75,13 @@ def _of_stream(known: Evidence, one: StreamIntervals, told: Mapping[str, Any]) -
         verdict, reason = Verdict.INCONCLUSIVE, _TOO_FEW
     elif one.outside > told["exceptions"] * one.count:
         verdict = Verdict.FAIL
-        # Each frame that was not captured makes one interval longer.
+        # Each frame that was not captured makes one interval longer, and none shorter.
         more = one.outside - int(told["exceptions"] * one.count)
-        may_be = more == 1 or (more <= known.drops and (told["exceptions"] or all_near_drops(known, one.times_ns)))
-        if may_be and (why := doubt(known, one.first_ns, more)):
+        needed = more - 1 + max(parts(one.worst_ns or 0, int(one.wanted_ns + room_ns)), 1)
+        may_be = late and needed <= known.drops
+        may_be = may_be and (more == 1 or told["exceptions"] or all_near_drops(known, one.times_ns))
+        why = doubt(known, one.first_ns, needed) if may_be else ""
+        if why or (more == 1 and (why := doubt_of_ends(known, one.first_ns))):
             verdict, reason = Verdict.INCONCLUSIVE, why
     elif one.outside:
         reason = f"{one.outside} of {one.count} intervals lie outside, as is allowed"
@@ -178,17 +181,19 @@ def _silence(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any
     found = watcher.of(lists, known.until_ns)
     for key in sorted(lists):
         if key in found:
-            yield _of_silences(known, key, found[key], told["max"])
+            yield _of_silences(known, key, found[key], told["max"], watcher.holds)
         elif told["list_named"]:
             yield _silent_all_the_time(known, key, told["max"], watcher.nothing(known.until_ns))
 
 
-def _of_silences(known: Evidence, key: ListKey, silences: Sequence[Silence], most_ns: int) -> Judged:
+def _of_silences(
+    known: Evidence, key: ListKey, silences: Sequence[Silence], most_ns: int, holds: WhileSo | None
+) -> Judged:  # fmt: skip
     """Return the verdict on the silences of a list, the longest first: one that nothing explains breaks the rule."""
     assert known.since_ns is not None
     assert known.until_ns is not None
     worst, verdict, reason = silences[0], Verdict.PASS, ""
-    broken = [(one, _why_silent(known, one, most_ns)) for one in silences if one.length_ns > most_ns]
+    broken = _explained(known, [one for one in silences if one.length_ns > most_ns], most_ns)
     unexplained = [one for one, why in broken if not why]
     if unexplained:
         worst, verdict = unexplained[0], Verdict.FAIL
@@ -196,6 +201,8 @@ def _of_silences(known: Evidence, key: ListKey, silences: Sequence[Silence], mos
         verdict, reason = Verdict.INCONCLUSIVE, broken[0][1]
     elif known.until_ns - known.since_ns < most_ns:
         verdict, reason = Verdict.INCONCLUSIVE, "the capture is shorter than the rule needs"
+    elif holds is not None and holds.spans.longest_ns(known.since_ns, known.until_ns) < most_ns:
+        verdict, reason = Verdict.INCONCLUSIVE, TOO_SHORT_SO
     told = sorted(unexplained or [one for one, _ in broken], key=lambda one: one.begin_ns)
     frames = [one.frame for one in told if one.frame is not None]
     return Judged(
@@ -204,11 +211,20 @@ def _of_silences(known: Evidence, key: ListKey, silences: Sequence[Silence], mos
     )  # fmt: skip
 
 
-def _why_silent(known: Evidence, one: Silence, most_ns: int) -> str:
-    """Return why a list may have been silent only for the capture; "" where nothing says so."""
-    if one.is_first and known.began_between(one.begin_ns, one.end_ns):
-        return BEGAN_LATER
-    return doubt(known, one.begin_ns, parts(one.length_ns, most_ns), one.end_ns)
+def _explained(known: Evidence, silences: Sequence[Silence], most_ns: int) -> list[tuple[Silence, str]]:
+    """Return silences with why a list may have been silent only for the capture; "" where nothing says so.
+
+    What the capture lost explains all that it is to explain, or nothing.
+    """
+    needed = {one: parts(one.length_ns, most_ns) for one in silences}
+    lost = {one: doubt_of_drops(known, one.begin_ns, needed[one], one.end_ns) for one in silences}
+    if sum(needed[one] for one in silences if lost[one]) > known.drops:
+        lost = {}
+    found = []
+    for one in silences:
+        is_later = one.is_first and known.began_between(one.begin_ns, one.end_ns)
+        found.append((one, BEGAN_LATER if is_later else lost.get(one) or doubt_of_ends(known, one.begin_ns)))
+    return found
 
 
 CHECKS = (

@@ -8,6 +8,7 @@ from typing import Any
 
 from nvscope.check.check import Check, Evidence, Setting
 from nvscope.check.doubt import doubt, doubt_of_clock, parts
+from nvscope.check.moments import MomentWatcher
 from nvscope.check.parameters import NUMBER_OR_TIME, REQUIRED, VALUE, Parameter, Unfit
 from nvscope.check.variable_places import VariablePlace, variable_places
 from nvscope.check.variables import (
@@ -22,6 +23,7 @@ from nvscope.check.variables import (
     Watch,
 )
 from nvscope.check.verdict import Judged, Verdict
+from nvscope.check.while_so import TOO_SHORT_SO
 from nvscope.expression.typed_columns import FieldType
 from nvscope.list_key import ListKey
 from nvscope.toml_table import FLAG, LENGTH, SPAN, TEXT, array, choice, number
@@ -195,16 +197,21 @@ def _frozen(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]
             worst=one.longest_ns / _SECOND_NS, limit=one.most_ns / _SECOND_NS, unit="s", count=one.broken,
             first_ns=one.first_ns, frames=tuple(one.frames),
         )  # fmt: skip
-        if judged.verdict is Verdict.PASS and _is_too_short(known, one.most_ns):
+        if judged.verdict is Verdict.PASS and _is_too_short(known, one.most_ns, told["watched"]):
+            is_conditional = told["watched"].is_conditional
+            reason = TOO_SHORT_SO if is_conditional else "the capture is shorter than the rule needs"
             judged = Judged(
-                Verdict.INCONCLUSIVE, judged.list, reason="the capture is shorter than the rule needs",
+                Verdict.INCONCLUSIVE, judged.list, reason=reason,
                 variable=judged.variable, worst=judged.worst, limit=judged.limit, unit="s",
             )  # fmt: skip
         yield judged
 
 
-def _is_too_short(known: Evidence, needed_ns: int) -> bool:
-    return known.since_ns is None or known.until_ns is None or known.until_ns - known.since_ns < needed_ns
+def _is_too_short(known: Evidence, needed_ns: int, watcher: MomentWatcher) -> bool:
+    """Tell whether it was nowhere to be judged for so long."""
+    if known.since_ns is None or known.until_ns is None:
+        return True
+    return watcher.longest_judged_ns(known.since_ns, known.until_ns) < needed_ns
 
 
 def _watch_hops(setting: Setting, told: Mapping[str, Any]) -> HopWatcher:
