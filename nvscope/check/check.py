@@ -91,6 +91,19 @@ class Evidence:
             found += sum(one.packets for one in info.lost if one.touches(since_ns, until_ns))
         return found
 
+    def lost_near(self, times_ns: Sequence[int], around_ns: int) -> int:
+        """Return how many packets the captures may have lost around any of some times, each once."""
+        found = 0
+        for info in self.infos:
+            if sum(one.packets for one in info.lost) != info.drops:
+                found += info.drops or 0
+                continue
+            found += sum(
+                one.packets for one in info.lost
+                if any(one.touches(time_ns - around_ns, time_ns + around_ns) for time_ns in times_ns)
+            )  # fmt: skip
+        return found
+
     @property
     def clock_steps_ns(self) -> Sequence[int]:
         """When the clock of the capture stepped back."""

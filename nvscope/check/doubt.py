@@ -40,6 +40,21 @@ def doubt_of_ends(known: Evidence, at_ns: int | None) -> str:
     return doubt_of_clock(known, at_ns)
 
 
+def doubt_of_several(known: Evidence, times_ns: Sequence[int], needed: int, within_ns: int = 0) -> str:
+    """Return why all that was missing at some times may be what the capture lost around them; "" where nothing says so.
+
+    ``needed`` is how many frames that takes. Of more than are kept, the first times stand for all. Each is one that
+    lies up to ``within_ns`` before or behind.
+    """
+    around_ns = _AROUND_NS + within_ns
+    if not times_ns or not all(known.lost_between(one - around_ns, one + around_ns) for one in times_ns):
+        return ""
+    drops = known.lost_near(times_ns, around_ns)
+    if drops < needed:
+        return ""
+    return f"the capture itself lost {count_of(drops, 'frame')}: it may have been these"
+
+
 def all_near_drops(known: Evidence, times_ns: Sequence[int]) -> bool:
     """Tell whether at each of some times the capture may have lost frames itself."""
     return all(known.lost_between(one - _AROUND_NS, one + _AROUND_NS) for one in times_ns)

@@ -10,7 +10,7 @@ import numpy as np
 
 from nvscope.check.asked_rows import EVERY_LIST, OfLists
 from nvscope.check.check import Evidence, Setting
-from nvscope.check.doubt import all_near_drops, doubt
+from nvscope.check.doubt import doubt_of_ends, doubt_of_several
 from nvscope.check.parameters import Unfit
 from nvscope.check.so_spans import whole_windows
 from nvscope.check.verdict import Judged, Verdict
@@ -87,7 +87,8 @@ class FigureWindows:
         row = np.flatnonzero(mask[counted.list])
         fine = self._is_fine(counted, row)
         empty = self._is_fine(None, np.zeros(1, np.int64))[0]
-        columns: list[Any] = [counted.list[row], counted.window[row], counted.frame[row], fine]
+        lost = counted.values["lost"][row] if "lost" in counted.values else np.zeros(len(row), np.int64)
+        columns: list[Any] = [counted.list[row], counted.window[row], counted.frame[row], fine, lost]
         count = np.ones(len(row), np.int64)
         if self.holds is None:
             # Of windows in a row that are as they should be, nothing but their number is wanted.
@@ -99,11 +100,12 @@ class FigureWindows:
         def judged(first: int, stop: int) -> Iterator[tuple[int, int]]:
             return self._judged_of(counted.begin_ns, first, stop)
 
-        for number, window, frame, is_fine, many in zip(*(one.tolist() for one in (*columns, count)), strict=True):
+        rows = zip(*(one.tolist() for one in (*columns, count)), strict=True)
+        for number, window, frame, is_fine, missing, many in rows:
             run = runs.setdefault(number, _Run(self._length_ns, self._limit_ns))
             run.pass_by(window, empty, counted.begin_ns, judged)
             if any(judged(window, window + many)):
-                run.take(window, many, is_fine, counted.begin_ns, frame)
+                run.take(window, many, is_fine, counted.begin_ns, frame, missing)
             else:
                 run.leave_out(window + many)
         for run in runs.values():
@@ -181,10 +183,9 @@ class FigureWindows:
                 continue
             verdict = Verdict.FAIL if run.broken else Verdict.PASS
             reason = f"{run.broken} of {count_of(run.windows, 'window')}" if run.broken else ""
-            lost = counters[number].get("lost") if of_counters and number in counters else None
-            may_be = (lost or 0) <= known.drops or not known.drops
-            may_be &= run.broken == 1 or (run.broken <= known.drops and all_near_drops(known, run.times_ns))
-            if may_be and (why := doubt(known, run.first_ns, run.broken)):
+            needed, half_ns = max(run.broken, run.lost), self._length_ns // 2
+            why = doubt_of_several(known, [one + half_ns for one in run.times_ns], needed, half_ns)
+            if why or (run.broken == 1 and (why := doubt_of_ends(known, run.first_ns))):
                 verdict, reason = Verdict.INCONCLUSIVE, why
             yield Judged(
                 verdict, key, reason=reason, worst=run.longest_ns / _SECOND_NS, limit=limit, unit="s",
@@ -252,6 +253,9 @@ class _Run:
         self._length_ns = length_ns
         self._allowed = limit_ns // length_ns
         self.windows = self.broken = 0
+        self.lost = 0
+        """How many telegrams were lost in those that were otherwise."""
+
         self.longest_ns = 0
         self.first_ns: int | None = None
         self.frames: list[int] = []
@@ -281,8 +285,10 @@ class _Run:
         """Let the numbers of windows begin anew, with 0."""
         self._in_a_row, self._next = 0, 0
 
-    def take(self, window: int, count: int, is_fine: bool, begin_ns: int, frame: int | None) -> None:
-        """Take so many windows alike from one on."""
+    def take(
+        self, window: int, count: int, is_fine: bool, begin_ns: int, frame: int | None, lost: int = 0
+    ) -> None:  # fmt: skip
+        """Take so many windows alike from one on; so many telegrams were lost in each."""
         self._next = window + count
         self.windows += count
         if is_fine:
@@ -295,6 +301,7 @@ class _Run:
         if over <= 0:
             return
         self.broken += over
+        self.lost += max(lost, 0)
         if len(self.times_ns) < FRAMES_KEPT:
             self.times_ns.append(begin_ns + window * self._length_ns)
         if self.first_ns is None:

@@ -284,7 +284,9 @@ class _Reader:
                         f"These are: {timed}.",
                     )
                 )
-        if (name := known.get("id")) is not None:
+        if known.get("id") == "":
+            self._note(place.below("id").error("an id is a text that is not empty", "It names the rule everywhere."))
+        elif (name := known.get("id")) is not None:
             first = self._places.setdefault(name, f"{place.path}, line {place.position.line if place.position else 0}")
             position = place.below("id").position
             if first != f"{place.path}, line {place.position.line if place.position else 0}" and position:

@@ -62,10 +62,12 @@ class Judged:
     def tightness(self) -> float | None:
         """The margin in percent, where less of it would be a worse sign.
 
-        None of one sender of one, and of all that is to be acknowledged: nothing could be farther from the limit.
+        None of one sender of one, and of all that is to be acknowledged: nothing could be farther from the limit. None,
+        too, of what lies beyond it as an exception that is allowed.
         """
         is_best = self.limit == 1 and (self.unit == "senders" or (self.unit == "ratio" and not self.above))
-        return None if is_best else self.margin_percent
+        is_allowed = self.verdict is Verdict.PASS and (self.margin or 0) < 0
+        return None if is_best or is_allowed else self.margin_percent
 
 
 def worst_of(judged: Sequence[Judged]) -> Verdict:

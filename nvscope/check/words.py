@@ -34,8 +34,10 @@ def value_in_words(value: float | None, unit: str) -> str:
 
 
 def margin(judged: Judged) -> str:
-    """Return how far the worst value is from the limit, in percent of that."""
+    """Return how far the worst value is from the limit, in percent of that, or by how much where it is 0."""
     percent = judged.margin_percent
+    if percent is None and judged.margin is not None and not math.isnan(judged.margin):
+        return f"{'−' if judged.margin < 0 else ''}{value_in_words(abs(judged.margin), judged.unit)}"
     if percent is None or math.isnan(percent):
         return "-"
     if abs(percent) > _MOST_PERCENT:
@@ -64,7 +66,7 @@ def measures(judged: Judged) -> list[str]:
         parts.append(f"worst {value_in_words(judged.worst, judged.unit)}")
     if judged.limit is not None:
         parts.append(f"limit {value_in_words(judged.limit, judged.unit)}")
-    if judged.margin_percent is not None:
+    if judged.margin is not None:
         parts.append(f"margin {margin(judged)}")
     if judged.reason:
         parts.append(visible(judged.reason))
@@ -93,6 +95,8 @@ def command(found: Checked, judged: Judged) -> str:
     between = f"frame.number >= {max(first - _AROUND, 1)} && frame.number <= {first + _AROUND}"
     # Frames are numbered within the part of a capture that is read.
     options = () if asked is None else asked.options
+    if options is None:
+        return ""
     return visible(" ".join(["nvscope packets", *map(shlex.quote, (*paths, *options)), f"-Y '{between}'"]))
 
 

@@ -71,7 +71,8 @@ def _write_evidence(inquiry: Inquiry, found: Checked, folder: str, around_ns: in
     from nvscope.view.escape import visible
     from nvscope.whole_files import Existing
 
-    told = " ".join((", ".join(inquiry.paths) or "the capture", *(inquiry.asked.options if inquiry.asked else ())))
+    asked = (inquiry.asked.options if inquiry.asked else None) or ()
+    told = " ".join((", ".join(inquiry.paths) or "the capture", *asked))
     evidence = evidence_of(found, around_ns, told)
     if without := len(found.of(Verdict.FAIL)) - len(evidence):
         told_of = f"{count_of(without, 'broken rule')} no moment is known, and there is no evidence"

@@ -75,10 +75,17 @@ class AskedRange:
         return next((told for one, told in asked if one and one.reference is Reference.END), "")
 
     @property
-    def options(self) -> tuple[str, ...]:
-        """The words by which they were asked for."""
-        asked = [told for one, told in ((self.start, self.told_start), (self.end, self.told_end)) if one is not None]
-        return (*(word for told in asked for word in told.split(" ", 1)), *(["--utc"] if asked and self.utc else []))
+    def options(self) -> tuple[str, ...] | None:
+        """The words by which they are asked for elsewhere, where times are local; None where there are none."""
+        words: list[str] = []
+        for one, told in ((self.start, self.told_start), (self.end, self.told_end)):
+            if one is not None:
+                if one.reference is Reference.DAY and self.utc:
+                    return None
+                option, text = told.split(" ", 1)
+                match = _TEXT.fullmatch(text.strip())
+                words += [option, f"{text.strip()}Z" if self.utc and match and not match["zone"] else text]
+        return tuple(words)
 
     @property
     def is_absolute(self) -> bool:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from nvscope.capture.open import open_source
+from nvscope.capture.source import SourceInfo
 from tests.capture import build
 from tests.check.plants import judged, ruled
 from tests.oracle.builders import data_frame, telegram
@@ -94,3 +95,80 @@ def test_a_break_at_another_time_is_none_of_the_capture_s(tmp_path: Path) -> Non
     assert [one["verdict"] for one in both["rules"]] == ["fail"] * 6
     first = judged(capture(tmp_path, {30, 31}, told), rules)
     assert [one["verdict"] for one in first["rules"]] == ["inconclusive"] * 6
+
+
+def with_counts(folder: Path, missing: Collection[int], counts: dict[int, int], *, interfaces: int = 1) -> Path:
+    """Write the same capture, whose packets say how many were lost in front of them."""
+    parts = [build.section("<"), *[build.interface("<", 1)] * interfaces]
+    for number in range(80):
+        if number in missing:
+            continue
+        told = build.option("<", 4, counts[number].to_bytes(8, "little")) if number in counts else b""
+        parts.append(build.enhanced("<", BEGIN_US + number * 100_000, frame(number), options=told))
+    path = folder / "x.pcapng"
+    path.write_bytes(b"".join(parts))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("missing", "counts", "verdict"),
+    [
+        ({40}, {41: 1}, "inconclusive"),
+        ({40}, {70: 1}, "fail"),
+        ({40}, {41: 1, 70: 5}, "inconclusive"),
+        ({40}, {}, "fail"),
+        ({20, 60}, {21: 1, 61: 1}, "inconclusive"),
+        ({20, 60}, {21: 2}, "fail"),
+        ({40, 41, 42}, {43: 3}, "inconclusive"),
+        ({40, 41, 42}, {43: 1}, "fail"),
+    ],
+)
+def test_packets_tell_where_others_were_lost(
+    missing: set[int], counts: dict[int, int], verdict: str, tmp_path: Path
+) -> None:
+    found = judged(with_counts(tmp_path, missing, counts), ruled(tmp_path, *RULES))
+    assert [one["verdict"] for one in found["rules"]] == [verdict] * len(RULES)
+
+
+MORE = (
+    *RULES, 'check = "occurrence"\nper = "1s"\nmin = 10', 'check = "never"\nexpr = "list.lost > 0"\nwindow = "1s"',
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("lost", "verdict"), [(1, "fail"), (6, "fail"), (7, "inconclusive"), (70, "inconclusive")])
+def test_drops_explain_no_more_than_they_are(lost: int, verdict: str, tmp_path: Path) -> None:
+    """Seven telegrams are missing, each by itself: nobody says when the capture lost so many frames."""
+    found = judged(capture(tmp_path, range(5, 75, 10), [(0, lost)]), ruled(tmp_path, *MORE))
+    assert [one["verdict"] for one in found["rules"]] == [verdict] * len(MORE)
+
+
+@pytest.mark.parametrize(("lost", "verdict"), [(1, "fail"), (9, "fail"), (10, "inconclusive")])
+def test_one_long_gap_takes_as_many_drops(lost: int, verdict: str, tmp_path: Path) -> None:
+    rules = [one for one in MORE if "cycle" not in one and "silence" not in one and "occurrence" not in one]
+    found = judged(capture(tmp_path, range(40, 50), [(0, lost)]), ruled(tmp_path, *rules))
+    assert [one["verdict"] for one in found["rules"]] == [verdict] * len(rules)
+
+
+def test_an_interval_that_is_too_short_is_nobody_s_loss(tmp_path: Path) -> None:
+    path = capture(tmp_path, (), [(0, 50)])
+    twice = build.enhanced("<", BEGIN_US + 7_910_000, frame(80))
+    path.write_bytes(path.read_bytes() + twice)
+    (one,) = judged(path, ruled(tmp_path, 'check = "cycle"\ninterval = "100ms"'))["rules"]
+    assert one["verdict"] == "fail"
+
+
+def test_where_packets_say_it_the_times_are_theirs(tmp_path: Path) -> None:
+    (info,) = _read(with_counts(tmp_path, {40}, {41: 3, 70: 2}))
+    times = [(BEGIN_US + at * 100_000) * 1000 for at in (39, 41, 69, 70)]
+    assert info.lost == ((times[0], times[1], 3), (times[2], times[3], 2))
+    assert info.drops == 5
+    # Of an interface that has sent nothing before, nobody knows since when.
+    (info,) = _read(with_counts(tmp_path, (), {0: 4}, interfaces=2))
+    assert info.lost == ((None, BEGIN_US * 1000, 4),)
+
+
+def _read(path: Path) -> list[SourceInfo]:
+    source = open_source([str(path)])
+    for _ in source:
+        pass
+    return list(source.infos)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import subprocess
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,7 @@ import pytest
 from defusedxml.ElementTree import fromstring
 
 from nvscope.capture.open import open_source
+from tests.check.plants import captured, definitions
 from tests.check.test_verdicts import BEGIN_NS, PLANT, RULES, STEADY, ruled, sent
 from tests.program import COMMAND, run_text
 
@@ -205,3 +208,99 @@ def test_a_report_fails_a_build_too(least: str, code: int, tmp_path: Path) -> No
 
 def test_a_report_that_shows_nothing_bad_does_not_fail(tmp_path: Path) -> None:
     assert run_text("report", sent(tmp_path, LOSSY), "--fail-on", "warning").returncode == 1
+
+
+def shown(command: str) -> list[int]:
+    """Return the Counters of the telegrams that a command shows."""
+    words = shlex.split(command)
+    done = run_text(*words[1:], "-T", "fields", "-e", "nv.counter")
+    assert done.returncode == 0, done.stderr
+    return [int(line) for line in done.stdout.split()]
+
+
+DAY = datetime.fromtimestamp(BEGIN_NS // 10**9 + 2, UTC).strftime("%Y-%m-%d %H:%M:%S")
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        (),
+        ("--from-time", "2s"),
+        ("--to-time", "6s"),
+        ("--from-time", DAY, "--utc"),
+        ("--from-time", f"{DAY}Z", "--utc"),
+    ],
+)
+def test_the_command_shows_where_it_broke(options: tuple[str, ...], tmp_path: Path) -> None:
+    capture = sent(tmp_path, LOSSY).rename(tmp_path / "it's a cap.pcap")
+    done = run_text("check", capture, "--rules", ruled(tmp_path, 'check = "gap"'), *options)
+    (command,) = (line.strip() for line in done.stdout.splitlines() if "nvscope packets" in line)
+    assert shown(command) == [46, 47, 48, 49, 51, 52, 53, 54, 55]
+
+
+def test_of_several_captures_the_command_names_all(tmp_path: Path) -> None:
+    captures = [
+        sent(tmp_path, LOSSY).rename(tmp_path / "a.pcap"),
+        sent(tmp_path, STEADY[:1]).rename(tmp_path / "b.pcap"),
+    ]
+    done = run_text("check", *captures, "--rules", ruled(tmp_path, 'check = "gap"\nmax = 0'))
+    (command,) = (line.strip() for line in done.stdout.splitlines() if "nvscope packets" in line)
+    assert {49, 51} <= set(shown(command))
+
+
+def test_what_fails_no_build_is_no_failure_of_junit(tmp_path: Path) -> None:
+    """Also where what could not be decided fails it: a warning does not."""
+    rules = ruled(tmp_path, 'check = "loss"\nseverity = "warning"', 'check = "loss"\nlist = "99"\nseverity = "note"')
+    done = run_text("check", sent(tmp_path, LOSSY), "--rules", rules, "--fail-on", "inconclusive")
+    (suite,) = junit(tmp_path / "x.pcap", rules, tmp_path, "--fail-on", "inconclusive")
+    assert (done.returncode, suite.get("failures"), suite.get("skipped")) == (0, "0", "2")
+
+
+def test_where_the_limit_is_0_the_margin_is_told_in_its_unit(tmp_path: Path) -> None:
+    told = run_text("check", sent(tmp_path, LOSSY), "--rules", ruled(tmp_path, 'check = "gap"')).stdout
+    assert "worst 1 telegram   limit 0 telegrams   margin −1 telegram" in told
+
+
+def test_what_an_exception_allows_is_not_the_tightest(tmp_path: Path) -> None:
+    rules = ruled(
+        tmp_path, 'check = "cycle"\ninterval = "100ms"\nexceptions = "5%"', 'check = "silence"\nmax = "250ms"'
+    )
+    capture = captured(tmp_path, [(number * 100, 7, [False, 1]) for number in range(100) if number != 50])
+    told = run_text("check", capture, "--rules", rules).stdout
+    assert "2 passed; the tightest is r1: worst 200.0 ms, limit 250.0 ms, margin 20 %" in told
+
+
+def test_what_a_capture_lacks_is_told_in_figures(tmp_path: Path) -> None:
+    capture = sent(tmp_path, STEADY)
+    done = run_text(
+        "check", capture, "--rules", ruled(tmp_path, 'check = "capture_quality"\nmin_duration = "10s"'), "--json"
+    )
+    (subject,) = json.loads(done.stdout)["rules"][0]["subjects"]
+    assert (subject["worst"], subject["limit"], subject["unit"]) == (9.9, 10.0, "s")
+    assert subject["margin"] == pytest.approx(-0.1)
+    assert subject["reason"] == "it is 100.0 ms too short"
+
+
+@pytest.mark.parametrize("other", ["", "max = 5", 'expr = "nv.indx == 1"'])
+def test_mistakes_of_all_kinds_are_told_at_once(other: str, tmp_path: Path) -> None:
+    """Of keys, of expressions, and lists that neither definitions nor the capture have."""
+    texts = [text for path in definitions(tmp_path) for text in ("--gvl", path)]
+    capture = captured(tmp_path, [(0, 7, [False, 1]), (50, 8, [])])
+    rules = ruled(
+        tmp_path, f'check = "implies"\nif = "rose(var.safety.bStopp)"\nthen = "nv.indx == 3"\nwithin = "1s"\n{other}',
+        'check = "loss"\nlist = "axxis"', 'check = "gap"\nlist = ["safety", "valv"]',
+    )  # fmt: skip
+    done = run_text("check", capture, "--rules", rules, *texts)
+    assert (done.returncode, done.stdout) == (2, "")
+    told = [line for line in done.stderr.splitlines() if line.startswith("nvscope: ")]
+    wanted = ["rule[0].if: no field", "rule[0].then: no field", "rule[1].list: no list is called 'axxis'",
+              "rule[2].list: no list is called 'valv'"]  # fmt: skip
+    assert [want for want in wanted if not any(want in line for line in told)] == []
+    assert len(told) == len(wanted) + bool(other)
+
+
+def test_an_id_is_not_empty(tmp_path: Path) -> None:
+    path = tmp_path / "x.rules.toml"
+    path.write_text('[[rule]]\nid = ""\ncheck = "gap"\n')
+    done = run_text("check", sent(tmp_path, STEADY), "--rules", path)
+    assert (done.returncode, "an id is a text that is not empty" in done.stderr) == (2, True)

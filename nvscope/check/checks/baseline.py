@@ -25,8 +25,9 @@ def _baseline(known: Evidence, lists: Collection[ListKey], told: Mapping[str, An
             yield replace(subject, reason=reason, vacuous=False)
     if len(kept) == sum(len(one.subjects) for one in told["inner"]) > 0:
         tightest, name = min(kept, key=lambda one: _margin(one[0]))
-        rules = count_of(len(told["inner"]), "rule")
-        yield replace(tightest, reason=f"{rules} of the file are kept, the tightest is {name}")
+        number = len(told["inner"])
+        rules = f"{count_of(number, 'rule')} of the file {'is' if number == 1 else 'are'} kept"
+        yield replace(tightest, reason=f"{rules}, the tightest is {name}")
 
 
 def _margin(one: Judged) -> float:

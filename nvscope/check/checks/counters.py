@@ -7,6 +7,7 @@ from typing import Any
 
 from nvscope.check.check import Check, Evidence, Judge
 from nvscope.check.counted_while import NOTHING_CAME, CountedWhile, telegrams_of, watch_counters
+from nvscope.check.doubt import all_near_drops
 from nvscope.check.parameters import AMOUNT, RATIO, Parameter
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.list_key import ListKey, Transport
@@ -79,14 +80,14 @@ def _may_be_drops(known: Evidence, subject: Subject, figure: str, value: float, 
     counted, scope = told["watched"], known.scope_of(subject.list)
     events = (known.frames.of if counted is None else counted.frames)(kinds_of(figure), subject.list, scope)
     # Where the capture says when it lost frames, what happened at other times is the network's.
-    near = [known.lost_between(at_ns - _AROUND_NS, at_ns + _AROUND_NS) for _, at_ns in events]
-    drops = max(near, default=known.drops)
-    if not drops or (not told["max"] and not min(near, default=1)):
+    times_ns = [at_ns for _, at_ns in events]
+    drops = known.lost_near(times_ns, _AROUND_NS) if times_ns else known.drops
+    if not drops or (not told["max"] and not all_near_drops(known, times_ns)):
         return False
     lost = _figure(known, subject, "lost", told["watched"]) or 0
     if figure != "lost":
         # Where none may be missing, all that are have to be explained.
-        return bool(value - drops <= told["max"] and (told["max"] or lost <= known.drops))
+        return bool(value - drops <= told["max"] and (told["max"] or lost <= drops))
     telegrams = telegrams_of(subject, told["watched"])
     return bool(max(lost - drops, 0) <= told["max"] * (lost + telegrams))
 

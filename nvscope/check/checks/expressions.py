@@ -8,11 +8,11 @@ from typing import Any
 from nvscope.causes.cause import Cause
 from nvscope.check.check import Check, Evidence, Setting
 from nvscope.check.condition import told_of_plants
-from nvscope.check.doubt import all_near_drops, doubt, parts
+from nvscope.check.doubt import doubt, doubt_of_ends, doubt_of_several, parts
 from nvscope.check.figure_windows import FigureWindows
 from nvscope.check.happened_while import HappenedWhile, judged_while, watch_what_happens
 from nvscope.check.moments import FirstWatcher, SequenceWatcher, TruthWatcher, WaitWatcher
-from nvscope.check.occurrences import Occurrences
+from nvscope.check.occurrences import Counts, Occurrences
 from nvscope.check.parameters import AMOUNT, EXPRESSION, EXPRESSIONS, REQUIRED, Parameter, Unfit
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.check.while_so import NEVER_SO, NO_WHOLE_WINDOW, TOO_SHORT_SO
@@ -225,18 +225,23 @@ def _of_windows(
     verdict, reason = Verdict.FAIL if room < 0 else Verdict.PASS, ""
     if room < 0:
         reason = f"{counts.broken} of {count_of(windows, 'window')}"
-        if (
-            not above
-            and all_near_drops(known, counts.times_ns if known.drops else ())
-            and counts.broken - 1 + least - fewest <= max(known.drops, 1)
-            and (why := doubt(known, counts.first_ns, least - fewest, (counts.first_ns or 0) + told["per"]))
-        ):
+        if not above and (why := _why_too_few(known, counts, least - fewest, told["per"])):
             verdict, reason = Verdict.INCONCLUSIVE, why
     unit = "telegrams" if key is not None else "events"
     return Judged(
         verdict, key, reason=reason, worst=worst, limit=limit, above=above, unit=unit, count=counts.broken,
         first_ns=counts.first_ns, frames=tuple(counts.frames),
     )  # fmt: skip
+
+
+def _why_too_few(known: Evidence, counts: Counts, missing: int, length_ns: int) -> str:
+    """Return why what is missing in windows may be the capture's doing; so many are in one of them at most."""
+    # A window is broken anywhere within it.
+    middle_ns = [one + length_ns // 2 for one in counts.times_ns]
+    needed = counts.broken - 1 + missing
+    if why := doubt_of_several(known, middle_ns, needed, length_ns // 2):
+        return why
+    return doubt_of_ends(known, counts.first_ns) if counts.broken == 1 else ""
 
 
 _EXPR = Parameter("expr", EXPRESSION, "what is asked", REQUIRED)

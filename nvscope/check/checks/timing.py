@@ -7,7 +7,15 @@ from typing import Any
 
 from nvscope.check.asked_rows import EVERY_LIST, OfLists
 from nvscope.check.check import Check, Evidence, Setting
-from nvscope.check.doubt import BEGAN_LATER, all_near_drops, doubt, doubt_of_clock, doubt_of_drops, doubt_of_ends, parts
+from nvscope.check.doubt import (
+    BEGAN_LATER,
+    doubt,
+    doubt_of_clock,
+    doubt_of_drops,
+    doubt_of_ends,
+    doubt_of_several,
+    parts,
+)
 from nvscope.check.parameters import PERCENT_OR_TIME, RATIO, REQUIRED, Parameter
 from nvscope.check.silence import Silence, SilenceWatcher
 from nvscope.check.stream_intervals import IntervalWatcher, SpreadWatcher, StreamIntervals, StreamSpread
@@ -78,9 +86,11 @@ def _of_stream(known: Evidence, one: StreamIntervals, told: Mapping[str, Any]) -
         # Each frame that was not captured makes one interval longer, and none shorter.
         more = one.outside - int(told["exceptions"] * one.count)
         needed = more - 1 + max(parts(one.worst_ns or 0, int(one.wanted_ns + room_ns)), 1)
-        may_be = late and needed <= known.drops
-        may_be = may_be and (more == 1 or told["exceptions"] or all_near_drops(known, one.times_ns))
-        why = doubt(known, one.first_ns, needed) if may_be else ""
+        why = ""
+        if late and told["exceptions"] and needed <= known.drops:
+            why = doubt_of_drops(known, one.first_ns, needed)
+        elif late:
+            why = doubt_of_several(known, one.times_ns, needed)
         if why or (more == 1 and (why := doubt_of_ends(known, one.first_ns))):
             verdict, reason = Verdict.INCONCLUSIVE, why
     elif one.outside:
