@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 from dissectors.batch import I64, Bool
 from nvscope.check.asked_rows import Asked, OfLists
 from nvscope.check.check import Setting
-from nvscope.check.moments import MomentWatcher
+from nvscope.check.moments import Before, MomentWatcher
 from nvscope.check.stretches import Stretches
 from nvscope.check.variable_places import VariablePlace
 from nvscope.engine.runs import rows_by
@@ -336,6 +337,29 @@ class HopWatcher(MomentWatcher):
         self.largest = 0.0
         """The largest difference, however short it was."""
 
+        self._told: tuple[bool, bool] | None = None
+        self._apart_by = 0.0
+
+    @property
+    def _lasting(self) -> tuple[bool, bool] | None:
+        return self._told
+
+    def carry(self, time_ns: int, before: Before) -> None:
+        """Take that they differ at a time, or do not, and did before."""
+        self.known += 1
+        self.largest = max(self.largest, self._apart_by)
+        self.apart.take(np.array([time_ns]), np.array([before.frame]), np.array([before.true]))
+
+    def up_to(self, until_ns: int) -> HopWatcher:
+        """Return it with what goes on at a time ended by then; this one goes on."""
+        found = copy(self)
+        found.apart = copy(self.apart)
+        found.apart.frames = list(self.apart.frames)
+        if self._setting.since_ns is not None and until_ns >= self._setting.since_ns:
+            found._carry_over()
+        found.apart.end(until_ns)
+        return found
+
     def take(self, asked: Asked, judged: Bool) -> None:
         columns, changes = [], []
         for number, one in enumerate(self._fields):
@@ -350,6 +374,7 @@ class HopWatcher(MomentWatcher):
         row = np.flatnonzero(known)
         if not len(row):
             return
+        self._told, self._apart_by = (bool(apart[row[-1]] > self._tolerance), True), float(apart[row[-1]])
         self.known += len(row)
         self.changes += int(np.count_nonzero(changes[0] & judged))
         so = (apart > self._tolerance) & judged
@@ -360,7 +385,7 @@ class HopWatcher(MomentWatcher):
         """Compare nothing with what came before nobody listened."""
         if unheard.everything:
             self.apart.end(unheard.until_ns)
-            self._last = [None, None]
+            self._last, self._told = [None, None], None
 
     def _filled(self, number: int, column: Any, known: Bool) -> tuple[Any, Bool]:
         """Return a value for each row, NaN before the first, and at which rows it changes."""

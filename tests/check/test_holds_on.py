@@ -57,6 +57,19 @@ def test_what_holds_to_the_end_is_judged_though_it_is_never_sent_again(tmp_path:
         assert (found["verdict"], found["worst"]) == (verdict, worst), rule
 
 
+def test_variables_that_differ_at_the_end_of_a_warm_up_do_so_behind_it(tmp_path: Path) -> None:
+    """Mode is 9 from 0.5 s on, and the position follows at 1.45 s; then it stays behind from 3 s on."""
+    follows = [(at_ms, 8, [False, float(value)]) for at_ms, value in ((0, 1), (1_450, 9), (4_900, 9))]
+    modes = [(at_ms, 7, [False, value]) for at_ms, value in ((0, 1), (500, 9))]
+    rule = 'check = "hops"\nfrom = "safety.nMode"\nto = "valve.fPos"\nmax_delay = "100ms"'
+    for warmup, worst in (("0s", 0.95), ("1s", 0.45)):
+        found = one_of(tmp_path, [*modes, *follows], rule, warmup)
+        assert (found["verdict"], found["worst"]) == ("fail", pytest.approx(worst))
+    assert one_of(tmp_path, [*modes, *follows], rule, "2s")["verdict"] == "inconclusive"
+    never = one_of(tmp_path, [*modes, *follows[:1], (4_900, 7, [False, 9])], rule, "1s")
+    assert (never["verdict"], never["worst"]) == ("fail", pytest.approx(3.9))
+
+
 def test_without_a_warm_up_nothing_held_before(tmp_path: Path) -> None:
     assert one_of(tmp_path, [*MODE_9, *OTHERS], 'check = "never"\nexpr = "var.safety.nMode > 5"')["worst"] == 0.95
 

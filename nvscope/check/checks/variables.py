@@ -234,9 +234,10 @@ def _hops(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) 
     watcher: HopWatcher = told["watched"]
     if known.until_ns is None:
         return
-    apart = watcher.apart.up_to(known.until_ns)
+    watcher = watcher.up_to(known.until_ns)
+    apart = watcher.apart
     name, limit = f"{told['from']} → {told['to']}", told["max_delay"] / _SECOND_NS
-    if not watcher.known or not watcher.changes:
+    if not watcher.known or not (watcher.changes or apart.count):
         reason = "not both of them came" if not watcher.known else f"{told['from']} never changed"
         yield Judged(Verdict.INCONCLUSIVE, reason=reason, variable=name, limit=limit, unit="s", vacuous=True)
         return
