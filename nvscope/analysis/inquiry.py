@@ -159,6 +159,7 @@ class Inquiry:
         return reading_of(
             self.ports, self.pdos, choose=choose, timeout_ns=timeout_ns, protocols=self.protocols,
             max_streams=self.project.limits.max_streams, all_frames=all_frames,
+            parameter_timeout_ns=self.project.limits.parameter_ns,
         )  # fmt: skip
 
     @property

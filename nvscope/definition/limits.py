@@ -39,3 +39,7 @@ class Limits:
         default=UNITS_NS["s"],
         name="acknowledgement",
     )
+    parameter_ns: int = key(
+        SPAN, "how long a reply of the Parameter Manager may take before it is missing (NV701, NV703, NV704)",
+        default=UNITS_NS["s"] // 2, name="parameter",
+    )  # fmt: skip

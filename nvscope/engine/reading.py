@@ -13,6 +13,9 @@ from nvscope.engine.told import Choose
 TIMEOUT_NS = 1_000_000_000
 """So long an answer may take unless somebody says otherwise."""
 
+PARAMETER_TIMEOUT_NS = 500_000_000
+"""The same of replies of the Parameter Manager."""
+
 
 @dataclass(frozen=True, slots=True)
 class Reading:
@@ -20,7 +23,8 @@ class Reading:
 
     ``ports`` decide by hand which UDP payloads are telegrams, None: by their identity. ``pdos`` say which lists CAN
     frames belong to. ``choose`` is the filter, None without one: it changes what is shown, and no figure.
-    ``timeout_ns`` is how long an answer may take. ``dissectors`` read the protocols that have ports of their own, the
+    ``timeout_ns`` is how long an answer may take, ``parameter_timeout_ns`` how long a reply of the Parameter Manager
+    may. ``dissectors`` read the protocols that have ports of their own, the
     first one first where several could. ``max_streams`` is how many streams, and other kinds of telegrams by sender,
     receiver, list and SubIndex, are told apart; so many identifiers of CAN. ``all_frames``: frames in which nothing is
     found are wanted too (``Told.others``). Without ``hears_answers``, what nodes answer to each other is not to be
@@ -35,3 +39,4 @@ class Reading:
     max_streams: int = MAX_STREAMS
     all_frames: bool = False
     hears_answers: bool = True
+    parameter_timeout_ns: int = PARAMETER_TIMEOUT_NS

@@ -88,7 +88,7 @@ class Recogniser:
             pdos=self._reading.pdos, choose=self._reading.choose, laid=laid, until_ns=until_ns,
             dissectors=self._reading.dissectors, timeout_ns=self._reading.timeout_ns,
             max_streams=self._reading.max_streams, all_frames=self._reading.all_frames, unheard=unheard,
-            hears_answers=self._reading.hears_answers,
+            hears_answers=self._reading.hears_answers, parameter_timeout_ns=self._reading.parameter_timeout_ns,
         )  # fmt: skip
         if len(batch):
             self._frames += len(batch)

@@ -60,9 +60,9 @@ class Told:
     tell. ``unheard`` is what nobody listens to any more, behind the packets: what is open of it stays unknown, nothing
     is measured up to what follows, and that begins as a capture does. ``pdos`` know which lists CAN frames belong to,
     and what channels are called; ``dissectors`` read the protocols that have ports of their own; ``timeout_ns`` is how
-    long an answer may take, ``max_streams`` how many streams and identifiers are told apart; ``all_frames`` says
-    whether frames in which nothing is found are wanted, ``hears_answers`` whether what nodes answer to each other is to
-    be seen at all.
+    long an answer may take, ``parameter_timeout_ns`` how long a reply of the Parameter Manager may, ``max_streams`` how
+    many streams and identifiers are told apart; ``all_frames`` says whether frames in which nothing is found are
+    wanted, ``hears_answers`` whether what nodes answer to each other is to be seen at all.
 
     ``laid`` is there where an observer asks for it (``Observer.by_stream``).
 
@@ -76,7 +76,7 @@ class Told:
         self, batch: SortedPackets, *, first_frame: int, start_ns: int, before_ns: int, pdos: PdoRules,
         timeout_ns: int, choose: Choose | None = None, laid: Laid | None = None, until_ns: int | None = None,
         dissectors: Sequence[Dissector] = (), max_streams: int = MAX_STREAMS, all_frames: bool = False,
-        unheard: Sequence[Unheard] = (), hears_answers: bool = True,
+        unheard: Sequence[Unheard] = (), hears_answers: bool = True, parameter_timeout_ns: int = 500_000_000,
     ) -> None:  # fmt: skip
         self.batch = batch
         self.first_frame = first_frame
@@ -86,6 +86,7 @@ class Told:
         self.pdos = pdos
         self.dissectors = dissectors
         self.timeout_ns = timeout_ns
+        self.parameter_timeout_ns = parameter_timeout_ns
         self.max_streams = max_streams
         self.all_frames = all_frames
         self.unheard = unheard
@@ -105,6 +106,7 @@ class Told:
             choose=None if chosen is None else lambda _: chosen, laid=laid, until_ns=self.until_ns,
             dissectors=self.dissectors, timeout_ns=self.timeout_ns, max_streams=self.max_streams,
             all_frames=self.all_frames, unheard=self.unheard, hears_answers=self.hears_answers,
+            parameter_timeout_ns=self.parameter_timeout_ns,
         )  # fmt: skip
         return told.heard_by(self._listeners)
 

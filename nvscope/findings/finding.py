@@ -42,6 +42,8 @@ class Finding:
     """Those that it stands for, in their order, where it is one finding for many lists."""
     extent: float | None = None
     """How far it goes, of kinds in ``nvscope.findings.badness.EXTENTS``."""
+    variable: str = ""
+    """What of another conversation it is about: ``sdo/192.168.1.20/0x2000:1``."""
     misfit: Misfit | None = None
     """How telegrams differ from the only definition of their list, where they do."""
 
@@ -53,7 +55,7 @@ class Finding:
     @property
     def place(self) -> Hashable:
         """What it is and where: the same of one look and the next, whatever its figures."""
-        return self.code, self.list_number, self.node, self.subindex, self.key, self.channel
+        return self.code, self.list_number, self.node, self.subindex, self.key, self.channel, self.variable
 
     @property
     def lists(self) -> tuple[int, ...]:

@@ -19,6 +19,7 @@ from nvscope.findings.facts import Facts
 from nvscope.findings.finding import Finding
 from nvscope.findings.header import judge_headers
 from nvscope.findings.loss import judge_loss
+from nvscope.findings.parameter import judge_parameters
 from nvscope.findings.timing import judge_timing
 from nvscope.list_key import Transport
 from nvscope.tracker.can.summary import CanListSummary
@@ -32,7 +33,7 @@ Judge = Callable[[Facts], Iterable[Finding]]
 
 JUDGES: tuple[Judge, ...] = (
     judge_headers, judge_loss, judge_answers, judge_consistency, judge_definition, judge_timing, judge_cob_ids,
-    judge_can, judge_buses, judge_capture,
+    judge_can, judge_buses, judge_parameters, judge_capture,
 )  # fmt: skip
 
 
@@ -66,6 +67,6 @@ def judge(
         place = place if key is None else key
         node = () if finding.node is None else summary.address_order[finding.node]
         subindex = -1 if finding.subindex is None else finding.subindex
-        return -finding.kind.severity, finding.code, place, node, subindex
+        return -finding.kind.severity, finding.code, place, node, subindex, finding.variable
 
     return sorted(found, key=order)

@@ -1,8 +1,18 @@
-"""NV7xx: the Parameter Manager's requests and replies. Nothing judges them yet."""
+"""NV7xx: the Parameter Manager's requests and replies."""
 
 from __future__ import annotations
 
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from nvscope.findings.finding import Events, Finding, all_events
 from nvscope.findings.kind import FindingKind, Severity
+from nvscope.units import count_of, duration
+
+if TYPE_CHECKING:
+    from nvscope.findings.facts import Facts
+    from nvscope.tracker.parameter.transactions import Asked
 
 SDO_TIMEOUT = FindingKind(
     "NV701",
@@ -18,7 +28,6 @@ SDO_TIMEOUT = FindingKind(
         "Check whether the partner sends anything at all in this capture.",
         "Check the address given to the function block, and that both sides use the same port.",
     ),
-    judged=False,
 )
 SDO_ERROR_REPLY = FindingKind(
     "NV702",
@@ -32,7 +41,6 @@ SDO_ERROR_REPLY = FindingKind(
         "ODErrorReplyCPUStopped: the partner's program does not run",
     ),
     next_steps=("Compare index, subindex, length and items of the request with the partner's parameter list.",),
-    judged=False,
 )
 SDO_UNEXPECTED_REPLY = FindingKind(
     "NV703",
@@ -45,7 +53,6 @@ SDO_UNEXPECTED_REPLY = FindingKind(
         "two callers that use the same address",
     ),
     next_steps=("Look for late replies (NV704), and check that the capture holds both directions.",),
-    judged=False,
 )
 SDO_SLOW = FindingKind(
     "NV704",
@@ -57,5 +64,63 @@ SDO_SLOW = FindingKind(
         "many requests at the same time",
     ),
     next_steps=("Compare with the partner's task cycle; lengthen the timeout, or ask less often.",),
-    judged=False,
 )
+
+
+def judge_parameters(facts: Facts) -> Iterator[Finding]:
+    """Yield a finding for each parameter of a partner that a node asked for, and of which something is to be said."""
+    known = facts.state.parameters
+    if not len(known.pairs):
+        return
+    from nvscope.tracker.parameter.transactions import event_parts
+
+    found: dict[tuple[int, Asked], list[tuple[int, Events]]] = defaultdict(list)
+    for log in (known.events, *([known.overdue_events(facts.at_ns)] if facts.overdue else ())):
+        for word, number, events in zip(
+            log.keys.high.tolist(), log.keys.low.tolist(), all_events(log.rows), strict=True
+        ):
+            event, service = event_parts(word)
+            found[event, known.described(number)].append((service, events))
+    nodes = {text: number for number, text in enumerate(facts.summary.addresses)}
+    for (event, asked), parts in found.items():
+        yield _finding(facts, nodes, event, asked, parts)
+
+
+def _finding(
+    facts: Facts, nodes: Mapping[str, int], event: int, asked: Asked, parts: list[tuple[int, Events]]
+) -> Finding:  # fmt: skip
+    from dissectors.netvar import Service
+    from nvscope.tracker.parameter.events import ParameterEvent
+
+    known = facts.state.parameters
+    together = parts[0][1]
+    for _, events in parts[1:]:
+        together = together.among(events)
+    timeout = duration(known.timeout_ns)
+    ends = f"{asked.requester} for {asked.name}"
+    if event == ParameterEvent.TIMEOUT:
+        kind = SDO_TIMEOUT
+        message = f"{asked.partner} did not answer {count_of(together.count, 'request')} of {ends} within {timeout}."
+    elif event == ParameterEvent.ERROR_REPLY:
+        kind = SDO_ERROR_REPLY
+        counts: Counter[str] = Counter()
+        for service, events in sorted(parts, key=lambda part: part[0]):
+            counts[Service(service).name] += events.count
+        names = ", ".join(f"{name} ({count})" for name, count in counts.items())
+        message = f"{asked.partner} refused {count_of(together.count, 'request')} of {ends}: {names}."
+    elif event == ParameterEvent.SLOW:
+        kind = SDO_SLOW
+        message = (
+            f"{asked.partner} took more than {duration(known.timeout_ns // 2)} for "
+            f"{count_of(together.count, 'reply', 'replies')} to {ends}, half of the timeout."
+        )
+    else:
+        kind = SDO_UNEXPECTED_REPLY
+        message = (
+            f"{count_of(together.count, 'reply', 'replies')} of {asked.partner} to {ends}: no such request was open."
+        )
+    return Finding(
+        kind, message, together.count, together.first_ns, together.last_ns, together.frames,
+        node=nodes.get(asked.requester),
+        variable=f"sdo/{asked.partner}/{asked.name}",
+    )  # fmt: skip

@@ -13,6 +13,7 @@ from nvscope.tracker.accumulator import Accumulator
 from nvscope.tracker.can.state import BusState
 from nvscope.tracker.capture import CaptureState
 from nvscope.tracker.lists import ListState
+from nvscope.tracker.parameter.transactions import Transactions
 from nvscope.tracker.senders import SenderState
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.variables.values import Values
@@ -42,6 +43,7 @@ class PartedState:
         self._lists = [ListState(values() if values else None) for _ in range(parts)]
         self._senders = [SenderState(recent=recent) for _ in range(parts)]
         self._buses = [BusState() for _ in range(parts)]
+        self._parameters = [Transactions() for _ in range(parts)]
         self._make_others = others
         made = [others() for _ in range(parts)]
         self._others = {name: [one[name] for one in made] for name in made[0]}
@@ -56,6 +58,7 @@ class PartedState:
         self._deal(told, self._lists)
         self._deal(told, self._senders)
         self._deal(told, self._buses)
+        self._deal(told, self._parameters)
         for parts in self._others.values():
             self._deal(told, parts)
 
@@ -77,6 +80,8 @@ class PartedState:
             state.senders.take(senders, share)
         for buses, share in self._dealt(self._buses):
             state.buses.take(buses, share)
+        for parameters, share in self._dealt(self._parameters):
+            state.parameters.take(parameters, share)
         for name, parts in self._others.items():
             for other, share in self._dealt(parts):
                 others[name].take(other, share)

@@ -18,6 +18,7 @@ from nvscope.engine.told import Told
 from nvscope.tracker.can.state import BusState
 from nvscope.tracker.capture import CaptureState
 from nvscope.tracker.lists import ListState
+from nvscope.tracker.parameter.transactions import Transactions
 from nvscope.tracker.senders import SenderState
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ class TrackerState:
 
     ``memory`` is what is known of the streams, ``values`` are those of the variables, where their definition is known;
     ``recent`` asks for the intervals of the last minute (``SenderState``). ``others`` count the protocols beside
-    network variables and CAN, by name. ``listeners`` are told of the events of all of them
+    network variables, the Parameter Manager and CAN, by name. ``listeners`` are told of the events of all of them
     (``nvscope.tracker.event_kinds``, and those that protocols have of their own). Frame numbers count from 1 across all
     that was observed.
 
@@ -49,6 +50,7 @@ class TrackerState:
         self.lists = ListState(values)
         self.senders = SenderState(recent=recent)
         self.buses = BusState()
+        self.parameters = Transactions()
         self.others = others
         self._listeners = listeners
 
@@ -60,6 +62,7 @@ class TrackerState:
         self.lists.observe(told)
         self.senders.observe(told)
         self.buses.observe(told)
+        self.parameters.observe(told)
         for other in self.others.values():
             other.observe(told)
 

@@ -30,6 +30,7 @@ from nvscope.tracker.intervals import StreamIntervals
 from nvscope.tracker.list_diagnosis import diagnose
 from nvscope.tracker.lists import ListColumns
 from nvscope.tracker.loss import StreamSequences
+from nvscope.tracker.parameter.summary import PairSummary, summarize_parameters
 from nvscope.tracker.scopes import scopes_in_force
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.stream_summary import StreamSummary
@@ -58,7 +59,8 @@ class Summary:
     """What follows from a state; lists by port and Index, nodes by address, streams by node and SubIndex.
 
     ``addresses`` and ``address_order`` are by number of node: those of the state, and behind them readers of which it
-    knows nothing. Of a window, ``window_ns`` is how long it was, and ``extremes`` says whether anybody kept its own.
+    knows nothing. ``parameters`` are all that was asked of the Parameter Manager, also of a window. Of a window,
+    ``window_ns`` is how long it was, and ``extremes`` says whether anybody kept its own.
     """
 
     lists: Sequence[ListSummary]
@@ -69,6 +71,7 @@ class Summary:
     timeout_ns: int = TIMEOUT_NS
     can: CanSummary = field(default_factory=CanSummary)
     together: Together = field(default_factory=Together)
+    parameters: Sequence[PairSummary] = ()
     window_ns: int | None = None
     extremes: bool = True
 
@@ -124,7 +127,8 @@ def summarize(
     capture = state.capture.summary(state.buses.frames)
     together = taken_together(state, intervals, intervals_ns)
     return Summary(
-        tuple(lists), addresses, tuple(order), MappingProxyType(scopes), capture, timeout_ns, can, together
+        tuple(lists), addresses, tuple(order), MappingProxyType(scopes), capture, timeout_ns, can, together,
+        summarize_parameters(state.parameters),
     )  # fmt: skip
 
 

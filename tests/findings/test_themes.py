@@ -21,6 +21,8 @@ from nvscope.findings.facts import Facts
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind
 from nvscope.tracker.event_kinds import TELL_IN_NUMBERS, EventKind
+from tests.oracle.parameter_traffic import conversations
+from tests.packets import batch_of, tracked
 from tests.simulate.simulation import simulated
 
 ROOT = Path(__file__).parents[2]
@@ -122,6 +124,7 @@ def test_judges_yield_their_own_rows_alone(found: Found, tmp_path: Path) -> None
     axis = [str(PEERS.parent / name) for name in ("axis.gvl", "axis_types.st")]
     inquiry = Inquiry([str(PEERS)], read_project(None, axis))
     inquiry.report(inquiry.analyze(causes=True))
+    judge.judge(tracked([batch_of(conversations(3))]))
     # What a protocol with ports of its own shows is for tests/protocols.
     own = {
         theme.__name__: {row.code for row in own_rows(theme).values() if row.judged and not row.protocol}

@@ -173,11 +173,12 @@ def link_frame(
 
 
 def data_frame(
-    ts_ns: int, source: str, destination: str, payload: bytes, *, port: int = 1202, link: int = ETHERNET
-) -> Frame:
+    ts_ns: int, source: str, destination: str, payload: bytes, *, port: int = 1202, link: int = ETHERNET,
+    source_port: int = 1202,
+) -> Frame:  # fmt: skip
     """Return a plain frame with a telegram, its link layer as the destination suggests."""
     to = ip_address(destination)
-    packet = internet_packet(ip_address(source), to, PROTOCOL_UDP, udp(payload, port=port))
+    packet = internet_packet(ip_address(source), to, PROTOCOL_UDP, udp(payload, source_port=source_port, port=port))
     group = to.is_multicast or to.packed[-1] == 255
     return whole(ts_ns, link, link_frame(packet, link, broadcast=group))
 

@@ -42,6 +42,7 @@ class Datagram:
     length: int
     payload: bytes
     broadcast: bool
+    source_port: int = 0
 
 
 @dataclass(frozen=True)
@@ -188,7 +189,8 @@ def datagram(data: bytes, header: InternetHeader, link_broadcast: bool | None) -
         return None
     payload = data[at + 8 : min(header.end, at + udp_length)]
     broadcast = is_broadcast(header.destination, link_broadcast)
-    return Datagram(header.source, header.destination, number(data, at + 2, 2), udp_length - 8, payload, broadcast)
+    port, source_port = number(data, at + 2, 2), number(data, at, 2)
+    return Datagram(header.source, header.destination, port, udp_length - 8, payload, broadcast, source_port)
 
 
 def is_broadcast(destination: Address, link_broadcast: bool | None) -> bool:

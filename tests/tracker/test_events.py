@@ -78,7 +78,7 @@ def test_what_is_told_is_what_the_log_has(seed: int) -> None:
     state, columns = heard(batches_of(seed, random.Random(seed)))
     expected: dict[tuple[int, ...], list[tuple[int, int]]] = {}
     for part in columns.parts:
-        if part.kind not in TELL_IN_NUMBERS:
+        if isinstance(part.kind, EventKind) and part.kind not in TELL_IN_NUMBERS:
             places = zip(part.list.tolist(), part.node.tolist(), part.subindex.tolist(), strict=True)
             happened = zip(part.time_ns.tolist(), part.frame.tolist(), strict=True)
             for place, event in zip(places, happened, strict=True):
@@ -132,6 +132,8 @@ def test_steps_come_to_the_figures_of_the_scope_in_force(seed: int) -> None:
 @examples(60)
 def test_what_a_kind_says_nothing_of_is_not_told(seed: int) -> None:
     for event in named(*heard([traffic(seed)])):
+        if event.kind not in EventKind.__members__:
+            continue  # what it says is for the tests of its protocol
         kind = EventKind[event.kind]
         assert kind.since or event.since_ns == event.time_ns
         assert kind.amount or event.amount == 1

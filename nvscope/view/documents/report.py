@@ -36,6 +36,7 @@ from nvscope.view.documents.figures import (
     time_text,
 )
 from nvscope.view.documents.measured_row import MeasuredRow, of_measured, with_values
+from nvscope.view.documents.parameters import sdo_rows
 from nvscope.view.documents.verdicts import Verdicts, key_of, verdicts
 
 if TYPE_CHECKING:
@@ -104,6 +105,8 @@ def report_document(
         "lists": Drawn((*summary.can.lists, *summary.lists), row_of),
         "findings": Drawn(findings, lambda finding: _finding_row(finding, keys, summary)),
     }
+    whole_summary = whole or summary
+    document |= {"sdo": sdo_rows(whole_summary.parameters)} if whole_summary.parameters else {}
     document |= {"buses": can_buses(summary.can, names, measures)} if summary.can.buses else {}
     return document if drawn else dict(plain(document))
 
@@ -290,6 +293,8 @@ def _finding_row(finding: Finding, keys: Mapping[int, str], summary: Summary) ->
     """Return the row of a finding; one on CAN has its channel, one that is about many lists these."""
     if finding.lists:
         return _FoldedFindingRow(finding, keys, summary)
+    if finding.variable:
+        return _VariableFindingRow(finding, keys, summary)
     return (_CanFindingRow if _channel_of(finding, keys) else _FindingRow)(finding, keys, summary)
 
 
@@ -300,6 +305,17 @@ class _CanFindingRow(_FindingRow):
     PARTS: ClassVar[Sequence[Part]] = (
         _FindingRow.PARTS[0],
         fields(channel=lambda row: _channel_of(row.finding, row.list_keys)),
+        _FindingRow.PARTS[1],
+    )
+
+
+class _VariableFindingRow(_FindingRow):
+    """The same with the variable of another conversation that it is about, behind its SubIndex."""
+
+    __slots__ = ()
+    PARTS: ClassVar[Sequence[Part]] = (
+        _FindingRow.PARTS[0],
+        fields(variable=lambda row: row.finding.variable),
         _FindingRow.PARTS[1],
     )
 

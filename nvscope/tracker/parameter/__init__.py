@@ -1,0 +1,1 @@
+"""The Parameter Manager: who asked whom for which value, and what came of it."""

@@ -1,0 +1,23 @@
+"""What happens between who asks for a parameter and who is asked, as events.
+
+``node`` is who asks, ``peer`` who is asked, ``detail`` Index and SubIndex of the parameter (``parameter_of``).
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class ParameterEvent(IntEnum):
+    """What is told of transactions, in frames of replies but for timeouts, which are told of the first request.
+
+    ``since_ns`` is when the request came first. The amount is the service of the reply; of a timeout, that of the
+    request. No other enumeration of events has the same numbers: who listens for kinds compares numbers.
+    """
+
+    REPLIED = 1001
+    ERROR_REPLY = 1002
+    BUSY = 1003
+    TIMEOUT = 1004
+    UNEXPECTED_REPLY = 1005
+    SLOW = 1006

@@ -1,0 +1,281 @@
+"""Transactions: what became of all requests of the Parameter Manager, by who asked whom.
+
+Source: Network Functionality in CoDeSys V2.3, document version 1.7, sections 2.3 and 2.4.1; services 1 to 4, 20 to 28
+and 100. Where it is silent: a reply repeats Index, SubIndex and Counter of its request.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dissectors import address
+from dissectors.batch import I64, U64
+from dissectors.keys import KeyTable
+from dissectors.netvar import PORT, Fault, Service
+from nvscope.engine.dealing import Share, SplitBy
+from nvscope.engine.events import EventBatch
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.reading import PARAMETER_TIMEOUT_NS
+from nvscope.engine.told import Told
+from nvscope.engine.watch import Unheard
+from nvscope.tracker.events import EventLog
+from nvscope.tracker.latency import Latencies
+from nvscope.tracker.parameter.events import ParameterEvent
+from nvscope.tracker.parameter.matching import (
+    NOTHING_OPEN,
+    REQUESTS,
+    Matched,
+    Messages,
+    Open,
+    matched,
+    parameter_of,
+    word_of,
+)
+
+ERRORS = tuple(
+    service for service in Service if Service.ODErrorReplyUnknown <= service <= Service.ODErrorReplyCPUStopped
+)
+"""The error replies, in the order of their numbers."""
+
+MOST_OPEN = 1 << 16
+"""So many requests are waited for at the same time."""
+
+_FIRST_ERROR, _LAST_ERROR = int(ERRORS[0]), int(ERRORS[-1])
+_UDP_PORTS_BYTES = 8
+_KIND_BITS = 16
+
+
+class PairColumns(KeyedColumns):
+    """One row a requester, partner and port: what became of its requests, ``errors`` as in ``ERRORS``."""
+
+    requests: I64
+    replies: I64
+    busy: I64
+    timeouts: I64
+    retransmissions: I64
+    unexpected: I64
+    errors: I64
+    COLUMNS: ClassVar = {
+        **{
+            name: (np.int64(0), 1)
+            for name in ("requests", "replies", "busy", "timeouts", "retransmissions", "unexpected")
+        },
+        "errors": (np.int64(0), len(ERRORS)),
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A parameter of a partner, on any port, and who asks for it."""
+
+    requester: str
+    partner: str
+    index: int
+    subindex: int
+
+    @property
+    def name(self) -> str:
+        """What it is called where nobody has named it."""
+        return f"0x{self.index:04x}:{self.subindex}"
+
+
+class Transactions:
+    """The requests of all nodes, and what became of them; an accumulator.
+
+    ``pairs`` number requester, partner (the halves of their addresses) and port; ``parameters`` pair, Index and
+    SubIndex. ``latencies`` are of pairs, from the first request to the reply. ``events`` are keyed by
+    ``ParameterEvent`` with, for error replies, their service (``event_word``), and by parameter. ``left_out`` counts
+    requests for which there was no room.
+    """
+
+    SPLIT_BY: ClassVar = SplitBy.LIST  # of no list: all go to the first part
+
+    def __init__(self) -> None:
+        self.pairs = KeyTable(5)
+        self.columns = PairColumns()
+        self.latencies = Latencies()
+        self.parameters = KeyTable()
+        self.events = EventLog()
+        self.left_out = 0
+        self.timeout_ns = PARAMETER_TIMEOUT_NS
+        self._open = NOTHING_OPEN
+
+    def observe(self, told: Told) -> None:
+        """Take a batch, which follows those observed so far."""
+        self.timeout_ns = told.parameter_timeout_ns
+        if len(told) and (len(told.laid.parameters) or len(self._open)):
+            self._observe(told)
+        if told.until_ns is not None and len(self._open):
+            late = self._open.last_ns + self.timeout_ns < told.until_ns
+            self._give_up(told, self._sorted(self._open.take(late)))
+            self._open = self._open.take(~late)
+        for unheard in told.unheard:
+            self._resume(unheard)
+        self.events.settle()
+
+    def overdue_events(self, at_ns: int) -> EventLog:
+        """Return timeouts of requests whose deadline is before a time, and that no frame has shown to be late."""
+        log = EventLog()
+        waits = self._sorted(self._open.take(self._open.last_ns + self.timeout_ns < at_ns))
+        number = self.parameters.find(waits.pair.view(np.uint64), parameter_of(waits.word).view(np.uint64))
+        known = np.flatnonzero(number >= 0)
+        words = event_word(ParameterEvent.TIMEOUT, waits.service)[known], number[known].view(np.uint64)
+        log.record(waits.last_ns[known] + self.timeout_ns, waits.frame[known], *words)
+        log.settle()
+        return log
+
+    def described(self, number: int) -> Asked:
+        """Return which parameter of which node a number stands for, and who asks."""
+        pair, word = int(self.parameters.high[number]), int(self.parameters.low[number])
+        requester_hi, requester_lo, partner_hi, partner_lo, _ = (int(one[pair]) for one in self.pairs.words)
+        ends = address.text(requester_hi, requester_lo), address.text(partner_hi, partner_lo)
+        return Asked(*ends, word >> 16, word & 0xFFFF)
+
+    def take(self, part: Transactions, share: Share) -> None:
+        """Take over what the first part has counted: it has all of it."""
+        if share.part:
+            return
+        self.pairs, self.columns, self.latencies = part.pairs, part.columns, part.latencies
+        self.parameters, self.events = part.parameters, part.events
+        self.left_out, self.timeout_ns, self._open = part.left_out, part.timeout_ns, part._open
+
+    def _sorted(self, waits: Open) -> Open:
+        return waits.take(np.lexsort((waits.frame, waits.last_ns)))
+
+    def _observe(self, told: Told) -> None:
+        messages = self._messages(told)
+        if not len(messages) and not len(self._open):
+            return
+        found = matched(self._open, messages, told.clock, told.first_frame, self.timeout_ns)
+        columns = self.columns
+        opened = messages.take(found.opened)
+        # What nobody answers has to have a number, too.
+        self.parameters.numbers_within(
+            told.max_streams, opened.pair.view(np.uint64), parameter_of(opened.word).view(np.uint64)
+        )
+        np.add.at(columns.requests, opened.pair, 1)
+        np.add.at(columns.retransmissions, messages.pair[found.repeated], 1)
+        self._open = found.open if told.hears_answers else NOTHING_OPEN
+        if told.hears_answers:
+            self._count_replies(told, messages, found)
+            self._give_up(told, found.expired)
+        if len(self._open) > MOST_OPEN:
+            self.left_out += len(self._open) - MOST_OPEN
+            self._open = self._open.take(np.sort(np.argsort(self._open.frame, kind="stable")[:MOST_OPEN]))
+
+    def _count_replies(self, told: Told, messages: Messages, found: Matched) -> None:
+        columns, closing, closed = self.columns, messages.take(found.closing), found.closed
+        is_busy = closing.service == Service.ODStateBusy
+        is_error = (closing.service >= _FIRST_ERROR) & (closing.service <= _LAST_ERROR)
+        np.add.at(columns.busy, closing.pair[is_busy], 1)
+        np.add.at(columns.replies, closing.pair[~is_busy], 1)
+        np.add.at(columns.errors, (closing.pair[is_error], closing.service[is_error] - _FIRST_ERROR), 1)
+        latency_ns = closing.time_ns - closed.since_ns
+        self.latencies.observe(closing.pair[~is_busy], latency_ns[~is_busy], len(self.pairs))
+        is_slow = ~is_busy & (2 * latency_ns > self.timeout_ns)
+        for event, own in (
+            (ParameterEvent.REPLIED, ~is_busy & ~is_error), (ParameterEvent.ERROR_REPLY, is_error),
+            (ParameterEvent.BUSY, is_busy), (ParameterEvent.SLOW, is_slow),
+        ):  # fmt: skip
+            self._tell(told, event, closing.take(own), closed.since_ns[own])
+        unexpected = messages.take(found.unexpected)
+        np.add.at(columns.unexpected, unexpected.pair, 1)
+        self._tell(told, ParameterEvent.UNEXPECTED_REPLY, unexpected, unexpected.time_ns)
+
+    def _tell(self, told: Told, event: ParameterEvent, messages: Messages, since_ns: I64) -> None:
+        """Tell of some replies, and log what is a finding."""
+        if len(messages):
+            frame = messages.packet + told.first_frame
+            self._note(told, event, messages, messages.time_ns, frame, since_ns)
+
+    def _give_up(self, told: Told, waits: Open) -> None:
+        """Count requests that nobody answered in time."""
+        if len(waits):
+            np.add.at(self.columns.timeouts, waits.pair, 1)
+            time_ns = waits.last_ns + self.timeout_ns
+            self._note(told, ParameterEvent.TIMEOUT, waits, time_ns, waits.frame, waits.since_ns)
+
+    def _note(
+        self, told: Told, event: ParameterEvent, of: Messages | Open, time_ns: I64, frame: I64, since_ns: I64
+    ) -> None:  # fmt: skip
+        words = of.pair.view(np.uint64), parameter_of(of.word).view(np.uint64)
+        number = self.parameters.numbers_within(told.max_streams, *words)
+        if event not in (ParameterEvent.REPLIED, ParameterEvent.BUSY):
+            known = number >= 0
+            words = event_word(event, of.service)[known], number[known].view(np.uint64)
+            self.events.record(time_ns[known], frame[known], *words)
+        if told.is_heard:
+            told.tell(
+                EventBatch.of(
+                    event, time_ns, frame, node=of.node, peer=of.peer, since_ns=since_ns, amount=of.service,
+                    detail=parameter_of(of.word),
+                )
+            )  # fmt: skip
+
+    def _messages(self, told: Told) -> Messages:
+        """Return the well-formed requests and replies of a batch."""
+        rows, varieties = told.laid.parameters, told.varieties
+        telegrams = varieties.telegrams
+        part = varieties.part[rows.variety]
+        whole = telegrams.fault[part] == Fault.NONE
+        if not whole.all():
+            part = part[whole]
+        variety, packet = rows.variety[whole], rows.packet[whole]
+        datagram, header = telegrams.datagram.take(part), telegrams.header[part]
+        service = header["id"].astype(np.int64)
+        asks = np.isin(service, REQUESTS)
+        port = datagram.destination_port.astype(np.int64)
+        reply = np.flatnonzero(~asks)
+        if len(reply):
+            at = told.packets.offset[packet[reply]] + datagram.payload[reply] - _UDP_PORTS_BYTES
+            port[reply] = _list_port(told, at, port[reply])
+        ends = (
+            (datagram.source_hi, datagram.destination_hi), (datagram.source_lo, datagram.destination_lo),
+            (datagram.destination_hi, datagram.source_hi), (datagram.destination_lo, datagram.source_lo),
+        )  # fmt: skip
+        words = (np.where(asks, *halves) for halves in ends)
+        pair = self.pairs.numbers_within(told.max_streams, *words, port.view(np.uint64))
+        carried = varieties.carried
+        word = word_of(carried.identifier[variety], carried.subindex[variety], rows.counter[whole].astype(np.int64))
+        sender, receiver = rows.sender[whole], rows.receiver[whole]
+        ends_by_number = np.where(asks, sender, receiver), np.where(asks, receiver, sender)
+        messages = Messages(packet, rows.time_ns[whole], pair, word, service, *ends_by_number)
+        own = pair >= 0
+        if not own.all():
+            self.left_out += int(np.count_nonzero(asks & ~own))
+            messages = messages.take(own)
+        self.columns.resize(len(self.pairs))
+        self.latencies.columns.resize(len(self.pairs))
+        return messages
+
+    def _resume(self, unheard: Unheard) -> None:
+        """Forget the requests of what nobody listens to any more: what became of them is not known."""
+        if unheard.everything:
+            self._open = NOTHING_OPEN
+        elif len(self._open):
+            gone = np.isin(self._open.node, unheard.nodes) | np.isin(self._open.peer, unheard.nodes)
+            self._open = self._open.take(~gone)
+
+
+def event_word(event: ParameterEvent, service: I64) -> U64:
+    """Return by what events are told apart: their kind, and for error replies which one."""
+    own = service if event is ParameterEvent.ERROR_REPLY else np.zeros(len(service), np.int64)
+    return (own << _KIND_BITS | int(event)).view(np.uint64)
+
+
+def event_parts(word: int) -> tuple[int, int]:
+    """Return the kind of events, and of error replies their service, from ``event_word``."""
+    return word & ((1 << _KIND_BITS) - 1), word >> _KIND_BITS
+
+
+def _list_port(told: Told, at: I64, destination: I64) -> I64:
+    """Return the ports of lists that replies come from or go to; ``at`` is where their UDP headers begin.
+
+    A reply is sent from that port, or to it: the other one may be any. The usual one is known, others are the lower.
+    """
+    high, low = told.packets.data[at].astype(np.int64), told.packets.data[at + 1].astype(np.int64)
+    source = high << 8 | low
+    return np.where((source == PORT) | (destination == PORT), PORT, np.minimum(source, destination))

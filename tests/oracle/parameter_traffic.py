@@ -1,0 +1,64 @@
+"""Random conversations by the Parameter Manager, with every fault, among the other traffic of a plant."""
+
+from __future__ import annotations
+
+import random
+
+from tests.oracle.builders import MILLISECOND, data_frame, telegram
+from tests.oracle.frame import Frame
+from tests.oracle.rules.parameter import BUSY, ERRORS, READ, READ_REPLY, WRITE, WRITE_REPLY
+from tests.oracle.traffic import disturb_clock, generate, mutate
+
+NODES = ("10.0.0.1", "10.0.0.2", "192.168.1.10", "fe80::1", "10.0.0.255")
+_OTHERS = "10.0.0.1", "10.0.0.2"
+
+
+def conversations(seed: int, requests: int = 60) -> list[Frame]:
+    """Return requests and replies of some nodes, in the order of their times."""
+    rng = random.Random(seed)
+    wild = rng.random()
+    found: list[Frame] = []
+    at, counter = 0, 0
+    for _ in range(requests):
+        at += rng.choice((0, 1, 5, 100, 300, 700)) * MILLISECOND
+        counter = (counter + 1) % 65536 if rng.random() > wild / 2 else rng.randrange(3)
+        requester, partner = rng.sample(NODES[:3] if rng.random() > 0.1 else NODES, 2)
+        if ":" in requester + partner:
+            requester, partner = "fe80::1", "fe80::2"
+        index, subindex = rng.choice((0x2000, 0x2001, 7)), rng.randrange(2)
+        port = rng.choice((1202, 1202, 1202, 1203))
+        service = rng.choice((READ, WRITE))
+        times = 1 if rng.random() > wild / 2 else rng.randint(2, 4)
+        for again in range(times):
+            payload = telegram(service, index, subindex, counter=counter, data=b"\1\2" if service == WRITE else b"",
+                               length=None if rng.random() > wild / 10 else 3)  # fmt: skip
+            source_port = rng.choice((port, port, 50_000 + counter % 1000))
+            found.append(
+                data_frame(
+                    at + again * 100 * MILLISECOND, requester, partner, payload, port=port, source_port=source_port
+                )
+            )
+        for _ in range(rng.choice((1, 1, 1, 0, 2)) if rng.random() < wild else 1):
+            kind = READ_REPLY if service == READ else WRITE_REPLY
+            if rng.random() < wild / 3:
+                kind = rng.choice((*ERRORS, BUSY, READ_REPLY, WRITE_REPLY))
+            took = rng.choice((0, 1, 3, 249, 250, 251, 499, 500, 501, 600)) if rng.random() < wild else 3
+            reply = telegram(kind, index, subindex, counter=counter, data=b"\1\2" if kind == READ_REPLY else b"")
+            to_port = rng.choice((port, port, source_port))
+            found.append(data_frame(at + took * MILLISECOND, partner, requester, reply, port=to_port, source_port=port))
+    return sorted(found, key=lambda frame: frame.ts_ns)
+
+
+def parameter_traffic(seed: int) -> list[Frame]:
+    """Return the same; with many seeds with data of lists between, a clock that steps, and bytes that are broken."""
+    rng = random.Random(seed)
+    frames = conversations(seed, rng.choice((5, 40, 120)))
+    if seed % 2:
+        others = generate(seed, frames=80)
+        begin = others[0].ts_ns if others else 0
+        frames = sorted(
+            [frame._replace(ts_ns=frame.ts_ns + begin) for frame in frames] + others, key=lambda one: one.ts_ns
+        )
+    if seed % 3 == 0:
+        frames = disturb_clock(rng, {"clock_back": 0.1, "clock_forward": 0.1, "equal_time": 0.1}, frames)
+    return mutate(seed, frames) if seed % 5 == 0 else frames

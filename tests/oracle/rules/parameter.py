@@ -1,0 +1,156 @@
+"""The Parameter Manager: requests of values, and what becomes of them: section 9.
+
+Readings, where the rules leave a choice:
+
+- a read and a write with the same key are two transactions; an error reply, and busy, is to what was asked for last
+- the port is the request's destination; of a reply it is 1202 where that is one of its two, else the lower one
+- latencies are those of replies; busy has none
+- a request to everybody is one to that address, which answers nothing
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+from tests.oracle.frame import Address, Frame, peel
+from tests.oracle.rules.keys import node_order
+from tests.oracle.rules.telegram import telegram
+from tests.oracle.rules.timing import nearest_rank
+
+READ, READ_REPLY, WRITE, WRITE_REPLY, BUSY = 1, 2, 3, 4, 100
+ERRORS = {
+    20: "ODErrorReplyUnknown", 21: "ODErrorReplyItems", 22: "ODErrorReplyAccess", 23: "ODErrorReplyIdx",
+    24: "ODErrorReplySub", 25: "ODErrorReplyLen", 26: "ODErrorWrongService", 27: "ODErrorTimeOut",
+    28: "ODErrorReplyCPUStopped",
+}  # fmt: skip
+REPLIES = {READ_REPLY: READ, WRITE_REPLY: WRITE}
+LIST_PORT, FRAMES_KEPT = 1202, 10
+
+Pair = tuple[Address, Address, int]
+Place = tuple[Pair, int, int, int]
+"""Pair, Index, SubIndex and Counter."""
+
+
+@dataclass
+class Row:
+    """What became of the requests of one pair."""
+
+    requests: int = 0
+    replies: int = 0
+    errors: dict[str, int] = field(default_factory=dict)
+    busy: int = 0
+    timeouts: int = 0
+    retransmissions: int = 0
+    unexpected: int = 0
+    latencies: list[int] = field(default_factory=list)
+
+
+@dataclass
+class Wait:
+    """A request that nobody has answered."""
+
+    since: int
+    frame: int
+    deadline: int
+
+
+Moments = list[tuple[int, int]]
+"""Times and frames."""
+
+
+class Parameters:
+    """All requests of a capture, one frame after the other."""
+
+    def __init__(self, timeout_ns: int) -> None:
+        self.timeout_ns = timeout_ns
+        self.rows: dict[Pair, Row] = defaultdict(Row)
+        self.findings: dict[tuple[str, Address, Address, int, int], dict[tuple[int, int], Moments]] = defaultdict(
+            lambda: defaultdict(list)
+        )
+        self.open: dict[tuple[Place, int], Wait] = {}
+        self.last: dict[Place, int] = {}
+
+    def observe(self, number: int, frame: Frame) -> None:
+        for (place, service), wait in sorted(self.open.items(), key=lambda one: (one[1].deadline, one[1].frame)):
+            if frame.ts_ns > wait.deadline:
+                del self.open[place, service]
+                self.rows[place[0]].timeouts += 1
+                self.find("NV701", place, wait.deadline, wait.frame)
+        content = peel(frame)
+        seen = None if content is None or not hasattr(content, "payload") else telegram(number, frame.ts_ns, content)
+        if seen is None or seen.header_cut or seen.fault:
+            return
+        if seen.service in (READ, WRITE):
+            pair = (seen.source, seen.destination, seen.port)
+            self.request((pair, seen.index, seen.subindex, seen.counter), seen.service, frame.ts_ns, number)
+        elif seen.service in REPLIES or seen.service in ERRORS or seen.service == BUSY:
+            ports = {content.source_port, seen.port}
+            pair = (seen.destination, seen.source, LIST_PORT if LIST_PORT in ports else min(ports))
+            self.reply((pair, seen.index, seen.subindex, seen.counter), seen.service, frame.ts_ns, number)
+
+    def request(self, place: Place, service: int, time: int, frame: int) -> None:
+        self.last[place] = service
+        wait = self.open.get((place, service))
+        if wait is not None:
+            self.rows[place[0]].retransmissions += 1
+            wait.deadline = time + self.timeout_ns
+        else:
+            self.rows[place[0]].requests += 1
+            self.open[place, service] = Wait(time, frame, time + self.timeout_ns)
+
+    def reply(self, place: Place, service: int, time: int, frame: int) -> None:
+        row = self.rows[place[0]]
+        wait = self.open.pop((place, REPLIES.get(service, self.last.get(place, READ))), None)
+        if wait is None:
+            row.unexpected += 1
+            self.find("NV703", place, time, frame)
+            return
+        if service == BUSY:
+            row.busy += 1
+            return
+        row.replies += 1
+        row.latencies.append(time - wait.since)
+        if service in ERRORS:
+            row.errors[ERRORS[service]] = row.errors.get(ERRORS[service], 0) + 1
+            self.find("NV702", place, time, frame, service)
+        if 2 * (time - wait.since) > self.timeout_ns:
+            self.find("NV704", place, time, frame)
+
+    def find(self, code: str, place: Place, time: int, frame: int, service: int = 0) -> None:
+        (requester, partner, port), index, subindex, _ = place
+        self.findings[code, requester, partner, index, subindex][port, service].append((time, frame))
+
+
+def parameters(
+    frames: Iterable[Frame], timeout_ns: int = 500_000_000
+) -> tuple[list[dict[str, Any]], list[tuple[Any, ...]]]:
+    """Return the rows of the report, and the findings as code, requester, partner, Index, SubIndex and figures."""
+    known = Parameters(timeout_ns)
+    for number, frame in enumerate(frames, 1):
+        known.observe(number, frame)
+    order = sorted(known.rows, key=lambda pair: (node_order(pair[0]), node_order(pair[1]), pair[2]))
+    findings = []
+    for (code, requester, partner, index, subindex), parts in known.findings.items():
+        moments = [moment for part in parts.values() for moment in part]
+        # Of more, the first ten are those of each port and error by itself; so are the first and the last.
+        frames_told = sorted(frame for _, frame in moments) if len(moments) <= FRAMES_KEPT else []
+        first, last = min(part[0][0] for part in parts.values()), max(part[-1][0] for part in parts.values())
+        variable = f"sdo/{partner}/0x{index:04x}:{subindex}"
+        findings.append((code, str(requester), variable, len(moments), first, last, frames_told))
+    return [row_of(pair, known.rows[pair]) for pair in order], sorted(findings)
+
+
+def row_of(pair: Pair, row: Row) -> dict[str, Any]:
+    latencies = sorted(row.latencies)
+    return {
+        "requester": str(pair[0]), "partner": str(pair[1]), "port": pair[2], "requests": row.requests,
+        "replies": row.replies, "errors": row.errors, "busy": row.busy, "timeouts": row.timeouts,
+        "retransmissions": row.retransmissions, "unexpected": row.unexpected,
+        "latency_ns": {
+            "count": len(latencies), "p50": nearest_rank(latencies, 50) if latencies else None,
+            "p99": nearest_rank(latencies, 99) if latencies else None, "max": latencies[-1] if latencies else None,
+        },
+    }  # fmt: skip

@@ -1,0 +1,176 @@
+"""Requests of the Parameter Manager and what becomes of them, against the rules written frame by frame."""
+
+from __future__ import annotations
+
+import random
+from collections import Counter
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nvscope.engine.reading import Reading
+from nvscope.findings.judge import judge
+from nvscope.tracker.parameter.transactions import Transactions
+from nvscope.tracker.parted import PartedState
+from nvscope.tracker.state import TrackerState
+from nvscope.tracker.summary import summarize
+from nvscope.view.documents.parameters import sdo_rows
+from tests.laws import examples, some
+from tests.oracle.builders import MILLISECOND, data_frame, telegram
+from tests.oracle.frame import Frame
+from tests.oracle.parameter_traffic import conversations, parameter_traffic
+from tests.oracle.rules.parameter import FRAMES_KEPT, parameters
+from tests.packets import batch_of, cut, observed, tracked
+
+ASKING, ASKED = "10.0.0.1", "10.0.0.2"
+CODES = ("NV701", "NV702", "NV703", "NV704")
+
+
+def told(state: TrackerState) -> tuple[list[dict[str, Any]], list[tuple[Any, ...]]]:
+    """Return the rows of the report, and the findings, as ``parameters`` does."""
+    summary = summarize(state)
+    found = [
+        (one.code, None if one.node is None else summary.addresses[one.node], one.variable, one.count, one.first_ns,
+         one.last_ns, sorted(one.frames) if one.count <= FRAMES_KEPT else [])
+        for one in judge(state, summary=summary) if one.code in CODES
+    ]  # fmt: skip
+    return sdo_rows(summary.parameters), sorted(found, key=str)
+
+
+def near(row: dict[str, Any]) -> dict[str, Any]:
+    """Return a row with latencies as far as a histogram tells them."""
+    latency = row["latency_ns"]
+    percentiles = {
+        name: None if latency[name] is None else pytest.approx(latency[name], rel=0.01) for name in ("p50", "p99")
+    }
+    return {**row, "latency_ns": {**latency, **percentiles}}
+
+
+def check(frames: list[Frame], state: TrackerState, timeout_ns: int = 500 * MILLISECOND) -> None:
+    rows, findings = parameters(frames, timeout_ns)
+    actual_rows, actual = told(state)
+    assert actual_rows == [near(row) for row in rows]
+    # Who is asked by everybody has no number.
+    named = {one[1] for one in actual}
+    assert [one if one[1] in named else (one[0], None, *one[2:]) for one in actual] == sorted(
+        ((code, node if node in named else None, *rest) for code, node, *rest in findings), key=str
+    )
+
+
+@pytest.mark.parametrize("seed", some(range(120)))
+def test_what_becomes_of_requests_is_what_the_rules_say(seed: int) -> None:
+    frames = parameter_traffic(seed)
+    check(frames, tracked([batch_of(frames)]))
+
+
+@pytest.mark.parametrize("timeout_ns", [1, 100 * MILLISECOND, 2_000 * MILLISECOND])
+def test_other_timeouts(timeout_ns: int) -> None:
+    frames = parameter_traffic(5)
+    check(frames, tracked([batch_of(frames)], Reading(parameter_timeout_ns=timeout_ns)), timeout_ns)
+
+
+@examples(40)
+@given(seed=st.integers(0, 10_000), packets=st.integers(1, 60))
+def test_any_cut_gives_the_same(seed: int, packets: int) -> None:
+    frames = parameter_traffic(seed)
+    assert told(tracked(cut(batch_of(frames), packets))) == told(tracked([batch_of(frames)]))
+
+
+@examples(20)
+@given(seed=st.integers(0, 10_000), parts=st.integers(1, 4))
+def test_counted_in_parts_it_comes_to_the_same(seed: int, parts: int) -> None:
+    frames = parameter_traffic(seed)
+    parted = observed(PartedState(parts), cut(batch_of(frames), 50))
+    assert told(parted.join()) == told(tracked([batch_of(frames)]))
+
+
+def test_the_traffic_shows_everything() -> None:
+    seen: Counter[str] = Counter()
+    for seed in range(60):
+        rows, findings = parameters(parameter_traffic(seed))
+        for row in rows:
+            seen.update({key: value for key, value in row.items() if isinstance(value, int)})
+            seen.update(row["errors"])
+        seen.update(code for code, *_ in findings)
+    wanted = ("requests", "replies", "busy", "timeouts", "retransmissions", "unexpected", *CODES)
+    assert min(seen[name] for name in wanted) > 20
+    assert sum(name.startswith("OD") for name in seen) == 9
+
+
+def exchange(*steps: tuple[int, int, int]) -> list[Frame]:
+    """Return telegrams of one parameter: when in ms, the service, and Counter."""
+    return [
+        data_frame(
+            at_ms * MILLISECOND, *((ASKING, ASKED) if service in (1, 3) else (ASKED, ASKING)),
+            telegram(service, 0x2000, 1, counter=counter, data=b""),
+        )
+        for at_ms, service, counter in steps
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("steps", "figures", "codes"),
+    [
+        ([(0, 1, 7), (3, 2, 7)], {"requests": 1, "replies": 1}, []),
+        ([(0, 3, 7), (500, 4, 7)], {"requests": 1, "replies": 1}, ["NV704"]),
+        ([(0, 3, 7), (501, 4, 7)], {"requests": 1, "timeouts": 1, "unexpected": 1}, ["NV701", "NV703"]),
+        ([(0, 1, 7), (400, 1, 7), (800, 2, 7)], {"requests": 1, "retransmissions": 1, "replies": 1}, ["NV704"]),
+        ([(0, 1, 7), (400, 1, 7)], {"requests": 1, "retransmissions": 1}, []),
+        ([(0, 1, 7), (501, 1, 7)], {"requests": 2, "timeouts": 1}, ["NV701"]),
+        ([(0, 1, 7), (3, 23, 7)], {"requests": 1, "replies": 1, "errors": {"ODErrorReplyIdx": 1}}, ["NV702"]),
+        ([(0, 1, 7), (3, 100, 7)], {"requests": 1, "busy": 1}, []),
+        ([(0, 1, 7), (3, 4, 7)], {"requests": 1, "unexpected": 1}, ["NV703"]),
+        ([(0, 1, 7), (3, 2, 8)], {"requests": 1, "unexpected": 1}, ["NV703"]),
+        ([(0, 1, 7), (1, 3, 7), (2, 28, 7), (3, 2, 7)],
+         {"requests": 2, "replies": 2, "errors": {"ODErrorReplyCPUStopped": 1}}, ["NV702"]),
+        ([(0, 2, 7)], {"unexpected": 1}, ["NV703"]),
+    ],
+)  # fmt: skip
+def test_an_exchange(steps: list[tuple[int, int, int]], figures: dict[str, Any], codes: list[str]) -> None:
+    rows, findings = told(tracked([batch_of(exchange(*steps))]))
+    (row,) = rows
+    nothing = {
+        "requests": 0,
+        "replies": 0,
+        "errors": {},
+        "busy": 0,
+        "timeouts": 0,
+        "retransmissions": 0,
+        "unexpected": 0,
+    }
+    assert {name: row[name] for name in nothing} == nothing | figures
+    assert [code for code, *_ in findings] == codes
+    assert {variable for _, _, variable, *_ in findings} <= {f"sdo/{ASKED}/0x2000:1"}
+
+
+def test_what_is_overdue_counts_where_time_passes_by_itself() -> None:
+    state = tracked([batch_of(exchange((0, 1, 7)))])
+    assert told(state)[1] == []
+    overdue = judge(state, at_ns=501 * MILLISECOND)
+    assert [(one.code, one.first_ns, one.frames) for one in overdue if one.code == "NV701"] == [
+        ("NV701", 500 * MILLISECOND, (1,))
+    ]
+
+
+def test_without_such_telegrams_there_is_nothing() -> None:
+    state = tracked([batch_of([data_frame(0, ASKING, ASKED, telegram())])])
+    assert told(state) == ([], [])
+
+
+def test_there_is_a_limit_for_those_who_make_up_requests() -> None:
+    chance = random.Random(1)
+    frames = [
+        data_frame(number, ASKING, ASKED, telegram(1, chance.randrange(65536), 0, counter=number % 65536, data=b""))
+        for number in range(3_000)
+    ]  # fmt: skip
+    state = tracked([batch_of(frames)], Reading(max_streams=100))
+    assert len(state.parameters.parameters) == 100
+    assert told(state)[0][0]["requests"] == 3_000
+    assert isinstance(state.parameters, Transactions)
+
+
+def test_conversations_are_in_order() -> None:
+    times = [frame.ts_ns for frame in conversations(3)]
+    assert times == sorted(times)
