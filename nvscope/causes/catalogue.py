@@ -18,6 +18,7 @@ from nvscope.causes.lateness import SENDER_BURSTS, SENDER_LATE
 from nvscope.causes.losses import LOSS_AT_SENDER, LOSS_OF_LIST
 from nvscope.causes.not_found import READER_NOT_FOUND
 from nvscope.causes.other import OTHER
+from nvscope.causes.parameters import PARAMETERS_REFUSED, PARAMETERS_UNANSWERED
 from nvscope.causes.paths import TWO_PATHS
 from nvscope.causes.readers import (
     ACKNOWLEDGEMENT_IMPOSSIBLE,
@@ -57,6 +58,8 @@ KINDS: tuple[CauseKind, ...] = (
     READER_SILENT,
     READER_NOT_FOUND,
     REQUEST_UNANSWERED,
+    PARAMETERS_UNANSWERED,
+    PARAMETERS_REFUSED,
     LOSS_AT_SENDER,
     LOSS_OF_LIST,
     SENDER_LATE,

@@ -27,6 +27,7 @@ from nvscope.causes.lateness import judge_bursts, judge_late_senders
 from nvscope.causes.losses import judge_losses_at_senders, judge_losses_of_lists
 from nvscope.causes.not_found import judge_readers_not_found
 from nvscope.causes.other import judge_others, judge_rest
+from nvscope.causes.parameters import judge_refused_parameters, judge_unanswered_parameters
 from nvscope.causes.paths import judge_two_paths
 from nvscope.causes.readers import (
     judge_boot_up,
@@ -81,6 +82,8 @@ JUDGES: tuple[Judge, ...] = (
     judge_silent_readers,
     judge_readers_not_found,
     judge_boot_up,
+    judge_unanswered_parameters,
+    judge_refused_parameters,
     judge_losses_at_senders,
     judge_losses_of_lists,
     judge_late_senders,

@@ -34,6 +34,7 @@ from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT, SEN
 from nvscope.findings.facts import AnyList
 from nvscope.findings.kind import Severity
 from nvscope.findings.loss import TELEGRAM_GAP
+from nvscope.findings.parameter import SDO_TIMEOUT
 from nvscope.findings.timing import STOPPED, TORN_CYCLE
 from nvscope.list_key import Transport
 from nvscope.units import duration
@@ -69,7 +70,7 @@ LIST_STOPPED = CauseKind(
 
 _HALTED = "Its application: a breakpoint, a stop, a download? Its counters were kept, so it had power. Then its cable."
 
-_WAITS = (NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED, SEND_REJECTED)
+_WAITS = (NO_ACKNOWLEDGEMENT, BOOT_UP_UNANSWERED, SEND_REJECTED, SDO_TIMEOUT)
 _SHORTEST = 10  # a pause with an end is told from ten of the longest interval on
 _HALVES_BEFORE, _HALVES_AFTER = 3, 5  # of the longest interval: frames so near to a pause prove nothing
 

@@ -7,7 +7,8 @@ event (causes.md, section 1).
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -24,13 +25,15 @@ from nvscope.findings.facts import AnyList, Facts
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind
 from nvscope.findings.loss import DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM, SENDER_RESTART, TELEGRAM_GAP
+from nvscope.findings.parameter import SDO_ERROR_REPLY, SDO_SLOW, SDO_TIMEOUT, SDO_UNEXPECTED_REPLY
 from nvscope.findings.timing import BURST, JITTER, LATE, STOPPED, TORN_CYCLE
 from nvscope.findings.unusual_intervals import AnyStream
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.evidence.event_columns import EventTable
-from nvscope.tracker.evidence.evidence import Evidence
+from nvscope.tracker.evidence.evidence import PARAMETERS, Evidence
 from nvscope.tracker.kept_rows import LOSS_OF_NODE, LOSS_OF_STREAM
+from nvscope.tracker.parameter.events import ParameterEvent, parameter_name
 
 _STEPS = {
     EventKind.GAP: TELEGRAM_GAP,
@@ -54,6 +57,12 @@ def code_number(kind: FindingKind) -> int:
 
 
 _CODES = 1000
+_OF_PARAMETERS: Mapping[IntEnum, FindingKind] = {
+    ParameterEvent.TIMEOUT: SDO_TIMEOUT,
+    ParameterEvent.ERROR_REPLY: SDO_ERROR_REPLY,
+    ParameterEvent.UNEXPECTED_REPLY: SDO_UNEXPECTED_REPLY,
+    ParameterEvent.SLOW: SDO_SLOW,
+}
 
 
 class Symptoms(NamedTuple):
@@ -98,7 +107,7 @@ def symptoms_of(
     places = _Places(findings, channels)
     parts = [
         *_of_tables(places, evidence), *_of_steps(facts, places, evidence), *_of_intervals(facts, places, intervals),
-        *_of_silences(facts, places), *_of_overloads(facts, places),
+        *_of_silences(facts, places), *_of_overloads(facts, places), *_of_parameters(facts, findings, evidence),
     ]  # fmt: skip
     known = {finding for part in parts for finding in distinct(part.finding).tolist()}
     parts.append(_of_findings(places, known))
@@ -215,6 +224,27 @@ def _of_steps(facts: Facts, places: _Places, evidence: Evidence) -> Iterator[Sym
         found = places.behind(kind, _where(table, table.kind == event))
         if found is not None:
             yield found
+
+
+def _of_parameters(facts: Facts, findings: Sequence[Finding], evidence: Evidence) -> Iterator[Symptoms]:
+    """Yield what went wrong with requests of the Parameter Manager; of those to everybody, nobody is the peer."""
+    columns = evidence.columns[PARAMETERS]
+    table, kinds = columns.table(), columns.kinds
+    if not len(table.frame):
+        return
+    places = {(one.code, one.node, one.variable): number for number, one in enumerate(findings) if one.variable}
+    for (number, node, peer, detail), row in rows_by((table.kind, table.node, table.peer, table.detail)):
+        kind = _OF_PARAMETERS.get(kinds[number])
+        if kind is None or node < 0 or peer < 0:
+            continue
+        variable = f"sdo/{facts.address(peer)}/{parameter_name(detail)}"
+        finding = places.get((kind.code, node, variable))
+        if finding is not None:
+            own = _where(table, row)
+            yield Symptoms(
+                np.full(len(row), finding), np.full(len(row), code_number(kind)),
+                *(getattr(own, name) for name in Symptoms._fields[2:]),
+            )  # fmt: skip
 
 
 def _of_intervals(facts: Facts, places: _Places, intervals: IntervalsByStream) -> Iterator[Symptoms]:

@@ -52,7 +52,9 @@ SDO_UNEXPECTED_REPLY = FindingKind(
         "a reply that came after the timeout: the caller has given up, and may have asked again",
         "two callers that use the same address",
     ),
-    next_steps=("Look for late replies (NV704), and check that the capture holds both directions.",),
+    next_steps=(
+        "Look whether its request timed out before (NV701), and check that the capture holds both directions.",
+    ),
 )
 SDO_SLOW = FindingKind(
     "NV704",

@@ -13,7 +13,7 @@ from nvscope.findings.kind import Severity
 from nvscope.report import diagnosis, folding, hops, missing, timing
 from nvscope.report.ansi import painted
 from nvscope.view.escape import visible_document
-from nvscope.view.lines.plant import buses, causes, content, happenings, strips, tables
+from nvscope.view.lines.plant import buses, causes, content, happenings, parameters, strips, tables
 from nvscope.view.lines.table import GAP, NO_BREAK, Cell, Column, Line, Tone, align, aligned, wrap
 from nvscope.view.lines.text_width import display_width
 
@@ -116,6 +116,13 @@ def _lines(
         yield from _bus(bus, width, room, clock, asked)
     if left:
         more = f"{units.count_of(left, 'bus', 'buses')} more: -v shows all, --json and --md too."
+        yield from ([], *wrap([Cell(more)], text_width))
+    measures, rows, left = parameters.parameters(report, None if asked.details else parameters.MOST_PAIRS)
+    if rows:
+        yield from _section(parameters.TITLE, width)
+        yield from _table(measures, rows, room)
+    if left:
+        more = f"{units.count_of(left, 'pair')} more, none with anything worse: -v shows all, --json and --md too."
         yield from ([], *wrap([Cell(more)], text_width))
     measures, rows = hops.hops(report)
     if "hops" in report:

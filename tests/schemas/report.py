@@ -30,6 +30,7 @@ from nvscope.tracker.figures import (
     TELEGRAMS,
     Of,
 )
+from nvscope.tracker.parameter.transactions import ERRORS
 from nvscope.view.documents.buses import MOST_SECONDS
 from nvscope.view.documents.verdicts import SEVERITIES, STATUSES
 from tests.schemas.figures import figures, known_to_none, limited
@@ -77,18 +78,19 @@ def report() -> Schema:
             "evidence_left_out": whole("events and frames without room: causes are told without them", 1),
             "lists": several({"oneOf": [shared("list"), shared("can_list")]}),
             "findings": several(shared("finding"), "the worst first"),
+            "sdo": several(shared("sdo"), "the Parameter Manager, where there is such traffic: who asks whom"),
             "buses": several(shared("bus"), "the channels of CAN, where there are any"),
             "filter": record({"expression": text(), "telegrams": whole("those it chooses")}),
             "missing": several(MISSING, "with definitions: what does not arrive of what is defined"),
             "hops": several(shared("hop"), "with --compare: variables that several lists have"),
             "hops_of_other_types": several(text(), "with --compare: names of variables that differ in type"),
         },
-        optional=("evidence_left_out", "buses", "filter", "missing", *_OF_COMPARE),
+        optional=("evidence_left_out", "sdo", "buses", "filter", "missing", *_OF_COMPARE),
     )  # fmt: skip
     parts = {
         "list": _list(), "node": _node(), "stream": _stream(), "can_list": _can_list(), "can_stream": _can_stream(),
         "value": VALUE_OF_LIST, "cause": cause(), "finding": _finding(), "bus": _bus(), "hop": _hop(),
-        "canopen_node": _canopen_node(),
+        "canopen_node": _canopen_node(), "sdo": _sdo(),
     }  # fmt: skip
     return found | {"dependentRequired": {key: [other] for key, other in permutations(_OF_COMPARE)}, "$defs": parts}
 
@@ -274,6 +276,7 @@ def _finding() -> Schema:
             "node": maybe(text("address")),
             "subindex": maybe(SUBINDEX),
             "channel": text("that of CAN it is about"),
+            "variable": text("what of another conversation it is about: sdo/ADDRESS/INDEX:SUBINDEX"),
             "lists": several(LIST_KEY, "where it is about many"),
             "parts": several(
                 record(
@@ -283,9 +286,27 @@ def _finding() -> Schema:
             ),
             **events,
         },
-        optional=("channel", "lists", "parts"),
+        optional=("channel", "variable", "lists", "parts"),
     )
     return found | {"dependentRequired": {"lists": ["channel", "parts"], "parts": ["lists"]}}
+
+
+def _sdo() -> Schema:
+    errors = {service.name: whole("", 1) for service in ERRORS}
+    latency = {"count": whole(), **{name: maybe(duration()) for name in ("p50", "p99", "max")}}
+    return record(
+        {
+            "requester": text("address"), "partner": text("address"), "port": PORT,
+            "requests": whole("those that were opened, without those that repeat one"),
+            "replies": whole("those that ended one, errors among them"),
+            "errors": record(errors, optional=errors) | {"description": "how many of them refused, by their service"},
+            "busy": whole("requests that ended with ODStateBusy"),
+            "timeouts": whole("requests that nobody answered in time"),
+            "retransmissions": whole("requests that were there already, and open"),
+            "unexpected": whole("replies that ended no request: too late, again, or never asked for"),
+            "latency_ns": record(latency) | {"description": "from the first request to its reply"},
+        }
+    )  # fmt: skip
 
 
 def _bus() -> Schema:

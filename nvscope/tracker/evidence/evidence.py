@@ -12,6 +12,7 @@ from nvscope.engine.events import EventBatch
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.evidence.event_columns import MOST_EVENTS, EventColumns
 from nvscope.tracker.evidence.reader_answers import ReaderAnswers
+from nvscope.tracker.parameter.events import USUAL, ParameterEvent
 
 THEMES: Mapping[str, tuple[EventKind, ...]] = MappingProxyType(
     {
@@ -40,6 +41,9 @@ THEMES: Mapping[str, tuple[EventKind, ...]] = MappingProxyType(
 )  # fmt: skip
 """What each theme keeps; what is in none of them, ``ReaderAnswers`` counts."""
 
+PARAMETERS = "parameters"
+"""The theme of what went wrong with requests of the Parameter Manager."""
+
 OTHERS = "others"
 """The theme of what protocols tell of their own."""
 
@@ -50,12 +54,16 @@ class Evidence:
     """A listener to everything; ``columns`` are the events by theme, ``answers`` the acknowledgements by reader."""
 
     def __init__(self, most: int = MOST_EVENTS) -> None:
-        self.columns = {theme: EventColumns(most) for theme in (*THEMES, OTHERS)}
+        self.columns = {theme: EventColumns(most) for theme in (*THEMES, PARAMETERS, OTHERS)}
         self.answers = ReaderAnswers()
 
     def hear(self, events: EventBatch) -> None:
         """Take events of any kind."""
-        if not isinstance(events.kind, EventKind):
+        if isinstance(events.kind, ParameterEvent):
+            # What was answered as it should be explains nothing.
+            if events.kind not in USUAL:
+                self.columns[PARAMETERS].hear(events)
+        elif not isinstance(events.kind, EventKind):
             self.columns[OTHERS].hear(events)
         elif events.kind is EventKind.ACKNOWLEDGED:
             self.answers.hear(events)

@@ -21,3 +21,12 @@ class ParameterEvent(IntEnum):
     TIMEOUT = 1004
     UNEXPECTED_REPLY = 1005
     SLOW = 1006
+
+
+def parameter_name(detail: int) -> str:
+    """Return what a parameter is called where nobody has named it, from Index and SubIndex as one."""
+    return f"0x{detail >> 16:04x}:{detail & 0xFFFF}"
+
+
+USUAL = (ParameterEvent.REPLIED, ParameterEvent.BUSY)
+"""The events with which nothing is wrong."""

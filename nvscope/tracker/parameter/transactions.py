@@ -23,7 +23,7 @@ from nvscope.engine.told import Told
 from nvscope.engine.watch import Unheard
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.latency import Latencies
-from nvscope.tracker.parameter.events import ParameterEvent
+from nvscope.tracker.parameter.events import ParameterEvent, parameter_name
 from nvscope.tracker.parameter.matching import (
     NOTHING_OPEN,
     REQUESTS,
@@ -79,7 +79,7 @@ class Asked:
     @property
     def name(self) -> str:
         """What it is called where nobody has named it."""
-        return f"0x{self.index:04x}:{self.subindex}"
+        return parameter_name(self.index << 16 | self.subindex)
 
 
 class Transactions:

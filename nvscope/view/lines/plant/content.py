@@ -196,7 +196,7 @@ _NOTHING_CAME = {
 def advice(report: Report) -> tuple[str, ...]:
     """Return what to check where a capture shows no list at all; nothing where it shows one, or is not all shown."""
     capture = report["capture"]
-    if report["lists"] or "filter" in report:
+    if report["lists"] or "filter" in report or report.get("sdo"):
         return ()
     if _lies_elsewhere(capture):
         return ("Without --from-time and --to-time, the report says when the capture begins and ends.",)

@@ -42,7 +42,7 @@ def symbol(severity: Severity | None) -> Cell:
 
 def headline(report: Report) -> tuple[Cell, str]:
     """Return the mark and the line that answer whether something is broken, and how badly."""
-    if report["lists"]:
+    if report["lists"] or report.get("sdo"):
         return _verdict(report)
     return Cell("●", Tone.WARNING), why_no_list(report)
 
@@ -55,6 +55,8 @@ def _verdict(report: Report) -> tuple[Cell, str]:
     # On CAN, what has no name is an identifier: nobody knows whether it is a list.
     is_list = any(entry["transport"] != "can" or entry["name"] for entry in report["lists"])
     told = units.count_of(lists, "list" if is_list else "identifier")
+    if not lists:
+        told = f"no list, {units.count_of(len({row['partner'] for row in report['sdo']}), 'node')} asked for parameters"
     if not faults:
         parts = [f"{told}, all well" if lists > 1 else f"{told}, all is well", *_extent(report)]
         return symbol(None), " · ".join(parts)
@@ -65,7 +67,9 @@ def _verdict(report: Report) -> tuple[Cell, str]:
         what = f"{units.count_of(len(now), 'fault')} now, {units.count(passed)} passed"
     else:
         what = f"{units.count_of(len(now), 'fault')} now"
-    if len(concerned) == lists:
+    if not lists:
+        pass
+    elif len(concerned) == lists:
         told += ", affected" if lists == 1 else ", all affected"
     else:
         told += f", {units.count(len(concerned)) if concerned else 'none'} affected"

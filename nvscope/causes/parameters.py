@@ -1,0 +1,157 @@
+"""What partners do not answer of the Parameter Manager, or refuse."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from dissectors.batch import I64
+from nvscope.causes.case import Case, Draft, Explained
+from nvscope.causes.kind import CauseKind
+from nvscope.causes.words import span_in_words
+from nvscope.engine.runs import distinct
+from nvscope.findings.kind import FindingKind
+from nvscope.findings.parameter import SDO_ERROR_REPLY, SDO_TIMEOUT, SDO_UNEXPECTED_REPLY
+from nvscope.tracker.parameter.summary import PairSummary
+from nvscope.units import count_of, duration
+
+PARAMETERS_UNANSWERED = CauseKind(
+    "parameters-unanswered",
+    "requests unanswered",
+    "A node did not answer requests of the Parameter Manager, or not in time.",
+    "Requests (services 1 and 3) after which no reply came within the timeout. Replies that came later belong to it.",
+    "Whether its program runs, and whether the Parameter Manager is on in its target settings, on this port.",
+)
+PARAMETERS_REFUSED = CauseKind(
+    "parameters-refused",
+    "requests refused",
+    "A node answers requests of the Parameter Manager with an error.",
+    "Replies of services 20 to 28, which say what they refuse.",
+    "Index, SubIndex, size and number of elements of the request, beside the parameter list of that node.",
+)
+
+_NEXT_OF_ERRORS = {
+    "ODErrorReplyIdx": "The Index that is asked for: the partner's parameter list has none of that number.",
+    "ODErrorReplySub": "The SubIndex that is asked for: the partner's parameter has none of that number.",
+    "ODErrorReplyAccess": "Whether the partner's parameter may be read, or written: its list says that it may not.",
+    "ODErrorReplyLen": "The size of the value: the partner's parameter is of another type.",
+    "ODErrorReplyItems": "The number of elements: the partner's parameter has another one.",
+    "ODErrorReplyCPUStopped": "Its run/stop switch and the state of its application: its program does not run.",
+}
+_NAMED = 3
+
+
+def judge_unanswered_parameters(case: Case) -> Iterator[Explained]:
+    """Explain requests that nobody answered in time, and late replies to them, by partner."""
+    symptoms = case.symptoms
+    for partner, own in _by_partner(case, SDO_TIMEOUT).items():
+        pairs = _pairs(case, partner)
+        since_ns, until_ns = int(symptoms.since_ns[own].min()), case.end_of(symptoms.time_ns[own])
+        late = case.free(SDO_UNEXPECTED_REPLY) & np.isin(symptoms.finding, _replies_to(case, own))
+        late &= symptoms.time_ns >= since_ns
+        asked = sum(one.requests for one in pairs)
+        requests = f"{len(own)} of {count_of(asked, 'request')}" if asked > len(own) else count_of(len(own), "request")
+        when = span_in_words(case, since_ns, until_ns)
+        draft = Draft(
+            PARAMETERS_UNANSWERED, f"{_name(case, partner)} did not answer {requests} {_what(case, own)} {when}",
+            PARAMETERS_UNANSWERED.next_step, list(_checked(case, partner, pairs, int(np.count_nonzero(late)))),
+            nodes=_nodes(case, own, partner), since_ns=since_ns, until_ns=until_ns,
+        )  # fmt: skip
+        yield draft, case.only(own) | late
+
+
+def judge_refused_parameters(case: Case) -> Iterator[Explained]:
+    """Explain error replies, by partner."""
+    symptoms = case.symptoms
+    for partner, own in _by_partner(case, SDO_ERROR_REPLY).items():
+        pairs = _pairs(case, partner)
+        since_ns, until_ns = int(symptoms.time_ns[own].min()), case.end_of(symptoms.time_ns[own])
+        errors: Counter[str] = Counter()
+        for one in pairs:
+            errors.update(one.errors)
+        most = errors.most_common(1)[0][0] if errors else ""
+        good = sum(one.replies - sum(one.errors.values()) for one in pairs)
+        checked = [f"{name}: {count_of(count, 'time')}" for name, count in errors.most_common()]
+        checked.append(f"it answered {count_of(good, 'other request')}" if good else "it answered nothing else")
+        when, refused = span_in_words(case, since_ns, until_ns), count_of(len(own), "request")
+        draft = Draft(
+            PARAMETERS_REFUSED, f"{_name(case, partner)} refuses {refused} {_what(case, own)} {when}",
+            _NEXT_OF_ERRORS.get(most, PARAMETERS_REFUSED.next_step), checked, nodes=_nodes(case, own, partner),
+            since_ns=since_ns, until_ns=until_ns,
+        )  # fmt: skip
+        yield draft, case.only(own)
+
+
+def _checked(case: Case, partner: str, pairs: Sequence[PairSummary], late: int) -> Iterator[str]:
+    replies = sum(one.replies for one in pairs)
+    if replies:
+        slowest = max((one.latency.maximum or 0 for one in pairs), default=0)
+        yield f"it answered {count_of(replies, 'other')}, the slowest after {duration(slowest)}"
+    else:
+        yield "it answered none"
+    if late:
+        yield f"{count_of(late, 'reply', 'replies')} came after the timeout"
+    node = _number(case, partner)
+    sends = node is not None and any(node in entry.senders for entry in case.facts.summary.lists)
+    yield "it sends lists" if sends else "it sends no list"
+
+
+def _by_partner(case: Case, kind: FindingKind) -> dict[str, I64]:
+    """Return the symptoms of a kind that nothing has explained, by the address of who was asked."""
+    found: dict[str, list[int]] = defaultdict(list)
+    for row in np.flatnonzero(case.free(kind)).tolist():
+        found[_place(case, row)[0]].append(row)
+    return {partner: np.array(rows, np.int64) for partner, rows in found.items()}
+
+
+def _place(case: Case, row: int) -> tuple[str, str]:
+    """Return partner and parameter of a symptom."""
+    _, partner, parameter = case.findings[int(case.symptoms.finding[row])].variable.split("/", 2)
+    return partner, parameter
+
+
+def _replies_to(case: Case, own: I64) -> list[int]:
+    """Return the findings of unexpected replies that are about what some symptoms are about."""
+    about = {(one.node, one.variable) for one in (case.findings[place] for place in _distinct(case, own))}
+    return [
+        place for place, one in enumerate(case.findings)
+        if one.kind is SDO_UNEXPECTED_REPLY and (one.node, one.variable) in about
+    ]  # fmt: skip
+
+
+def _distinct(case: Case, own: I64) -> list[int]:
+    places: list[int] = distinct(case.symptoms.finding[own]).tolist()
+    return places
+
+
+def _what(case: Case, own: I64) -> str:
+    """Return who asked for what: ``of press for 0x2000:1``."""
+    found = [case.findings[place] for place in _distinct(case, own)]
+    nodes = list(dict.fromkeys(case.address(one.node) for one in found if one.node is not None))
+    names = list(dict.fromkeys(one.variable.split("/", 2)[2] for one in found))
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    asking = f"of {', '.join(nodes[:_NAMED])} " if nodes else ""
+    return f"{asking}for {', '.join(names[:_NAMED])}{more}"
+
+
+def _pairs(case: Case, partner: str) -> Sequence[PairSummary]:
+    return [one for one in case.facts.summary.parameters if one.partner == partner]
+
+
+def _number(case: Case, address: str) -> int | None:
+    addresses = case.facts.summary.addresses
+    return addresses.index(address) if address in addresses else None
+
+
+def _name(case: Case, address: str) -> str:
+    node = _number(case, address)
+    return f"Node {address if node is None else case.address(node)}"
+
+
+def _nodes(case: Case, own: I64, partner: str) -> list[int]:
+    """Return the numbers of who was asked, and of who asked."""
+    asking = sorted({int(node) for node in case.symptoms.node[own] if node >= 0})
+    node = _number(case, partner)
+    return list(dict.fromkeys([*([] if node is None else [node]), *asking]))
