@@ -42,7 +42,8 @@ def _is_wrong(row: Row) -> bool:
 
 
 def _refused(row: Row) -> Cell:
-    told = ", ".join(f"{units.count(count)} {name.removeprefix("ODError").removeprefix("Reply")}" for name, count in row["errors"].items())
+    errors = [(name.removeprefix("ODError").removeprefix("Reply"), count) for name, count in row["errors"].items()]
+    told = ", ".join(f"{units.count(count)} {name}" for name, count in errors)
     return Cell(told, Tone.ERROR) if told else Cell(NOTHING, Tone.FAINT)
 
 
