@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 
 def _fields() -> Sequence[TelegramField]:
     from nvscope.view.fields.netvar import NETVAR_FIELDS  # noqa: PLC0415
+    from nvscope.view.fields.parameter import PARAMETER_FIELDS  # noqa: PLC0415
 
-    return NETVAR_FIELDS
+    return (*NETVAR_FIELDS, *PARAMETER_FIELDS)
 
 
 def _lines() -> MakeLines:

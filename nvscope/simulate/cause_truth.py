@@ -14,6 +14,7 @@ from nvscope.simulate.can.causes import causes_on_buses
 from nvscope.simulate.causes_of_definitions import changed_definitions, foreign_telegrams
 from nvscope.simulate.causes_of_losses import causes_of_losses
 from nvscope.simulate.causes_of_nodes import causes_of_nodes
+from nvscope.simulate.causes_of_parameters import causes_of_parameters
 from nvscope.simulate.causes_of_readers import causes_of_readers
 from nvscope.simulate.put_in import Plant, PutIn
 from nvscope.simulate.scenario import Scenario
@@ -51,6 +52,7 @@ def _all(facts: ScenarioFacts, plant: Plant) -> Iterator[PutIn]:
     if facts.can_table is not None:
         yield from causes_on_buses(plant, facts.can_table.struck)
     if facts.network is not None:
+        yield from causes_of_parameters(plant)
         changed = changed_definitions(plant)
         yield from changed
         yield from foreign_telegrams(plant)

@@ -14,6 +14,7 @@ from nvscope.simulate.scenario import (
     Late,
     ListPlan,
     Malformed,
+    ParameterRequests,
     PowerOff,
     Scenario,
     Selection,
@@ -208,7 +209,7 @@ def _check_names(scenario: Scenario, place: Place) -> None:
         named = [(attribute, getattr(entry, attribute, "")) for attribute in known]
         if isinstance(entry, ListPlan):
             named += [("sender", name) for name in entry.sender]
-        if isinstance(entry, Traffic):
+        if isinstance(entry, Traffic | ParameterRequests):
             named.append(("to", entry.to))
         for attribute, name in named:
             names = known.get(attribute, known["node"])

@@ -16,6 +16,7 @@ from nvscope.simulate.absence import captured_rows, present_rows
 from nvscope.simulate.answers import Answers
 from nvscope.simulate.draft import Draft
 from nvscope.simulate.faults import Label, Struck, make_journey, struck_by_faults
+from nvscope.simulate.parameters import add_parameters
 from nvscope.simulate.scenario import Malformed, Mirrored, Scenario, UnexpectedAcknowledgement, Unreachable
 from nvscope.simulate.schedule import FRAME_GAP_NS, Stream, Writer, make_schedule
 from nvscope.simulate.strangers import add_malformed, add_searches, add_short_headers, add_traffic
@@ -75,6 +76,7 @@ def make_frame_table(scenario: Scenario) -> FrameTable:
     del answers  # what they remember takes memory
     add_traffic(draft)
     add_searches(draft)
+    add_parameters(draft)
     del schedule, journey
     return _finished(draft, struck)
 

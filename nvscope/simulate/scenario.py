@@ -17,8 +17,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import ClassVar
 
 from dissectors.can.frame import MAX_DATA_BYTES as MAX_PDO_BYTES
+from dissectors.netvar import Service
+from nvscope.engine.reading import PARAMETER_TIMEOUT_NS
 from nvscope.errors import ConfigurationError
 from nvscope.list_key import ListKey
 from nvscope.simulate.can.tables import Bus, BusOff, BusOverload, CanList, CanTraffic, ErrorFrames
@@ -27,6 +30,7 @@ from nvscope.toml_table import (
     FLAG,
     LENGTH,
     MOMENT,
+    SPAN,
     TEXT,
     Place,
     array,
@@ -471,6 +475,35 @@ class Traffic:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ParameterRequests:
+    """A node that asks another one for a parameter again and again, and what comes of each request."""
+
+    TIMEOUT_NS: ClassVar = PARAMETER_TIMEOUT_NS
+
+    node: str = key(TEXT, "who asks")
+    to: str = key(TEXT, "who is asked")
+    index: int = key(integer(0, U16_MAX), "Index of the parameter", default=0x2000)
+    subindex: int = key(integer(0, U16_MAX), "its SubIndex", default=0)
+    write: bool = key(FLAG, "a value is written, not read", default=False)
+    value_bytes: int = key(integer(0, 256), "size of the value", default=2, name="bytes")
+    port: int = key(integer(1, U16_MAX), "UDP port", default=1202)
+    first_value: int = key(integer(0, U16_MAX), "Counter of the first request", default=1)
+    interval_ns: int = key(SPAN, "how often it asks", name="interval")
+    jitter_ns: int = key(LENGTH, "and up to this much later", default=0, name="jitter")
+    from_ns: int = key(LENGTH, "since when", default=0, name="from")
+    until_ns: int | None = key(LENGTH, "until when", default=None, name="until")
+    latency_ns: int = key(LENGTH, "how long a reply takes", default=3_000_000, name="latency")
+    unanswered: tuple[int, ...] = key(array(integer(1, 2**31)), "requests without a reply, by number", default=())
+    refused: tuple[int, ...] = key(array(integer(1, 2**31)), "requests that are refused", default=())
+    error: str = key(
+        choice(*(one.name for one in Service if Service.ODErrorReplyUnknown <= one <= Service.ODErrorReplyCPUStopped)),
+        "the service with which they are", default="ODErrorReplyIdx",
+    )  # fmt: skip
+    late: tuple[int, ...] = key(array(integer(1, 2**31)), "requests whose reply takes late_by", default=())
+    late_by_ns: int = key(LENGTH, "so long", default=700_000_000, name="late_by")
+
+
+@dataclass(frozen=True, kw_only=True)
 class Expect:
     """What a report about this traffic must say, no more and no less; the simulator does not look at it."""
 
@@ -502,6 +535,9 @@ class Scenario:
     node: tuple[Node, ...] = key(tables(Node), "controllers and PCs; CAN does without", default=())
     list: tuple[ListPlan, ...] = key(tables(ListPlan), "network variables lists", default=())
     reader: tuple[Reader, ...] = key(tables(Reader), "who reads what", default=())
+    parameter: tuple[ParameterRequests, ...] = key(
+        tables(ParameterRequests), "requests of the Parameter Manager", default=()
+    )
     traffic: tuple[Traffic, ...] = key(tables(Traffic), "foreign traffic", default=())
     bus: tuple[Bus, ...] = key(tables(Bus), "CAN buses", default=())
     can_list: tuple[CanList, ...] = key(tables(CanList), "network variables lists on CAN", default=())
@@ -575,7 +611,7 @@ class Scenario:
     @property
     def has_network(self) -> bool:
         """Whether there is something else than CAN; nodes alone, which CAN has too, send nothing."""
-        return not self.channels or bool(self.list or self.traffic)
+        return not self.channels or bool(self.list or self.traffic or self.parameter)
 
     def rows(self) -> Iterator[tuple[str, int, object]]:
         """Yield every table of every array of tables, with the array's name and its position there."""

@@ -14,6 +14,7 @@ from nvscope.simulate.template import Role, Template
 
 _MALFORMED_AFTER_NS = 30_000
 _UNKNOWN_SERVICE = 77
+_REPLY_AFTER_NS = 3_000_000
 _EXCESS = 4
 _SEARCH_NS, _SEARCHED_BEFORE_NS = 1_000_000_000, 2_500_000_000
 """Stacks ask second by second, and three times before they hold back what is to be sent."""
@@ -115,7 +116,15 @@ def add_traffic(draft: Draft) -> None:
                 ).tobytes()
                 template = draft.telegram_template(source, target, PORT, payload, Role.PARAMETER, Values.CONSTANT)
                 ordinal = np.arange(len(at))
-                draft.add(template, at, ordinal=ordinal, counter=(ordinal & 0xFFFF).astype(np.uint16))
+                counter = (ordinal & 0xFFFF).astype(np.uint16)
+                draft.add(template, at, ordinal=ordinal, counter=counter)
+                payload = HEADER.pack(
+                    id=Service.ODReadRequestReply, index=0x1000, items=1, length=HEADER.size_bytes + 2
+                ).tobytes() + bytes(2)
+                reply = draft.telegram_template(
+                    numbers[traffic.to], host.address, PORT, payload, Role.PARAMETER, Values.CONSTANT
+                )
+                draft.add(reply, at + _REPLY_AFTER_NS, ordinal=ordinal, counter=counter)
                 continue
         draft.add(draft.new_template(Template(frame, Role.OTHER, host.address, target, False)), at)
 

@@ -153,7 +153,8 @@ def test_what_is_wrong_is_said_with_its_place(plant: Path, tmp_path: Path) -> No
         assert done.stderr == (
             "nvscope: ../../nvscope.toml, line 2, column 1: limits.jiter_percent: unknown key 'jiter_percent'\n"
             "  The nearest known one is 'jitter_percent'; known are: acknowledgement, burst_percent, "
-            "bus_load_percent, jitter_percent, late_percent, max_streams, mirrored_percent, stopped_percent.\n"
+            "bus_load_percent, jitter_percent, late_percent, max_streams, mirrored_percent, parameter, "
+            "stopped_percent.\n"
         )
     project.write_text('definitions = "no/*.gvl"')
     assert (

@@ -6,7 +6,7 @@ capture files (https://www.tcpdump.org/linktypes.html). Anything that cannot be 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from ipaddress import IPv4Address, IPv6Address, ip_address
 from typing import NamedTuple
 
@@ -42,7 +42,7 @@ class Datagram:
     length: int
     payload: bytes
     broadcast: bool
-    source_port: int = 0
+    source_port: int = field(default=0, compare=False)
 
 
 @dataclass(frozen=True)

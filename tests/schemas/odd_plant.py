@@ -10,6 +10,9 @@ from pathlib import Path
 
 from nvscope.capture.open import open_sink
 from tests.definition.lists import telegram
+from tests.oracle.builders import data_frame
+from tests.oracle.builders import telegram as parameter_telegram
+from tests.oracle.frame import Frame
 from tests.packets import batch_of
 from tests.simulate.simulation import simulated
 
@@ -65,6 +68,8 @@ def make_odd_plant(folder: Path) -> None:
     _write(folder / "split.pcap", split)
     (folder / "cut.pcap").write_bytes((folder / "one.pcap").read_bytes()[:40])
     simulated(_TWO_READERS).write(folder / "two_readers.pcap")
+    unasked = data_frame(_START_NS, "10.0.0.3", "10.0.0.1", parameter_telegram(2))
+    _write(folder / "refusing.pcap", [unasked, *(frame for service in range(20, 29) for frame in _refused(service))])
     lines = []
     for number, data in enumerate(values):
         at_s = (_START_NS + (number * 10 + 2) * _MS) / 1e9
@@ -75,6 +80,15 @@ def make_odd_plant(folder: Path) -> None:
     (folder / "bus_off.log").write_text(_BUS_OFF)
     (folder / "dropped.log").write_text(_DROPPED)
     (folder / "alike.log").write_text("".join(_alike()))
+
+
+def _refused(service: int) -> list[Frame]:
+    """Return a request of the Parameter Manager, and a reply that refuses it."""
+    at_ns, key = _START_NS + service * 10 * _MS, {"list_id": 0x2000, "counter": service, "data": b""}
+    return [
+        data_frame(at_ns, "10.0.0.1", "10.0.0.2", parameter_telegram(1, **key)),
+        data_frame(at_ns + _MS, "10.0.0.2", "10.0.0.1", parameter_telegram(service, **key)),
+    ]
 
 
 def _values(number: int) -> bytes:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from itertools import permutations
 
-from dissectors.can.canopen import ERROR_REGISTER, NODE_STATES
-from dissectors.can.error import CLASS_LABELS, CONTROLLER_BITS
 from nvscope.capture.formats import FORMATS
 from nvscope.capture.source import DropsPart
 from nvscope.causes.catalogue import BY_NAME
@@ -15,25 +13,20 @@ from nvscope.list_key import Transport
 from nvscope.tracker.counters import SCOPE_NAMES, SCOPE_UNUSED
 from nvscope.tracker.event_kinds import FRAMES_KEPT
 from nvscope.tracker.figures import (
-    BIT_RATES,
-    BUS_COUNTERS,
-    BUS_ERRORS,
     DIAGNOSIS,
     INTERVALS,
     LATENCIES,
     LIST_COUNTERS,
-    LOADS,
     PACE,
-    RATE,
     REMOTE,
     STREAM_COUNTERS,
     TELEGRAMS,
     Of,
 )
-from nvscope.tracker.parameter.transactions import ERRORS
-from nvscope.view.documents.buses import MOST_SECONDS
 from nvscope.view.documents.verdicts import SEVERITIES, STATUSES
+from tests.schemas.buses import bus, canopen_node
 from tests.schemas.figures import figures, known_to_none, limited
+from tests.schemas.parameters import sdo
 from tests.schemas.shapes import (
     CAN_KEY,
     LIST_KEY,
@@ -89,8 +82,8 @@ def report() -> Schema:
     )  # fmt: skip
     parts = {
         "list": _list(), "node": _node(), "stream": _stream(), "can_list": _can_list(), "can_stream": _can_stream(),
-        "value": VALUE_OF_LIST, "cause": cause(), "finding": _finding(), "bus": _bus(), "hop": _hop(),
-        "canopen_node": _canopen_node(), "sdo": _sdo(),
+        "value": VALUE_OF_LIST, "cause": cause(), "finding": _finding(), "bus": bus(), "hop": _hop(),
+        "canopen_node": canopen_node(), "sdo": sdo(),
     }  # fmt: skip
     return found | {"dependentRequired": {key: [other] for key, other in permutations(_OF_COMPARE)}, "$defs": parts}
 
@@ -289,117 +282,6 @@ def _finding() -> Schema:
         optional=("channel", "variable", "lists", "parts"),
     )
     return found | {"dependentRequired": {"lists": ["channel", "parts"], "parts": ["lists"]}}
-
-
-def _sdo() -> Schema:
-    errors = {service.name: whole("", 1) for service in ERRORS}
-    latency = {"count": whole(), **{name: maybe(duration()) for name in ("p50", "p99", "max")}}
-    return record(
-        {
-            "requester": text("address"), "partner": text("address"), "port": PORT,
-            "requests": whole("those that were opened, without those that repeat one"),
-            "replies": whole("those that ended one, errors among them"),
-            "errors": record(errors, optional=errors) | {"description": "how many of them refused, by their service"},
-            "busy": whole("requests that ended with ODStateBusy"),
-            "timeouts": whole("requests that nobody answered in time"),
-            "retransmissions": whole("requests that were there already, and open"),
-            "unexpected": whole("replies that ended no request: too late, again, or never asked for"),
-            "latency_ns": record(latency) | {"description": "from the first request to its reply"},
-        }
-    )  # fmt: skip
-
-
-def _bus() -> Schema:
-    return record(
-        {
-            "channel": text(),
-            **figures(BUS_COUNTERS, Of.BUS),
-            "bit_rate": maybe(
-                record({**figures(BIT_RATES, Of.BUS, "bit_rate"), "source": word(("given", "found"))})
-            ),
-            "load": maybe(_load()),
-            "identifiers": several(_identifier(), "those with frames, the largest share first"),
-            "errors": maybe(_errors()),
-            "canopen_nodes": several(shared("canopen_node")),
-            **figures((RATE,), Of.BUS),
-        }
-    )  # fmt: skip
-
-
-def _load() -> Schema:
-    second = [time("when it began"), number("load; unit: percent", 0), number("with most stuff bits; percent", 0)]
-    row = {"type": "array", "prefixItems": second, "minItems": len(second), "items": False}
-    mean, peak, worst = (figures((one,), Of.BUS, "load") for one in LOADS)
-    return record(
-        {
-            **mean,
-            **peak,
-            "peak_ns": time("when the busiest second began"),
-            **worst,
-            "partial": truth("bits at a data bit rate that is unknown are not counted"),
-            "by_second": several(row, "seconds with frames") | {"maxItems": MOST_SECONDS},
-        }
-    )
-
-
-def _identifier() -> Schema:
-    return record(
-        {
-            "cob_id": whole("", 0, 0x1FFF_FFFF),
-            "extended": truth("whether it has 29 bits"),
-            "name": maybe(text("that of a defined list")),
-            "canopen": maybe(text("what CANopen plans it for")),
-            "frames": whole(),
-            "bits": whole(),
-            "fast_bits": whole(),
-            "share": number("unit: percent", 0),
-        }
-    )
-
-
-def _errors() -> Schema:
-    by_key = figures(BUS_ERRORS, Of.BUS, "errors")
-    states = [bit.name for bit in CONTROLLER_BITS]
-    off = record(
-        {**by_key["bus_off"]["properties"], "since_ns": maybe(time("null while no controller is off the bus"))}
-    )
-    return record(
-        {
-            "frames": by_key["frames"],
-            "first_ns": time(),
-            "last_ns": time(),
-            "classes": several(record({"name": word(CLASS_LABELS), "label": text(), "frames": whole("", 1)})),
-            "states": several(record({"name": word(states), "label": text(), "frames": whole("", 1)})),
-            "bus_off": off,
-            "tx_errors": by_key["tx_errors"],
-            "rx_errors": by_key["rx_errors"],
-        }
-    )
-
-
-def _canopen_node() -> Schema:
-    emergency = record(
-        {
-            "code": whole("", 0, 0xFFFF),
-            "text": text(),
-            "register": several(word(ERROR_REGISTER)),
-            "time_ns": time(),
-        }
-    )
-    return record(
-        {
-            "node": whole("", 1, 127),
-            "state": maybe(word(NODE_STATES.values())),
-            "since_ns": maybe(time()),
-            "told_by": maybe(word(("command", "heartbeat"))),
-            "last_ns": time(),
-            "heartbeats": whole(),
-            "changes": whole(),
-            "boot_ups": whole(),
-            "emergencies": whole(),
-            "last_emergency": maybe(emergency),
-        }
-    )
 
 
 def _hop() -> Schema:

@@ -23,6 +23,7 @@ from nvscope.simulate.truth import make_truth
 from tests.oracle.frame import Frame
 from tests.simulate.collected import frames_of
 from tests.simulate.expected.findings import expected_findings
+from tests.simulate.expected.parameters import expected_of_parameters
 
 
 class Simulation:
@@ -36,8 +37,10 @@ class Simulation:
         self.scenario = scenario
         self.channels = channels_of(scenario)
         self._truth = make_truth(facts)
-        self._findings = expected_findings(facts)
         self.batches = tuple(all_packets(scenario, facts.table, facts.can_table, BATCH_FRAMES))
+        self._findings = expected_findings(facts)
+        if scenario.parameter or any(one.kind == "parameter" for one in scenario.traffic):
+            self._findings += expected_of_parameters(self.frames())
         for batch in self.batches:
             for column in fields(batch):
                 if isinstance(values := getattr(batch, column.name), np.ndarray):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 
@@ -46,9 +47,9 @@ def summarize_parameters(known: Transactions) -> Sequence[PairSummary]:
         errors = zip(ERRORS, columns.errors[pair].tolist(), strict=True)
         row = PairSummary(
             address.text(*ends[0]), address.text(*ends[1]), int(port[pair]), int(columns.requests[pair]),
-            int(columns.replies[pair]), {service.name: count for service, count in errors if count},
+            int(columns.replies[pair]), MappingProxyType({service.name: count for service, count in errors if count}),
             int(columns.busy[pair]), int(columns.timeouts[pair]), int(columns.retransmissions[pair]),
             int(columns.unexpected[pair]), figures.get(pair, LatencyFigures()),
         )  # fmt: skip
         found.append((address.order(*ends[0]), address.order(*ends[1]), int(port[pair]), row))
-    return [row for *_, row in sorted(found, key=lambda one: one[:3])]
+    return tuple(row for *_, row in sorted(found, key=lambda one: one[:3]))

@@ -244,15 +244,22 @@ class LineWriter:
 
 def _places(code: list[int], index: list[int], subindex: list[int], subindex_word: bool) -> list[_Column]:
     """Return list and SubIndex, in two columns or, without the word, in one."""
+    # Index and SubIndex of parameters are people's numbers, and written as findings do.
     names = ["param" if number in words.PARAMETER_CODES else "list" for number in code]
     if subindex_word:
-        lists = [f"{name} {number}" for name, number in zip(names, index, strict=True)]
+        lists = [
+            f"{name} 0x{number:04x}" if name == "param" else f"{name} {number}"
+            for name, number in zip(names, index, strict=True)
+        ]
         return [
             _Column("list", lists, Tone.STRONG),
             _Column("subindex", [f"sub {number}" for number in subindex], before=" "),
         ]
     triples = zip(names, index, subindex, strict=True)
-    return [_Column("list", [f"{name} {number}/{sub}" for name, number, sub in triples], Tone.STRONG)]
+    told = [
+        f"{name} 0x{number:04x}/{sub}" if name == "param" else f"{name} {number}/{sub}" for name, number, sub in triples
+    ]
+    return [_Column("list", told, Tone.STRONG)]
 
 
 def _with_short_addresses(fitted: _Fitted, surplus: int, beyond: int, names: Collection[str]) -> _Fitted:

@@ -1,0 +1,25 @@
+"""The schema of what becomes of the Parameter Manager's requests, by who asks whom."""
+
+from __future__ import annotations
+
+from nvscope.tracker.parameter.transactions import ERRORS
+from tests.schemas.shapes import PORT, Schema, duration, maybe, record, text, whole
+
+
+def sdo() -> Schema:
+    """Return the schema of a row of ``sdo``."""
+    errors = {service.name: whole("", 1) for service in ERRORS}
+    latency = {"count": whole(), **{name: maybe(duration()) for name in ("p50", "p99", "max")}}
+    return record(
+        {
+            "requester": text("address"), "partner": text("address"), "port": PORT,
+            "requests": whole("those that were opened, without those that repeat one"),
+            "replies": whole("those that ended one, errors among them"),
+            "errors": record(errors, optional=errors) | {"description": "how many of them refused, by their service"},
+            "busy": whole("requests that ended with ODStateBusy"),
+            "timeouts": whole("requests that nobody answered in time"),
+            "retransmissions": whole("requests that were there already, and open"),
+            "unexpected": whole("replies that ended no request: too late, again, or never asked for"),
+            "latency_ns": record(latency) | {"description": "from the first request to its reply"},
+        }
+    )  # fmt: skip
