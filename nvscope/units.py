@@ -46,6 +46,11 @@ def count_of(number: int, noun: str, plural: str = "") -> str:
     return f"{count(number)} {noun if number == 1 else plural or noun + 's'}"
 
 
+def parameter(index: int, subindex: int) -> str:
+    """Return ``0x2000:1``, which a parameter is called where nobody has named it."""
+    return f"0x{index:04x}:{subindex}"
+
+
 def cob_id(number: int, extended: bool = False) -> str:
     """Return ``0x181``, or ``0x18FF0201`` for an identifier of 29 bits."""
     return f"0x{number:08X}" if extended else f"0x{number:03X}"

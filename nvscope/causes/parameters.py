@@ -130,10 +130,18 @@ def _what(case: Case, own: I64) -> str:
     """Return who asked for what: ``of press for 0x2000:1``."""
     found = [case.findings[place] for place in _distinct(case, own)]
     nodes = list(dict.fromkeys(case.address(one.node) for one in found if one.node is not None))
-    names = list(dict.fromkeys(one.variable.split("/", 2)[2] for one in found))
+    names = list(dict.fromkeys(_called(case, one.variable) for one in found))
     more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
     asking = f"of {', '.join(nodes[:_NAMED])} " if nodes else ""
     return f"{asking}for {', '.join(names[:_NAMED])}{more}"
+
+
+def _called(case: Case, variable: str) -> str:
+    """Return the name of a finding's parameter, or without a name Index and SubIndex."""
+    _, partner, place = variable.split("/", 2)
+    index, subindex = place.split(":")
+    definition = case.facts.definition
+    return place if definition is None else definition.parameters.name_of(partner, int(index, 16), int(subindex))
 
 
 def _pairs(case: Case, partner: str) -> Sequence[PairSummary]:

@@ -306,6 +306,7 @@ def _face(
         text = Text(
             trees=trees, dumps=dumps, moment=moment, width=None if wide else _line_width(), colour=colour,
             layouts=layouts, names=node_names, pdos=pdos, canopen=canopen,
+            parameters=inquiry.project.definition.parameters if inquiry else None,
         )  # fmt: skip
         return lambda _: text
 

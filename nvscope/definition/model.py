@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
+from nvscope.definition.parameters import NO_PARAMETERS, Parameters
 from nvscope.list_key import ANY_CHANNEL, ListKey
 
 if TYPE_CHECKING:  # where no list is defined, nothing of its variables is imported
@@ -93,10 +94,14 @@ class ListDefinition:
 
 @dataclass(frozen=True, slots=True)
 class Definition:
-    """All lists of all files, and the files that had to be ``left_out`` because of a mistake in them, with that."""
+    """All lists of all files, and the files that had to be ``left_out`` because of a mistake in them, with that.
+
+    ``parameters`` are those of the Parameter Manager, which only the project file tells.
+    """
 
     lists: tuple[ListDefinition, ...] = ()
     left_out: tuple[Problem, ...] = ()
+    parameters: Parameters = NO_PARAMETERS
 
     def flaws_of(self, lists: Iterable[ListDefinition]) -> list[Flaw]:
         """Return the flaws of some lists, each once, by file, line and column."""

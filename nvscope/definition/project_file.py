@@ -16,6 +16,7 @@ from nvscope.definition.model import DEFAULT_PORT, Definition
 from nvscope.definition.project import PROJECT_NAME, Project
 from nvscope.definition.project_lists import LIST_TABLES, ListSettings, with_settings
 from nvscope.definition.project_nodes import NODE_TABLES, Node
+from nvscope.definition.project_parameters import PARAMETER_TABLES, Told, parameters_of
 from nvscope.definition.wanted_files import DefinitionFile, wanted_files
 from nvscope.errors import ConfigurationError
 from nvscope.toml_table import (
@@ -65,6 +66,7 @@ class ProjectFile:
         default=(),
     )
     nodes: tuple[tuple[str, Node], ...] = key(NODE_TABLES, "a node", default=())
+    parameters: tuple[Told, ...] = key(PARAMETER_TABLES, "name and type of a parameter", default=())
     lists: tuple[tuple[int, ListSettings], ...] = key(LIST_TABLES, "what no definition file says of a list", default=())
     buses: tuple[tuple[str, BusSettings], ...] = key(BUS_TABLES, "bit rates of a CAN bus", default=())
     channels: tuple[tuple[str, str], ...] = key(
@@ -98,7 +100,7 @@ def read_project(path: Path | None, definitions: Sequence[str] | None = None) ->
         wanted = wanted_files(definitions)
     elif path is not None and definitions is None and told.definitions:
         wanted = _wanted_of_project(told, path, place)
-    return _project(told, path, wanted)
+    return _project(told, path, wanted, place)
 
 
 def read_attached_project(recording: str, files: Mapping[str, bytes], project: Path | None) -> Project:
@@ -107,22 +109,24 @@ def read_attached_project(recording: str, files: Mapping[str, bytes], project: P
     A ``project`` file on disk takes the place of the one in the recording; without either, the definitions stand alone.
     What is neither project file nor definition is passed over. Raises as ``read_project``.
     """
-    told = ProjectFile()
+    told, place = ProjectFile(), Place("")
     if project is not None:
-        told = read_table(ProjectFile, *read_toml(project))
+        tables, place = read_toml(project)
+        told = read_table(ProjectFile, tables, place)
     else:
         own = next((name for name in files if name.rpartition("/")[2] == PROJECT_NAME), None)
         if own is not None:
-            told = read_table(ProjectFile, *read_toml(f"{recording}/{own}", files[own]))
+            tables, place = read_toml(f"{recording}/{own}", files[own])
+            told = read_table(ProjectFile, tables, place)
     wanted = [
         DefinitionFile(f"{recording}/{name}", recording, content)
         for name, content in files.items()
         if not name.endswith(Path(PROJECT_NAME).suffix)
     ]
-    return replace(_project(told, project, wanted), recording=recording)
+    return replace(_project(told, project, wanted, place), recording=recording)
 
 
-def _project(told: ProjectFile, path: Path | None, wanted: Sequence[DefinitionFile]) -> Project:
+def _project(told: ProjectFile, path: Path | None, wanted: Sequence[DefinitionFile], place: Place) -> Project:
     ports = told.ports or (DEFAULT_PORT,)
     files: tuple[str, ...] = ()
     definition = Definition()
@@ -135,6 +139,9 @@ def _project(told: ProjectFile, path: Path | None, wanted: Sequence[DefinitionFi
     if told.lists:
         lists = with_settings(definition.lists, told.lists, ports[0], str(path))
         definition = replace(definition, lists=lists)
+    if told.parameters:
+        addresses = {node.name: address for address, node in told.nodes if node.name}
+        definition = replace(definition, parameters=parameters_of(told.parameters, addresses, place))
     buses = Buses.of_project(told.buses)
     return Project(
         path, files, definition, dict(told.nodes), ports, told.limits, buses, dict(told.keys),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from nvscope.findings.finding import Finding, events_of
+from nvscope.findings.finding import Events, Finding, all_events, events_of
 from nvscope.findings.kind import FindingKind, Severity
 from nvscope.units import count, count_of, duration, percent
 
@@ -271,6 +271,9 @@ def _left_out(facts: Facts) -> Iterator[Finding]:
     if len(elsewhere):
         told.append(events_of(elsewhere, 0))
         parts.append(f"{count_of(told[-1].count, 'telegram')} to further receivers, counted for their streams alone")
+    for events, what in _parameters_left_out(facts):
+        told.append(events)
+        parts.append(what)
     if not told:
         return
     frames = sorted(frame for events in told for frame in events.frames)[:FRAMES_KEPT]
@@ -282,3 +285,23 @@ def _left_out(facts: Facts) -> Iterator[Finding]:
         LIMIT_REACHED, message, sum(events.count for events in told), min(events.first_ns for events in told),
         max(events.last_ns for events in told), tuple(frames),
     )  # fmt: skip
+
+
+def _parameters_left_out(facts: Facts) -> Iterator[tuple[Events, str]]:
+    """Yield what was left out of the Parameter Manager's conversations, and what it is in words."""
+    log = facts.state.parameters.left_out
+    if not len(log.rows):
+        return
+    from nvscope.tracker.parameter.transactions import MOST_OPEN, Beyond
+
+    nouns = {
+        Beyond.PAIR: ("Parameter Manager message", "between further nodes"),
+        Beyond.OPEN: ("Parameter Manager request", f"beyond the {count(MOST_OPEN)} that are waited for at a time"),
+        Beyond.REPLY: ("Parameter Manager reply", "that may be to one of these"),
+        Beyond.PARAMETER: ("event", "of further parameters"),
+    }
+    (whats,) = log.keys.words
+    for what, events in sorted(zip(whats.tolist(), all_events(log.rows), strict=True), key=lambda one: one[0]):
+        noun, where = nouns[what]
+        plural = f"{noun[:-1]}ies" if noun.endswith("y") else ""
+        yield events, f"{count_of(events.count, noun, plural)} {where}"

@@ -99,7 +99,7 @@ def _finding(
     for _, events in parts[1:]:
         together = together.among(events)
     timeout = duration(known.timeout_ns)
-    ends = f"{asked.requester} for {asked.name}"
+    ends = f"{asked.requester} for {_called(facts, asked)}"
     if event == ParameterEvent.TIMEOUT:
         kind = SDO_TIMEOUT
         message = f"{asked.partner} did not answer {count_of(together.count, 'request')} of {ends} within {timeout}."
@@ -126,3 +126,11 @@ def _finding(
         node=nodes.get(asked.requester),
         variable=f"sdo/{asked.partner}/{asked.name}",
     )  # fmt: skip
+
+
+def _called(facts: Facts, asked: Asked) -> str:
+    """Return the name of a parameter with its place, or without a name the place alone."""
+    if facts.definition is None:
+        return asked.name
+    name = facts.definition.parameters.name_of(asked.partner, asked.index, asked.subindex)
+    return name if name == asked.name else f"{name} ({asked.name})"

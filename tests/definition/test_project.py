@@ -12,8 +12,11 @@ from hypothesis import strategies as st
 from nvscope.definition.buses import BusSettings
 from nvscope.definition.limits import Limits
 from nvscope.definition.model import Problem
+from nvscope.definition.parameters import ParameterDefinition
 from nvscope.definition.project import Project, find_project
 from nvscope.definition.project_file import document, read_project
+from nvscope.definition.scalars import SCALARS
+from nvscope.definition.variables import String
 from nvscope.definition.wanted_files import MAX_DEFINITION_FILES
 from nvscope.engine.reading import TIMEOUT_NS
 from nvscope.errors import ConfigurationError
@@ -198,6 +201,27 @@ def test_identifiers_are_written_in_several_ways(key: str, tmp_path: Path) -> No
     assert lists(plant(tmp_path, f"[lists.{key}]\nname = 'io'")) == [("io", 385, 1202)]
 
 
+def test_parameters_have_names_and_types_of_one_node_or_of_all(tmp_path: Path) -> None:
+    told = """[nodes]
+"10.0.0.1" = { name = "press" }
+[parameters]
+"8192:1" = { name = "nMode", type = "int" }
+"press/0x2000:1" = { name = "rSpeed", type = "REAL" }
+"::ffff:10.0.0.2/16#2000:1" = { type = "STRING( 20 )" }
+"0x2001:0" = { name = "sName", type = "wstring" }
+"""
+    known = plant(tmp_path, told).definition.parameters
+    mode, speed = known.of("10.0.0.9", 0x2000, 1), known.of("10.0.0.1", 0x2000, 1)
+    assert mode is not None
+    assert speed is not None
+    assert (mode.name, mode.type, speed.name, speed.type) == ("nMode", SCALARS["INT"], "rSpeed", SCALARS["REAL"])
+    assert known.of("10.0.0.2", 0x2000, 1) == ParameterDefinition(0x2000, 1, "", String(20), "10.0.0.2")
+    assert known.of("10.0.0.2", 0x2001, 0) == ParameterDefinition(0x2001, 0, "sName", String(wide=True))
+    assert known.of("10.0.0.1", 0x2000, 2) is None
+    assert [known.name_of(f"10.0.0.{node}", 0x2000, 1) for node in (1, 2, 3)] == ["rSpeed", "0x2000:1", "nMode"]
+    assert not plant(tmp_path, "").definition.parameters
+
+
 @pytest.mark.parametrize(
     ("text", "where", "what", "next_step"),
     [
@@ -224,6 +248,19 @@ def test_identifiers_are_written_in_several_ways(key: str, tmp_path: Path) -> No
         ('[nodes]\n"1.2.3.4" = { reads = ["can/0/1"] }', ".reads[0]", "'can/0/1' is no list", "udp/1300/7"),
         ('[nodes]\n"1.2.3.4" = { reads = ["udp/0/1"] }', ".reads[0]", "'udp/0/1' is no list", "udp/1300/7"),
         ('[nodes]\n"1.2.3.4" = { reads = [65536] }', ".reads[0]", "65536 is out of range", ""),
+        ('[parameters]\n"8192" = {}', ': parameters."8192"', "'8192' is no parameter", '"0x2000:1"'),
+        ('[parameters]\n"0x10000:0" = {}', ': parameters."0x10000:0"', "is no parameter", ""),
+        ('[parameters]\n"2000h:0" = {}', ': parameters."2000h:0"', "is no parameter", ""),
+        ('[parameters]\n"1:65536" = {}', ': parameters."1:65536"', "is no parameter", ""),
+        ('[parameters]\n"1:0" = {}\n"0x1:0" = {}', ': parameters."0x1:0"', "the parameter is there twice", "Leave"),
+        ('[parameters]\n"1:0" = { typ = "INT" }', ': parameters."1:0".typ', "unknown key 'typ'", "is 'type'"),
+        ('[parameters]\n"1:0" = { type = "BIT" }', ': parameters."1:0".type', "'BIT' is no type", "Known are BOOL"),
+        ('[parameters]\n"1:0" = { type = "STRING(0)" }', ".type", "is no type", "STRING(n)"),
+        ('[parameters]\n"press/1:0" = {}', ': parameters."press/1:0"', "no node is called 'press'", "[nodes]"),
+        (
+            '[nodes]\n"1.2.3.4" = { name = "a" }\n[parameters]\n"a/1:0" = {}\n"1.2.3.4/1:0" = {}',
+            ': parameters."1.2.3.4/1:0"', "the parameter of 1.2.3.4 is there twice", "Leave one",
+        ),
         ("[lists.x]", ": lists.x", "'x' is no identifier of a list", "[lists.0x181]"),
         ("[lists.0x10000]", ": lists.0x10000", "'0x10000' is no identifier of a list", ""),
         ("[lists.7]\n[lists.0x7]", ": lists.0x7", "the list 7 is there twice", "Put both"),
@@ -309,6 +346,8 @@ def test_all_keys_are_documented() -> None:
         "## [lists.IDENTIFIER]",
         "`min_gap`",
         "`channel`",
+        '## parameters."INDEX:SUBINDEX"',
+        "`type` (type, ",
     ):
         assert key in text
     assert "- `late_percent` (whole number 1 to 1000000, default `250`): NV501" in text

@@ -103,7 +103,7 @@ ODD_COMMANDS = (
     "report one.pcap",
     "report cut.pcap",
     "report two_readers.pcap --max-streams 1",
-    "report refusing.pcap",
+    "report refusing.pcap --project named.toml",
     "report one.log",
     "report bus_off.log",
     "report dropped.log",

@@ -47,7 +47,9 @@ def make_odd_plant(folder: Path) -> None:
     for name, (protocol, identifier, declared) in DEFINITIONS.items():
         told = "" if identifier is None else f"<ListIdentifier>{identifier}</ListIdentifier>"
         (folder / name).write_text(_GVL.format(declared=declared, protocol=protocol, identifier=told))
-    (folder / "named.toml").write_text('definitions = ["eth.gvl"]\n[nodes]\n"10.0.0.1" = { name = "press" }\n')
+    (folder / "named.toml").write_text(
+        'definitions = ["eth.gvl"]\n[nodes]\n"10.0.0.1" = { name = "press" }\n"10.0.0.2" = { name = "saw" }\n'
+    )
     (folder / "empty.toml").write_text(_EMPTY_SCENARIO)
     (folder / "odd.rules.toml").write_text('[[rule]]\nid = "gaps"\ncheck = "gap"\n')
     (folder / "variables.rules.toml").write_text(

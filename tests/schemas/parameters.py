@@ -12,7 +12,8 @@ def sdo() -> Schema:
     latency = {"count": whole(), **{name: maybe(duration()) for name in ("p50", "p99", "max")}}
     return record(
         {
-            "requester": text("address"), "partner": text("address"), "port": PORT,
+            "requester": text("address"), "requester_name": maybe(text("what the project calls it")),
+            "partner": text("address"), "partner_name": maybe(text("the same")), "port": PORT,
             "requests": whole("those that were opened, without those that repeat one"),
             "replies": whole("those that ended one, errors among them"),
             "errors": record(errors, optional=errors) | {"description": "how many of them refused, by their service"},

@@ -174,3 +174,42 @@ def test_there_is_a_limit_for_those_who_make_up_requests() -> None:
 def test_conversations_are_in_order() -> None:
     times = [frame.ts_ns for frame in conversations(3)]
     assert times == sorted(times)
+
+
+def limits_told(state: TrackerState) -> list[str]:
+    return [one.message.partition("Left out: ")[2] for one in judge(state) if one.code == "NV906"]
+
+
+def asked(count: int, *, replies: bool = True) -> list[Frame]:
+    """Return so many requests at one time, each with another Counter, and their replies."""
+    last = 2 * count if replies else count
+    return exchange(*((at, 1 if at < count else 2, at % count) for at in range(last)))
+
+
+def test_requests_that_nobody_keeps_are_told_and_their_replies_are_not_unexpected(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.setattr("nvscope.tracker.parameter.transactions.MOST_OPEN", 3)
+    frames = [*asked(5), *exchange((600, 2, 9))]
+    state = tracked(cut(batch_of(frames), 5))
+    ((row,), findings) = told(state)
+    assert (row["requests"], row["replies"], row["unexpected"]) == (5, 3, 1)
+    assert [(one[0], one[3]) for one in findings] == [("NV703", 1)]
+    assert limits_told(state) == [
+        "2 Parameter Manager requests beyond the 3 that are waited for at a time; "
+        "2 Parameter Manager replies that may be to one of these."
+    ]
+    parted = observed(PartedState(2), cut(batch_of(frames), 5)).join()
+    assert (told(parted), limits_told(parted)) == (told(state), limits_told(state))
+
+
+def test_parameters_beyond_the_limit_are_told() -> None:
+    frames = [
+        data_frame(index * MILLISECOND, ASKING, ASKED, telegram(1, 0x2000 + index, 0, data=b"")) for index in range(5)
+    ]
+    later = data_frame(900 * MILLISECOND, ASKING, ASKED, telegram(0, 1))
+    state = tracked([batch_of([*frames, later])], Reading(max_streams=2))
+    ((row,), findings) = told(state)
+    assert (row["requests"], row["timeouts"], len(findings)) == (5, 5, 2)
+    assert limits_told(state) == ["3 events of further parameters."]
+    assert limits_told(tracked([batch_of([*frames, later])])) == []

@@ -20,6 +20,7 @@ from nvscope.view.rows.frames import FrameRows
 
 if TYPE_CHECKING:
     from nvscope.definition.layouts import Layouts
+    from nvscope.definition.parameters import Parameters
     from nvscope.definition.pdos import Pdos
     from nvscope.tracker.can.canopen_since import CanOpenSince
 
@@ -29,8 +30,9 @@ class Text:
 
     With ``trees`` a tree takes the place of the line. With ``dumps`` the captured bytes follow. ``width`` limits lines
     and trees, not dumps; None for no limit. ``layouts`` name the variables in trees, ``names`` the nodes in lines, by
-    the text of their address, ``pdos`` the lists on CAN, ``canopen`` what is CANopen's; ``protocols`` are those that
-    rows may be of. With and without ``colour`` the text is the same.
+    the text of their address, ``pdos`` the lists on CAN, ``canopen`` what is CANopen's, ``parameters`` those
+    of the Parameter Manager; ``protocols`` are those that rows may be of. With and without ``colour`` the text is the
+    same.
     """
 
     def __init__(
@@ -45,13 +47,14 @@ class Text:
         names: Mapping[str, str] = MappingProxyType({}),
         pdos: Pdos | None = None,
         canopen: CanOpenSince | None = None,
+        parameters: Parameters | None = None,
         protocols: Sequence[Protocol] = PROTOCOLS,
     ) -> None:
         self._trees = trees
         self._dumps = dumps
         self._width = width
         self._colour = colour
-        self._wording = Wording(names, layouts, pdos, canopen)
+        self._wording = Wording(names, layouts, pdos, canopen, parameters)
         self._make_trees = {protocol.name: protocol.tree() for protocol in protocols}
         self._lines = line_makers(
             {protocol.name: protocol.lines() for protocol in protocols}, moment, width, self._wording

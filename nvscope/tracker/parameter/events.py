@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from enum import IntEnum
 
+from nvscope import units
+
 
 class ParameterEvent(IntEnum):
     """What is told of transactions, in frames of replies but for timeouts, which are told of the first request.
@@ -25,7 +27,7 @@ class ParameterEvent(IntEnum):
 
 def parameter_name(detail: int) -> str:
     """Return what a parameter is called where nobody has named it, from Index and SubIndex as one."""
-    return f"0x{detail >> 16:04x}:{detail & 0xFFFF}"
+    return units.parameter(detail >> 16, detail & 0xFFFF)
 
 
 USUAL = (ParameterEvent.REPLIED, ParameterEvent.BUSY)

@@ -7,6 +7,7 @@ and 100. Where it is silent: a reply repeats Index, SubIndex and Counter of its 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import ClassVar
 
 import numpy as np
@@ -43,9 +44,19 @@ ERRORS = tuple(
 MOST_OPEN = 1 << 16
 """So many requests are waited for at the same time."""
 
+_NEVER_NS = int(np.iinfo(np.int64).min)
 _FIRST_ERROR, _LAST_ERROR = int(ERRORS[0]), int(ERRORS[-1])
 _UDP_PORTS_BYTES = 8
 _KIND_BITS = 16
+
+
+class Beyond(IntEnum):
+    """That for which there is no room: pairs of nodes, requests that wait, replies to these, findings on parameters."""
+
+    PAIR = 0
+    OPEN = 1
+    REPLY = 2
+    PARAMETER = 3
 
 
 class PairColumns(KeyedColumns):
@@ -87,8 +98,9 @@ class Transactions:
 
     ``pairs`` number requester, partner (the halves of their addresses) and port; ``parameters`` pair, Index and
     SubIndex. ``latencies`` are of pairs, from the first request to the reply. ``events`` are keyed by
-    ``ParameterEvent`` with, for error replies, their service (``event_word``), and by parameter. ``left_out`` counts
-    requests for which there was no room.
+    ``ParameterEvent`` with, for error replies, their service (``event_word``), and by parameter. ``left_out`` is that
+    for which there was no room, keyed by ``Beyond``. While requests may be open that have been left out, a reply that
+    ends none may be to one of these: it is left out, too.
     """
 
     SPLIT_BY: ClassVar = SplitBy.LIST  # of no list: all go to the first part
@@ -99,9 +111,10 @@ class Transactions:
         self.latencies = Latencies()
         self.parameters = KeyTable()
         self.events = EventLog()
-        self.left_out = 0
+        self.left_out = EventLog(1)
         self.timeout_ns = PARAMETER_TIMEOUT_NS
         self._open = NOTHING_OPEN
+        self._forgot_until_ns = _NEVER_NS
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
@@ -115,6 +128,7 @@ class Transactions:
         for unheard in told.unheard:
             self._resume(unheard)
         self.events.settle()
+        self.left_out.settle()
 
     def overdue_events(self, at_ns: int) -> EventLog:
         """Return timeouts of requests whose deadline is before a time, and that no frame has shown to be late."""
@@ -141,6 +155,7 @@ class Transactions:
         self.pairs, self.columns, self.latencies = part.pairs, part.columns, part.latencies
         self.parameters, self.events = part.parameters, part.events
         self.left_out, self.timeout_ns, self._open = part.left_out, part.timeout_ns, part._open
+        self._forgot_until_ns = part._forgot_until_ns
 
     def _sorted(self, waits: Open) -> Open:
         return waits.take(np.lexsort((waits.frame, waits.last_ns)))
@@ -163,8 +178,11 @@ class Transactions:
             self._count_replies(told, messages, found)
             self._give_up(told, found.expired)
         if len(self._open) > MOST_OPEN:
-            self.left_out += len(self._open) - MOST_OPEN
-            self._open = self._open.take(np.sort(np.argsort(self._open.frame, kind="stable")[:MOST_OPEN]))
+            by_frame = np.argsort(self._open.frame, kind="stable")
+            beyond = self._open.take(by_frame[MOST_OPEN:])
+            self._leave_out(Beyond.OPEN, beyond.since_ns, beyond.frame)
+            self._forgot_until_ns = max(self._forgot_until_ns, int(beyond.last_ns.max()) + self.timeout_ns)
+            self._open = self._open.take(np.sort(by_frame[:MOST_OPEN]))
 
     def _count_replies(self, told: Told, messages: Messages, found: Matched) -> None:
         columns, closing, closed = self.columns, messages.take(found.closing), found.closed
@@ -182,6 +200,11 @@ class Transactions:
         ):  # fmt: skip
             self._tell(told, event, closing.take(own), closed.since_ns[own])
         unexpected = messages.take(found.unexpected)
+        unsure = unexpected.time_ns <= self._forgot_until_ns
+        if unsure.any():
+            own = unexpected.take(unsure)
+            self._leave_out(Beyond.REPLY, own.time_ns, own.packet + told.first_frame)
+            unexpected = unexpected.take(~unsure)
         np.add.at(columns.unexpected, unexpected.pair, 1)
         self._tell(told, ParameterEvent.UNEXPECTED_REPLY, unexpected, unexpected.time_ns)
 
@@ -207,6 +230,7 @@ class Transactions:
             known = number >= 0
             words = event_word(event, of.service)[known], number[known].view(np.uint64)
             self.events.record(time_ns[known], frame[known], *words)
+            self._leave_out(Beyond.PARAMETER, time_ns[~known], frame[~known])
         if told.is_heard:
             told.tell(
                 EventBatch.of(
@@ -245,11 +269,16 @@ class Transactions:
         messages = Messages(packet, rows.time_ns[whole], pair, word, service, *ends_by_number)
         own = pair >= 0
         if not own.all():
-            self.left_out += int(np.count_nonzero(asks & ~own))
+            beyond = messages.take(~own)
+            self._leave_out(Beyond.PAIR, beyond.time_ns, beyond.packet + told.first_frame)
             messages = messages.take(own)
         self.columns.resize(len(self.pairs))
         self.latencies.columns.resize(len(self.pairs))
         return messages
+
+    def _leave_out(self, what: Beyond, time_ns: I64, frame: I64) -> None:
+        if len(time_ns):
+            self.left_out.record(time_ns, frame, np.full(len(time_ns), int(what), np.uint64))
 
     def _resume(self, unheard: Unheard) -> None:
         """Forget the requests of what nobody listens to any more: what became of them is not known."""

@@ -58,7 +58,9 @@ class PacketText:
         self._newest = _Newest(scene)
         inquiry = scene.inquiry
         names = inquiry.project.node_names if scene.node_names is None else scene.node_names
-        self._wording = Wording(names, inquiry.layouts, inquiry.pdos, self._newest)
+        self._wording = Wording(
+            names, inquiry.layouts, inquiry.pdos, self._newest, inquiry.project.definition.parameters
+        )  # fmt: skip
         makers = line_makers({one.name: one.lines() for one in PROTOCOLS}, moment, width, self._wording)
         self._mixed = MixedLines(makers, width)
         self._trees = {one.name: one.tree() for one in PROTOCOLS}

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from nvscope.tracker.parameter.summary import PairSummary
 
 
-def sdo_rows(pairs: Sequence[PairSummary]) -> list[dict[str, Any]]:
-    """Return a row a requester, partner and port, by their addresses."""
+def sdo_rows(
+    pairs: Sequence[PairSummary], node_names: Mapping[str, str] = MappingProxyType({})
+) -> list[dict[str, Any]]:  # fmt: skip
+    """Return a row a requester, partner and port, by their addresses; ``node_names`` are what people call these."""
     return [
         {
             "requester": one.requester,
+            "requester_name": node_names.get(one.requester),
             "partner": one.partner,
+            "partner_name": node_names.get(one.partner),
             "port": one.port,
             "requests": one.requests,
             "replies": one.replies,

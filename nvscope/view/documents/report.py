@@ -106,7 +106,7 @@ def report_document(
         "findings": Drawn(findings, lambda finding: _finding_row(finding, keys, summary)),
     }
     whole_summary = whole or summary
-    document |= {"sdo": sdo_rows(whole_summary.parameters)} if whole_summary.parameters else {}
+    document |= {"sdo": sdo_rows(whole_summary.parameters, node_names)} if whole_summary.parameters else {}
     document |= {"buses": can_buses(summary.can, names, measures)} if summary.can.buses else {}
     return document if drawn else dict(plain(document))
 

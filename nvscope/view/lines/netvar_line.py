@@ -11,12 +11,13 @@ import numpy as np
 from dissectors import address
 from dissectors.batch import Bool
 from dissectors.headers import IPV4_HIGH
-from dissectors.netvar import HEADER, PORT, Service
+from dissectors.netvar import HEADER, PORT, Service, TelegramBatch
 from nvscope.view.escape import visible
 from nvscope.view.fields.frame import FIELDS
 from nvscope.view.lines import cells, moments, words
 from nvscope.view.lines.fit import cut
 from nvscope.view.lines.moments import Moment
+from nvscope.view.lines.parameter_names import parameter_of
 from nvscope.view.lines.short_names import short_address, short_names
 from nvscope.view.lines.shown import NO_WORDING, Wording
 from nvscope.view.lines.table import GAP, Cell, Line, Tone
@@ -133,6 +134,7 @@ class LineWriter:
     def __init__(self, moment: Moment = "r", width: int | None = None, wording: Wording = NO_WORDING) -> None:
         self._moment: Moment = moment
         self._names = {node: visible(name) for node, name in wording.names.items()}
+        self._parameters = wording.parameters
         self._width = width
         self._form = 0
         self._widths: dict[str, int] = {}
@@ -198,6 +200,14 @@ class LineWriter:
             self._form += 1
             self._widths = {name: self._widths[name] for name in (_BESIDE, _INSTEAD) if name in self._widths}
 
+    def _parameter_names(self, telegrams: TelegramBatch, code: list[int]) -> dict[int, str]:
+        """Return the names of the parameters that telegrams are about, by row, of those that have one."""
+        if not self._parameters:
+            return {}
+        asked = [row for row, number in enumerate(code) if number in words.PARAMETER_CODES]
+        known = ((row, parameter_of(self._parameters, telegrams, row)) for row in asked)
+        return {row: visible(one.name) for row, one in known if one is not None and one.name}
+
     def _surplus(self, fitted: _Fitted) -> int:
         """Return by how much lines with what is beside the figures, or in their place, are too wide."""
         if self._width is None:
@@ -222,7 +232,13 @@ class LineWriter:
             _Column("time", moments.told(rows, self._moment, form.time_digits), right=True),
             _Column("source", [self._names.get(text, text) for text in cells.texts(FIELDS["ip.src"], rows)]),
             _Column("destination", _destinations(rows, form.usual_port, self._names), before=" → "),
-            *_places(code, header["index"].tolist(), header["subindex"].tolist(), form.subindex_word),
+            *_places(
+                code,
+                header["index"].tolist(),
+                header["subindex"].tolist(),
+                form.subindex_word,
+                self._parameter_names(telegrams, code),
+            ),
             _Column(
                 "service",
                 [words.WORD_OF_CODE[number].word for number in code],
@@ -242,8 +258,10 @@ class LineWriter:
         return columns
 
 
-def _places(code: list[int], index: list[int], subindex: list[int], subindex_word: bool) -> list[_Column]:
-    """Return list and SubIndex, in two columns or, without the word, in one."""
+def _places(
+    code: list[int], index: list[int], subindex: list[int], subindex_word: bool, called: Mapping[int, str]
+) -> list[_Column]:  # fmt: skip
+    """Return list and SubIndex, in two columns or, without the word, in one; ``called`` are parameters by row."""
     # Index and SubIndex of parameters are people's numbers, and written as findings do.
     names = ["param" if number in words.PARAMETER_CODES else "list" for number in code]
     if subindex_word:
@@ -251,14 +269,16 @@ def _places(code: list[int], index: list[int], subindex: list[int], subindex_wor
             f"{name} 0x{number:04x}" if name == "param" else f"{name} {number}"
             for name, number in zip(names, index, strict=True)
         ]
-        return [
-            _Column("list", lists, Tone.STRONG),
-            _Column("subindex", [f"sub {number}" for number in subindex], before=" "),
-        ]
+        parts = [f"sub {number}" for number in subindex]
+        for row, name in called.items():
+            lists[row], parts[row] = f"param {name}", ""
+        return [_Column("list", lists, Tone.STRONG), _Column("subindex", parts, before=" ")]
     triples = zip(names, index, subindex, strict=True)
     told = [
         f"{name} 0x{number:04x}/{sub}" if name == "param" else f"{name} {number}/{sub}" for name, number, sub in triples
     ]
+    for row, name in called.items():
+        told[row] = f"param {name}"
     return [_Column("list", told, Tone.STRONG)]
 
 

@@ -11,6 +11,7 @@ from nvscope.findings.definition import DEFINITION_MISMATCH
 from nvscope.list_key import ListKey
 from nvscope.view.escape import visible
 from nvscope.view.lines import words
+from nvscope.view.lines.parameter_names import parameter_of
 from nvscope.view.lines.shown import Wording
 from nvscope.view.lines.table import Cell, Tone
 from nvscope.view.lines.transport_tree import TransportTree
@@ -29,6 +30,10 @@ from nvscope.view.lines.tree_lines import (
 )
 from nvscope.view.rows.frames import NETVAR, FrameRows
 
+_OF_PARAMETERS = {"index": "of the parameter", "subindex": "of the parameter", "items": "elements of its value"}
+"""What numbers of the header are where no list is meant."""
+_WITH_VALUE = (Service.ODWriteRequest, Service.ODReadRequestReply)
+
 
 class TelegramTree(TransportTree):
     """The part of a tree that is about a telegram on UDP, as a ``Tree``; ``wording`` has the defined lists."""
@@ -37,6 +42,7 @@ class TelegramTree(TransportTree):
         super().__init__(rows, NETVAR, HEADER.size_bytes)
         self._telegrams: TelegramBatch = rows.parts[NETVAR].part
         self._layouts = wording.layouts
+        self._parameters = wording.parameters
         self._dumps = dumps
         self._codes = words.word_codes(self._telegrams).tolist()
         self._remarks = words.remarks(self._telegrams)
@@ -50,15 +56,21 @@ class TelegramTree(TransportTree):
             if payload_bytes > stop - start:
                 missing = units.count(payload_bytes - (stop - start))
                 facts.append(Cell(f", {missing} more not captured", Tone.WARNING))
-            yield from self._variables(place, packet[data_at:stop], data_at) or bytes_entries(
-                "Data", facts, packet[data_at:stop], data_at, dumps=self._dumps
-            )
+            data = packet[data_at:stop]
+            known = self._value(place, data, data_at) or self._variables(place, data, data_at)
+            yield from known or bytes_entries("Data", facts, data, data_at, dumps=self._dumps)
         yield from trailer_entries(packet, stop, dumps=self._dumps)
 
     def _header(self, row: int, payload: bytes, payload_at: int, payload_bytes: int) -> Iterator[Entry]:
         found, code = self._telegrams.header[row], self._codes[row]
-        belongs = "Parameter Manager, Index" if code in words.PARAMETER_CODES else "list"
-        title = f"  {words.WORD_OF_CODE[code].word}, {belongs} {found['index']}, SubIndex {found['subindex']}"
+        index, subindex = int(found["index"]), int(found["subindex"])
+        if code in words.PARAMETER_CODES:
+            known = parameter_of(self._parameters, self._telegrams, row)
+            name = f"{visible(known.name)}, " if known and known.name else ""
+            belongs = f"Parameter Manager, {name}Index 0x{index:04x}, SubIndex {subindex}"
+        else:
+            belongs = f"list {index}, SubIndex {subindex}"
+        title = f"  {words.WORD_OF_CODE[code].word}, {belongs}"
         yield title_entry(
             HEADER.title, [Cell(title)], Place(payload_at, payload_at + min(len(payload), HEADER.size_bytes))
         )
@@ -77,9 +89,34 @@ class TelegramTree(TransportTree):
             verdict = _verdict(entry, number, payload_bytes)
             checked = any(cell.tone is not Tone.GOOD for cell in verdict)
             told = [Cell(number_text(entry, number)), *verdict]
-            yield field_entry(at, content, entry.label, told, "" if checked else entry.help)
+            help_text = _OF_PARAMETERS.get(entry.name, entry.help) if code in words.PARAMETER_CODES else entry.help
+            yield field_entry(at, content, entry.label, told, "" if checked else help_text)
             if entry.bits:
                 yield from bit_entries(entry, number, at, RESERVED_FLAGS)
+
+    def _value(self, row: int, data: bytes, data_at: int) -> list[Entry]:
+        """Return the value that is written, or was read; none where its type is not known."""
+        header = self._telegrams.header[row]
+        if self._telegrams.fault[row] != Fault.NONE or header["id"] not in _WITH_VALUE:
+            return []
+        known = parameter_of(self._parameters, self._telegrams, row)
+        if known is None or known.type is None:
+            return []
+        from nvscope.definition.parameter_layout import parameter_layout  # noqa: PLC0415
+
+        size_bytes = int(header["length"]) - HEADER.size_bytes
+        name = known.name or units.parameter(known.index, known.subindex)
+        layout = parameter_layout(known, name, int(header["items"]), size_bytes)
+        place = Place(data_at, data_at + len(data))
+        if layout is None or len(data) < size_bytes:
+            why = "cut short by the capture" if layout else f"not of the type that it should have, {known.type.name}"
+            return [
+                title_entry("Value", [Cell(f"  {visible(name)}: {why}", Tone.WARNING)], place),
+                *bytes_entries(
+                    "Data", [Cell(f"  {units.count_of(len(data), 'byte')}")], data, data_at, dumps=self._dumps
+                ),
+            ]
+        return [title_entry("Value", [Cell("")], place), *variable_entries(layout, data, data_at)]
 
     def _variables(self, row: int, data: bytes, data_at: int) -> list[Entry]:
         """Return the variables of a data telegram of a defined list; none where there is no definition that fits."""

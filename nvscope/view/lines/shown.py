@@ -14,6 +14,7 @@ from nvscope.view.rows.frames import FrameRows
 
 if TYPE_CHECKING:  # without definitions, nothing of them is imported
     from nvscope.definition.layouts import Layouts
+    from nvscope.definition.parameters import Parameters
     from nvscope.definition.pdos import Pdos
 
 
@@ -30,12 +31,14 @@ class Wording:
     """What people call things: ``names`` of nodes by the text of their address, defined lists on UDP and on CAN.
 
     ``canopen`` tells which CAN frames are CANopen's by what the capture has shown so far; without it, none are.
+    ``parameters`` are those of the Parameter Manager, None or none where nobody has named any.
     """
 
     names: Mapping[str, str] = field(default_factory=dict)
     layouts: Layouts | None = None
     pdos: Pdos | None = None
     canopen: KnowsCanOpen | None = None
+    parameters: Parameters | None = None
 
 
 NO_WORDING = Wording()

@@ -146,7 +146,8 @@ def parameters(
 def row_of(pair: Pair, row: Row) -> dict[str, Any]:
     latencies = sorted(row.latencies)
     return {
-        "requester": str(pair[0]), "partner": str(pair[1]), "port": pair[2], "requests": row.requests,
+        "requester": str(pair[0]), "requester_name": None, "partner": str(pair[1]), "partner_name": None,
+        "port": pair[2], "requests": row.requests,
         "replies": row.replies, "errors": row.errors, "busy": row.busy, "timeouts": row.timeouts,
         "retransmissions": row.retransmissions, "unexpected": row.unexpected,
         "latency_ns": {

@@ -99,7 +99,10 @@ def tally(by_severity: Mapping[str, int]) -> str:
 
 def node_names(report: Report) -> dict[str, str]:
     """Return the names of the nodes that have one, by address."""
-    return {node["address"]: node["name"] for entry in report["lists"] for node in entry["nodes"] if node["name"]}
+    told = [(node["address"], node["name"]) for entry in report["lists"] for node in entry["nodes"]]
+    for row in report.get("sdo", ()):
+        told += [(row[end], row[f"{end}_name"]) for end in ("requester", "partner")]
+    return {address: name for address, name in told if name}
 
 
 def source_facts(report: Report) -> list[tuple[str, str]]:
