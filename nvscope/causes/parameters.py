@@ -40,6 +40,10 @@ _NEXT_OF_ERRORS = {
     "ODErrorReplyItems": "The number of elements: the partner's parameter has another one.",
     "ODErrorReplyCPUStopped": "Its run/stop switch and the state of its application: its program does not run.",
 }
+_NEXT_WHERE_UNDELIVERABLE = (
+    "What the ICMP messages say (`nvscope packets -Y 'icmp || icmpv6'`): port unreachable, that its program does not "
+    "listen on that port; host or network unreachable, that nobody has that address."
+)
 _NAMED = 3
 
 
@@ -56,7 +60,8 @@ def judge_unanswered_parameters(case: Case) -> Iterator[Explained]:
         when = span_in_words(case, since_ns, until_ns)
         draft = Draft(
             PARAMETERS_UNANSWERED, f"{_name(case, partner)} did not answer {requests} {_what(case, own)} {when}",
-            PARAMETERS_UNANSWERED.next_step, list(_checked(case, partner, pairs, int(np.count_nonzero(late)))),
+            _NEXT_WHERE_UNDELIVERABLE if any(one.undeliverable for one in pairs) else PARAMETERS_UNANSWERED.next_step,
+            list(_checked(case, partner, pairs, int(np.count_nonzero(late)))),
             nodes=_nodes(case, own, partner), since_ns=since_ns, until_ns=until_ns,
         )  # fmt: skip
         yield draft, case.only(own) | late
@@ -91,6 +96,8 @@ def _checked(case: Case, partner: str, pairs: Sequence[PairSummary], late: int) 
         yield f"it answered {count_of(replies, 'other')}, the slowest after {duration(slowest)}"
     else:
         yield "it answered none"
+    if undeliverable := sum(one.undeliverable for one in pairs):
+        yield f"{count_of(undeliverable, 'request')} came back: ICMP destination unreachable"
     if late:
         yield f"{count_of(late, 'reply', 'replies')} came after the timeout"
     node = _number(case, partner)

@@ -3,8 +3,20 @@
 from __future__ import annotations
 
 import random
+from ipaddress import ip_address
 
-from tests.oracle.builders import MILLISECOND, data_frame, telegram
+from tests.oracle.builders import (
+    ETHERNET,
+    MILLISECOND,
+    PROTOCOL_UDP,
+    data_frame,
+    internet_packet,
+    link_frame,
+    telegram,
+    udp,
+    unreachable,
+    whole,
+)
 from tests.oracle.frame import Frame
 from tests.oracle.rules.parameter import BUSY, ERRORS, READ, READ_REPLY, WRITE, WRITE_REPLY
 from tests.oracle.traffic import disturb_clock, generate, mutate
@@ -38,6 +50,13 @@ def conversations(seed: int, requests: int = 60) -> list[Frame]:
                     at + again * 100 * MILLISECOND, requester, partner, payload, port=port, source_port=source_port
                 )
             )
+        if rng.random() < wild / 8:
+            by = rng.choice((partner, "fe80::9" if ":" in partner else "10.0.0.9"))
+            quoted = internet_packet(
+                *map(ip_address, (requester, partner)), PROTOCOL_UDP, udp(payload, source_port=source_port, port=port)
+            )
+            told = unreachable(ip_address(by), quoted[: rng.choice((36, 38, 60, 200))], rng.choice((0, 1, 3, 4)))
+            found.append(whole(at + MILLISECOND, ETHERNET, link_frame(told)))
         for _ in range(rng.choice((1, 1, 1, 0, 2)) if rng.random() < wild else 1):
             kind = READ_REPLY if service == READ else WRITE_REPLY
             if rng.random() < wild / 3:

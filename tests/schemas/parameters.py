@@ -21,6 +21,7 @@ def sdo() -> Schema:
             "timeouts": whole("requests that nobody answered in time"),
             "retransmissions": whole("requests that were there already, and open"),
             "unexpected": whole("replies that ended no request: too late, again, or never asked for"),
+            "undeliverable": whole("requests that came back: ICMP destination unreachable"),
             "latency_ns": record(latency) | {"description": "from the first request to its reply"},
         }
     )  # fmt: skip

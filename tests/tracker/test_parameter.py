@@ -94,7 +94,7 @@ def test_the_traffic_shows_everything() -> None:
             seen.update({key: value for key, value in row.items() if isinstance(value, int)})
             seen.update(row["errors"])
         seen.update(code for code, *_ in findings)
-    wanted = ("requests", "replies", "busy", "timeouts", "retransmissions", "unexpected", *CODES)
+    wanted = ("requests", "replies", "busy", "timeouts", "retransmissions", "unexpected", "undeliverable", *CODES)
     assert min(seen[name] for name in wanted) > 20
     assert sum(name.startswith("OD") for name in seen) == 9
 

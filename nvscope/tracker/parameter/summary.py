@@ -18,7 +18,8 @@ class PairSummary:
     """What became of the requests of one node to another one.
 
     ``requests`` are those that were opened, without those that repeat one; ``replies`` ended them, ``errors`` are those
-    among these that refused, by the name of their service. ``latency`` is from the first request to its reply.
+    among these that refused, by the name of their service. ``undeliverable`` are the ICMP messages that say of requests
+    that they went nowhere. ``latency`` is from the first request to its reply.
     """
 
     requester: str
@@ -31,6 +32,7 @@ class PairSummary:
     timeouts: int
     retransmissions: int
     unexpected: int
+    undeliverable: int
     latency: LatencyFigures = field(default_factory=LatencyFigures)
 
 
@@ -49,7 +51,7 @@ def summarize_parameters(known: Transactions) -> Sequence[PairSummary]:
             address.text(*ends[0]), address.text(*ends[1]), int(port[pair]), int(columns.requests[pair]),
             int(columns.replies[pair]), MappingProxyType({service.name: count for service, count in errors if count}),
             int(columns.busy[pair]), int(columns.timeouts[pair]), int(columns.retransmissions[pair]),
-            int(columns.unexpected[pair]), figures.get(pair, LatencyFigures()),
+            int(columns.unexpected[pair]), int(columns.undeliverable[pair]), figures.get(pair, LatencyFigures()),
         )  # fmt: skip
         found.append((address.order(*ends[0]), address.order(*ends[1]), int(port[pair]), row))
     return tuple(row for *_, row in sorted(found, key=lambda one: one[:3]))

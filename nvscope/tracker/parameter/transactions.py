@@ -60,7 +60,10 @@ class Beyond(IntEnum):
 
 
 class PairColumns(KeyedColumns):
-    """One row a requester, partner and port: what became of its requests, ``errors`` as in ``ERRORS``."""
+    """One row a requester, partner and port: what became of its requests, ``errors`` as in ``ERRORS``.
+
+    ``undeliverable`` are the ICMP messages about requests.
+    """
 
     requests: I64
     replies: I64
@@ -68,11 +71,12 @@ class PairColumns(KeyedColumns):
     timeouts: I64
     retransmissions: I64
     unexpected: I64
+    undeliverable: I64
     errors: I64
     COLUMNS: ClassVar = {
         **{
             name: (np.int64(0), 1)
-            for name in ("requests", "replies", "busy", "timeouts", "retransmissions", "unexpected")
+            for name in ("requests", "replies", "busy", "timeouts", "retransmissions", "unexpected", "undeliverable")
         },
         "errors": (np.int64(0), len(ERRORS)),
     }
@@ -121,6 +125,8 @@ class Transactions:
         self.timeout_ns = told.parameter_timeout_ns
         if len(told) and (len(told.laid.parameters) or len(self._open)):
             self._observe(told)
+        if len(told.batch.quoted):
+            self._count_undeliverable(told)
         if told.until_ns is not None and len(self._open):
             late = self._open.last_ns + self.timeout_ns < told.until_ns
             self._give_up(told, self._sorted(self._open.take(late)))
@@ -183,6 +189,19 @@ class Transactions:
             self._leave_out(Beyond.OPEN, beyond.since_ns, beyond.frame)
             self._forgot_until_ns = max(self._forgot_until_ns, int(beyond.last_ns.max()) + self.timeout_ns)
             self._open = self._open.take(np.sort(by_frame[:MOST_OPEN]))
+
+    def _count_undeliverable(self, told: Told) -> None:
+        """Count requests of which ICMP messages say that they went nowhere."""
+        quoted = told.batch.quoted
+        quoted = quoted.take(np.isin(quoted.header["id"], REQUESTS))
+        if not len(quoted) or not told.hears_answers:
+            return
+        datagram = quoted.datagram
+        ends = datagram.source_hi, datagram.source_lo, datagram.destination_hi, datagram.destination_lo
+        pair = self.pairs.numbers_within(told.max_streams, *ends, datagram.destination_port.astype(np.uint64))
+        self.columns.resize(len(self.pairs))
+        self.latencies.columns.resize(len(self.pairs))
+        np.add.at(self.columns.undeliverable, pair[pair >= 0], 1)
 
     def _count_replies(self, told: Told, messages: Messages, found: Matched) -> None:
         columns, closing, closed = self.columns, messages.take(found.closing), found.closed

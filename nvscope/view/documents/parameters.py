@@ -27,6 +27,7 @@ def sdo_rows(
             "timeouts": one.timeouts,
             "retransmissions": one.retransmissions,
             "unexpected": one.unexpected,
+            "undeliverable": one.undeliverable,
             "latency_ns": {
                 "count": one.latency.count,
                 "p50": one.latency.p50,

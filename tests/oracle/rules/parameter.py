@@ -5,6 +5,7 @@ Readings, where the rules leave a choice:
 - a read and a write with the same key are two transactions; an error reply, and busy, is to what was asked for last
 - the port is the request's destination; of a reply it is 1202 where that is one of its two, else the lower one
 - latencies are those of replies; busy has none
+- who says that a request is undeliverable need not be the partner; it stays open
 - a request to everybody is one to that address, which answers nothing
 """
 
@@ -15,9 +16,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
-from tests.oracle.frame import Address, Frame, peel
+from tests.oracle.frame import Address, Datagram, Frame, Unreachable, peel
 from tests.oracle.rules.keys import node_order
-from tests.oracle.rules.telegram import telegram
+from tests.oracle.rules.telegram import IDENTITIES, telegram
 from tests.oracle.rules.timing import nearest_rank
 
 READ, READ_REPLY, WRITE, WRITE_REPLY, BUSY = 1, 2, 3, 4, 100
@@ -45,6 +46,7 @@ class Row:
     timeouts: int = 0
     retransmissions: int = 0
     unexpected: int = 0
+    undeliverable: int = 0
     latencies: list[int] = field(default_factory=list)
 
 
@@ -80,6 +82,8 @@ class Parameters:
                 self.rows[place[0]].timeouts += 1
                 self.find("NV701", place, wait.deadline, wait.frame)
         content = peel(frame)
+        if isinstance(content, Unreachable):
+            self.came_back(content.quoted)
         seen = None if content is None or not hasattr(content, "payload") else telegram(number, frame.ts_ns, content)
         if seen is None or seen.header_cut or seen.fault:
             return
@@ -90,6 +94,12 @@ class Parameters:
             ports = {content.source_port, seen.port}
             pair = (seen.destination, seen.source, LIST_PORT if LIST_PORT in ports else min(ports))
             self.reply((pair, seen.index, seen.subindex, seen.counter), seen.service, frame.ts_ns, number)
+
+    def came_back(self, quoted: Datagram) -> None:
+        """Count a message that says of a request that it went nowhere."""
+        quote = quoted.payload[:10]
+        if len(quote) == 10 and quote[:4] in IDENTITIES and int.from_bytes(quote[4:8], "little") in (READ, WRITE):
+            self.rows[quoted.source, quoted.destination, quoted.port].undeliverable += 1
 
     def request(self, place: Place, service: int, time: int, frame: int) -> None:
         self.last[place] = service
@@ -149,7 +159,7 @@ def row_of(pair: Pair, row: Row) -> dict[str, Any]:
         "requester": str(pair[0]), "requester_name": None, "partner": str(pair[1]), "partner_name": None,
         "port": pair[2], "requests": row.requests,
         "replies": row.replies, "errors": row.errors, "busy": row.busy, "timeouts": row.timeouts,
-        "retransmissions": row.retransmissions, "unexpected": row.unexpected,
+        "retransmissions": row.retransmissions, "unexpected": row.unexpected, "undeliverable": row.undeliverable,
         "latency_ns": {
             "count": len(latencies), "p50": nearest_rank(latencies, 50) if latencies else None,
             "p99": nearest_rank(latencies, 99) if latencies else None, "max": latencies[-1] if latencies else None,

@@ -16,7 +16,7 @@ TITLE = "Parameter Manager"
 MOST_PAIRS = 50
 """So many pairs of nodes are shown unless all are wanted: those of which something is wrong before the others."""
 
-_WRONG = ("timeouts", "unexpected")
+_WRONG = ("timeouts", "unexpected", "undeliverable")
 
 
 def parameters(report: Report, most: int | None = None) -> tuple[list[Measure], list[Row], int]:
@@ -47,6 +47,10 @@ def _refused(row: Row) -> Cell:
     return Cell(told, Tone.ERROR) if told else Cell(NOTHING, Tone.FAINT)
 
 
+def _came_back(row: Row) -> Cell:
+    return count_cell(row["undeliverable"], Tone.ERROR) if row["undeliverable"] else Cell(NOTHING, Tone.FAINT)
+
+
 _PAIRS = (
     Measure(Column("asks", shortest=12, identifier=True), lambda row: Cell(row["asks"], Tone.STRONG)),
     Measure(Column("asked", shortest=12, identifier=True), lambda row: Cell(row["asked"])),
@@ -56,6 +60,7 @@ _PAIRS = (
     Measure(Column("p99", right=True, importance=5), lambda row: duration_cell(row["latency_ns"]["p99"])),
     Measure(Column("max", right=True, importance=7), lambda row: duration_cell(row["latency_ns"]["max"])),
     Measure(Column("unanswered", right=True, importance=10), lambda row: count_cell(row["timeouts"], Tone.ERROR)),
+    Measure(Column("came back", right=True, importance=9), _came_back),
     Measure(Column("repeated", right=True, importance=4), lambda row: count_cell(row["retransmissions"], Tone.WARNING)),
     Measure(Column("unexpected", right=True, importance=6), lambda row: count_cell(row["unexpected"], Tone.WARNING)),
     Measure(Column("busy", right=True, importance=3), lambda row: count_cell(row["busy"])),
