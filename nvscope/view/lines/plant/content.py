@@ -149,7 +149,7 @@ def capture_lines(report: Report, clock: Clock) -> list[list[Cell]]:
     if left_out:
         verb = "is" if left_out == 1 else "are"
         frames = units.count_of(left_out, "frame")
-        told = f"{frames} {verb} left out of figures: the limit was reached ({LIMIT_REACHED.code})"
+        told = f"{frames} {verb} left out of figures or findings: the limit was reached ({LIMIT_REACHED.code})"
         lines.append([Cell(told, Tone.WARNING)])
     if left_out := report.get("evidence_left_out"):
         told = f"{units.count_of(left_out, 'event')} left out, for which there was no room: causes may lack some"
