@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,8 +15,10 @@ from nvscope.causes.words import span_in_words
 from nvscope.engine.runs import distinct
 from nvscope.findings.kind import FindingKind
 from nvscope.findings.parameter import SDO_ERROR_REPLY, SDO_TIMEOUT, SDO_UNEXPECTED_REPLY
-from nvscope.tracker.parameter.summary import PairSummary
 from nvscope.units import count_of, duration
+
+if TYPE_CHECKING:
+    from nvscope.tracker.parameter.summary import PairSummary
 
 PARAMETERS_UNANSWERED = CauseKind(
     "parameters-unanswered",
@@ -147,8 +150,8 @@ def _called(case: Case, variable: str) -> str:
     """Return the name of a finding's parameter, or without a name Index and SubIndex."""
     _, partner, place = variable.split("/", 2)
     index, subindex = place.split(":")
-    definition = case.facts.definition
-    return place if definition is None else definition.parameters.name_of(partner, int(index, 16), int(subindex))
+    known = case.facts.definition and case.facts.definition.parameters
+    return known.name_of(partner, int(index, 16), int(subindex)) if known else place
 
 
 def _pairs(case: Case, partner: str) -> Sequence[PairSummary]:

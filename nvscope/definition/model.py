@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
-from nvscope.definition.parameters import NO_PARAMETERS, Parameters
 from nvscope.list_key import ANY_CHANNEL, ListKey
 
 if TYPE_CHECKING:  # where no list is defined, nothing of its variables is imported
+    from nvscope.definition.parameters import Parameters
     from nvscope.definition.position import Position
     from nvscope.definition.variables import Variable
 
@@ -96,12 +96,12 @@ class ListDefinition:
 class Definition:
     """All lists of all files, and the files that had to be ``left_out`` because of a mistake in them, with that.
 
-    ``parameters`` are those of the Parameter Manager, which only the project file tells.
+    ``parameters`` are those of the Parameter Manager, which only the project file tells; None where it tells none.
     """
 
     lists: tuple[ListDefinition, ...] = ()
     left_out: tuple[Problem, ...] = ()
-    parameters: Parameters = NO_PARAMETERS
+    parameters: Parameters | None = None
 
     def flaws_of(self, lists: Iterable[ListDefinition]) -> list[Flaw]:
         """Return the flaws of some lists, each once, by file, line and column."""

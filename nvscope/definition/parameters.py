@@ -54,6 +54,3 @@ class Parameters:
         """Return what a parameter is called: its name, or where it has none Index and SubIndex."""
         found = self.of(node, index, subindex)
         return found.name if found is not None and found.name else units.parameter(index, subindex)
-
-
-NO_PARAMETERS = Parameters()

@@ -289,9 +289,10 @@ def _left_out(facts: Facts) -> Iterator[Finding]:
 
 def _parameters_left_out(facts: Facts) -> Iterator[tuple[Events, str]]:
     """Yield what was left out of the Parameter Manager's conversations, and what it is in words."""
-    log = facts.state.parameters.left_out
-    if not len(log.rows):
+    known = facts.state.parameters.known
+    if known is None or not len(known.left_out.rows):
         return
+    log = known.left_out
     from nvscope.tracker.parameter.transactions import MOST_OPEN, Beyond
 
     nouns = {

@@ -71,8 +71,8 @@ SDO_SLOW = FindingKind(
 
 def judge_parameters(facts: Facts) -> Iterator[Finding]:
     """Yield a finding for each parameter of a partner that a node asked for, and of which something is to be said."""
-    known = facts.state.parameters
-    if not len(known.pairs):
+    known = facts.state.parameters.known
+    if known is None:
         return
     from nvscope.tracker.parameter.transactions import event_parts
 
@@ -85,20 +85,19 @@ def judge_parameters(facts: Facts) -> Iterator[Finding]:
             found[event, known.described(number)].append((service, events))
     nodes = {text: number for number, text in enumerate(facts.summary.addresses)}
     for (event, asked), parts in found.items():
-        yield _finding(facts, nodes, event, asked, parts)
+        yield _finding(facts, nodes, event, asked, parts, known.timeout_ns)
 
 
 def _finding(
-    facts: Facts, nodes: Mapping[str, int], event: int, asked: Asked, parts: list[tuple[int, Events]]
+    facts: Facts, nodes: Mapping[str, int], event: int, asked: Asked, parts: list[tuple[int, Events]], timeout_ns: int
 ) -> Finding:  # fmt: skip
     from dissectors.netvar import Service
     from nvscope.tracker.parameter.events import ParameterEvent
 
-    known = facts.state.parameters
     together = parts[0][1]
     for _, events in parts[1:]:
         together = together.among(events)
-    timeout = duration(known.timeout_ns)
+    timeout = duration(timeout_ns)
     ends = f"{asked.requester} for {_called(facts, asked)}"
     if event == ParameterEvent.TIMEOUT:
         kind = SDO_TIMEOUT
@@ -113,7 +112,7 @@ def _finding(
     elif event == ParameterEvent.SLOW:
         kind = SDO_SLOW
         message = (
-            f"{asked.partner} took more than {duration(known.timeout_ns // 2)} for "
+            f"{asked.partner} took more than {duration(timeout_ns // 2)} for "
             f"{count_of(together.count, 'reply', 'replies')} to {ends}, half of the timeout."
         )
     else:
@@ -130,7 +129,7 @@ def _finding(
 
 def _called(facts: Facts, asked: Asked) -> str:
     """Return the name of a parameter with its place, or without a name the place alone."""
-    if facts.definition is None:
+    if facts.definition is None or facts.definition.parameters is None:
         return asked.name
     name = facts.definition.parameters.name_of(asked.partner, asked.index, asked.subindex)
     return name if name == asked.name else f"{name} ({asked.name})"

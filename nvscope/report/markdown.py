@@ -9,7 +9,7 @@ from nvscope.findings.kind import Severity
 from nvscope.report import folding, hops, missing, timing
 from nvscope.report.ansi import batched
 from nvscope.view.escape import markdown_code, markdown_safe
-from nvscope.view.lines.plant import buses, content, happenings, parameters, strips, tables
+from nvscope.view.lines.plant import buses, content, happenings, strips, tables
 from nvscope.view.lines.table import NO_BREAK, NOTHING, Cell, Column
 
 if TYPE_CHECKING:
@@ -73,8 +73,10 @@ def _lines(
         yield from _rows([measure.column for measure in overview.measures], overview.rows)
     for bus in buses.buses(report)[0]:
         yield from _bus(bus, clock, everything=everything)
-    measures, rows, _ = parameters.parameters(report)
-    if rows:
+    if "sdo" in report:
+        from nvscope.view.lines.plant import parameters  # noqa: PLC0415  # few plants have any
+
+        measures, rows, _ = parameters.parameters(report)
         yield ""
         yield f"### {parameters.TITLE}"
         yield ""

@@ -13,7 +13,7 @@ from nvscope.findings.kind import Severity
 from nvscope.report import diagnosis, folding, hops, missing, timing
 from nvscope.report.ansi import painted
 from nvscope.view.escape import visible_document
-from nvscope.view.lines.plant import buses, causes, content, happenings, parameters, strips, tables
+from nvscope.view.lines.plant import buses, causes, content, happenings, strips, tables
 from nvscope.view.lines.table import GAP, NO_BREAK, Cell, Column, Line, Tone, align, aligned, wrap
 from nvscope.view.lines.text_width import display_width
 
@@ -117,13 +117,8 @@ def _lines(
     if left:
         more = f"{units.count_of(left, 'bus', 'buses')} more: -v shows all, --json and --md too."
         yield from ([], *wrap([Cell(more)], text_width))
-    measures, rows, left = parameters.parameters(report, None if asked.details else parameters.MOST_PAIRS)
-    if rows:
-        yield from _section(parameters.TITLE, width)
-        yield from _table(measures, rows, room)
-    if left:
-        more = f"{units.count_of(left, 'pair')} more, none with anything worse: -v shows all, --json and --md too."
-        yield from ([], *wrap([Cell(more)], text_width))
+    if "sdo" in report:
+        yield from _parameters(report, width, room, asked)
     measures, rows = hops.hops(report)
     if "hops" in report:
         yield from _section(hops.TITLE, width)
@@ -203,6 +198,19 @@ def _more_lists(overview: tables.Overview) -> str:
     worst = overview.left_worst
     found = "nothing was found of them" if worst is None else f"none with worse than {content.status(worst).text}"
     return f"{units.count_of(overview.left, 'list')} more, {found}: -v shows all, --json and --md too."
+
+
+def _parameters(report: content.Report, width: int, room: int | None, asked: Asked) -> Iterator[Line]:
+    # Few plants have any.
+    from nvscope.view.lines.plant import parameters  # noqa: PLC0415
+
+    measures, rows, left = parameters.parameters(report, None if asked.details else parameters.MOST_PAIRS)
+    if rows:
+        yield from _section(parameters.TITLE, width)
+        yield from _table(measures, rows, room)
+    if left:
+        more = f"{units.count_of(left, 'pair')} more, none with anything worse: -v shows all, --json and --md too."
+        yield from ([], *wrap([Cell(more)], min(width, _TEXT_WIDTH)))
 
 
 def _section(title: str, width: int) -> list[Line]:

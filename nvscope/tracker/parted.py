@@ -13,7 +13,7 @@ from nvscope.tracker.accumulator import Accumulator
 from nvscope.tracker.can.state import BusState
 from nvscope.tracker.capture import CaptureState
 from nvscope.tracker.lists import ListState
-from nvscope.tracker.parameter.transactions import Transactions
+from nvscope.tracker.parameter.state import ParameterState
 from nvscope.tracker.senders import SenderState
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.variables.values import Values
@@ -43,7 +43,7 @@ class PartedState:
         self._lists = [ListState(values() if values else None) for _ in range(parts)]
         self._senders = [SenderState(recent=recent) for _ in range(parts)]
         self._buses = [BusState() for _ in range(parts)]
-        self._parameters = [Transactions() for _ in range(parts)]
+        self._parameters = [ParameterState() for _ in range(parts)]
         self._make_others = others
         made = [others() for _ in range(parts)]
         self._others = {name: [one[name] for one in made] for name in made[0]}

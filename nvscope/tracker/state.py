@@ -18,7 +18,7 @@ from nvscope.engine.told import Told
 from nvscope.tracker.can.state import BusState
 from nvscope.tracker.capture import CaptureState
 from nvscope.tracker.lists import ListState
-from nvscope.tracker.parameter.transactions import Transactions
+from nvscope.tracker.parameter.state import ParameterState
 from nvscope.tracker.senders import SenderState
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class TrackerState:
         self.lists = ListState(values)
         self.senders = SenderState(recent=recent)
         self.buses = BusState()
-        self.parameters = Transactions()
+        self.parameters = ParameterState()
         self.others = others
         self._listeners = listeners
 

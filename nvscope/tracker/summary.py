@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -30,11 +30,13 @@ from nvscope.tracker.intervals import StreamIntervals
 from nvscope.tracker.list_diagnosis import diagnose
 from nvscope.tracker.lists import ListColumns
 from nvscope.tracker.loss import StreamSequences
-from nvscope.tracker.parameter.summary import PairSummary, summarize_parameters
 from nvscope.tracker.scopes import scopes_in_force
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.stream_summary import StreamSummary
 from nvscope.tracker.together import NOTHING_KNOWN_TOGETHER, Together, counted_together, taken_together
+
+if TYPE_CHECKING:  # most plants have no such telegrams
+    from nvscope.tracker.parameter.summary import PairSummary
 
 UNUSED_FROM_TELEGRAMS = 8
 """So many of a stream, all with one Counter, and it does not count; each recording's first one behind the first says
@@ -128,8 +130,16 @@ def summarize(
     together = taken_together(state, intervals, intervals_ns)
     return Summary(
         tuple(lists), addresses, tuple(order), MappingProxyType(scopes), capture, timeout_ns, can, together,
-        summarize_parameters(state.parameters),
+        _parameters(state),
     )  # fmt: skip
+
+
+def _parameters(state: TrackerState) -> Sequence[PairSummary]:
+    if state.parameters.known is None:
+        return ()
+    from nvscope.tracker.parameter.summary import summarize_parameters  # noqa: PLC0415
+
+    return summarize_parameters(state.parameters.known)
 
 
 def _streams(

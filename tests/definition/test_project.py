@@ -211,6 +211,7 @@ def test_parameters_have_names_and_types_of_one_node_or_of_all(tmp_path: Path) -
 "0x2001:0" = { name = "sName", type = "wstring" }
 """
     known = plant(tmp_path, told).definition.parameters
+    assert known is not None
     mode, speed = known.of("10.0.0.9", 0x2000, 1), known.of("10.0.0.1", 0x2000, 1)
     assert mode is not None
     assert speed is not None
@@ -219,7 +220,7 @@ def test_parameters_have_names_and_types_of_one_node_or_of_all(tmp_path: Path) -
     assert known.of("10.0.0.2", 0x2001, 0) == ParameterDefinition(0x2001, 0, "sName", String(wide=True))
     assert known.of("10.0.0.1", 0x2000, 2) is None
     assert [known.name_of(f"10.0.0.{node}", 0x2000, 1) for node in (1, 2, 3)] == ["rSpeed", "0x2000:1", "nMode"]
-    assert not plant(tmp_path, "").definition.parameters
+    assert plant(tmp_path, "").definition.parameters is None
 
 
 @pytest.mark.parametrize(

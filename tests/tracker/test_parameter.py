@@ -166,9 +166,14 @@ def test_there_is_a_limit_for_those_who_make_up_requests() -> None:
         for number in range(3_000)
     ]  # fmt: skip
     state = tracked([batch_of(frames)], Reading(max_streams=100))
-    assert len(state.parameters.parameters) == 100
+    known = state.parameters.known
+    assert isinstance(known, Transactions)
+    assert len(known.parameters) == 100
     assert told(state)[0][0]["requests"] == 3_000
-    assert isinstance(state.parameters, Transactions)
+
+
+def test_where_nobody_asks_nothing_is_kept() -> None:
+    assert tracked([batch_of([data_frame(0, ASKING, "255.255.255.255", telegram(0, 1))])]).parameters.known is None
 
 
 def test_conversations_are_in_order() -> None:

@@ -16,7 +16,6 @@ from dissectors import address
 from dissectors.batch import I64, U64
 from dissectors.keys import KeyTable
 from dissectors.netvar import PORT, Fault, Service
-from nvscope.engine.dealing import Share, SplitBy
 from nvscope.engine.events import EventBatch
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.reading import PARAMETER_TIMEOUT_NS
@@ -107,8 +106,6 @@ class Transactions:
     ends none may be to one of these: it is left out, too.
     """
 
-    SPLIT_BY: ClassVar = SplitBy.LIST  # of no list: all go to the first part
-
     def __init__(self) -> None:
         self.pairs = KeyTable(5)
         self.columns = PairColumns()
@@ -153,15 +150,6 @@ class Transactions:
         requester_hi, requester_lo, partner_hi, partner_lo, _ = (int(one[pair]) for one in self.pairs.words)
         ends = address.text(requester_hi, requester_lo), address.text(partner_hi, partner_lo)
         return Asked(*ends, word >> 16, word & 0xFFFF)
-
-    def take(self, part: Transactions, share: Share) -> None:
-        """Take over what the first part has counted: it has all of it."""
-        if share.part:
-            return
-        self.pairs, self.columns, self.latencies = part.pairs, part.columns, part.latencies
-        self.parameters, self.events = part.parameters, part.events
-        self.left_out, self.timeout_ns, self._open = part.left_out, part.timeout_ns, part._open
-        self._forgot_until_ns = part._forgot_until_ns
 
     def _sorted(self, waits: Open) -> Open:
         return waits.take(np.lexsort((waits.frame, waits.last_ns)))

@@ -36,7 +36,6 @@ from nvscope.view.documents.figures import (
     time_text,
 )
 from nvscope.view.documents.measured_row import MeasuredRow, of_measured, with_values
-from nvscope.view.documents.parameters import sdo_rows
 from nvscope.view.documents.verdicts import Verdicts, key_of, verdicts
 
 if TYPE_CHECKING:
@@ -106,7 +105,10 @@ def report_document(
         "findings": Drawn(findings, lambda finding: _finding_row(finding, keys, summary)),
     }
     whole_summary = whole or summary
-    document |= {"sdo": sdo_rows(whole_summary.parameters, node_names)} if whole_summary.parameters else {}
+    if whole_summary.parameters:
+        from nvscope.view.documents.parameters import sdo_rows  # noqa: PLC0415
+
+        document["sdo"] = sdo_rows(whole_summary.parameters, node_names)
     document |= {"buses": can_buses(summary.can, names, measures)} if summary.can.buses else {}
     return document if drawn else dict(plain(document))
 
