@@ -14,6 +14,7 @@ from nvscope.tui.actions import ACTIONS
 from nvscope.tui.own_load import OwnLoadMeter
 from nvscope.tui.packets.fields_pane import FieldsPane
 from nvscope.view.lines.plant.source_blocks import OwnLoad
+from tests.laws import share_of
 from tests.tui.screen import Screen, on_screen
 
 CAPTURES = Path(__file__).parents[2] / "captures"
@@ -24,7 +25,7 @@ PRESS_GVL = [str(CAPTURES / "can" / "press.gvl")]
 NOT_PRESSED = {"program.quit", "program.suspend", "program.command", "find.filter", "show.copy", "time.go"}
 PRESSED = [action.name for action in ACTIONS if action.name not in NOT_PRESSED and not action.name.startswith("record")]
 MOVES = [name for name in PRESSED if name.startswith(("move.", "time."))]
-COMPARED = 60
+COMPARED = 160
 PATIENCE = 100
 
 
@@ -55,7 +56,7 @@ def test_the_screen_is_as_if_drawn_as_a_whole(
 
     async def try_out(screen: Screen) -> None:
         compared = 0
-        while compared < COMPARED:
+        while compared < share_of(COMPARED):
             name = chosen.choice(PRESSED if chosen.random() < 0.5 else MOVES)
             if name == "program.back" and screen.app.front is screen.app.views[0]:
                 continue
