@@ -78,6 +78,12 @@ KNOWN_SERVICE = np.isin(np.arange(102), [service.value for service in Service])
 """Mask over ID, whose last entry stands for everything above."""
 
 LIST_SERVICES = (Service.ODStateFree, Service.ODAcknowledgement, Service.ODBootUpRequest)
+PARAMETER_REQUESTS = (Service.ODReadRequest, Service.ODWriteRequest)
+"""What opens a conversation with the Parameter Manager; all others of its services answer."""
+
+PARAMETER_ERRORS = tuple(one for one in Service if Service.ODErrorReplyUnknown <= one <= Service.ODErrorReplyCPUStopped)
+"""The error replies of the Parameter Manager, in the order of their numbers."""
+
 IS_PARAMETER = KNOWN_SERVICE.copy()
 """Mask over ID, as ``KNOWN_SERVICE``: the services of the Parameter Manager, whose Index is not that of a list."""
 

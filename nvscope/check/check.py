@@ -83,25 +83,19 @@ class Evidence:
 
     def lost_between(self, since_ns: int, until_ns: int) -> int:
         """Return how many packets the captures may have lost within a time: as far as nobody says when, all of them."""
-        found = 0
-        for info in self.infos:
-            if sum(one.packets for one in info.lost) != info.drops:
-                found += info.drops or 0
-                continue
-            found += sum(one.packets for one in info.lost if one.touches(since_ns, until_ns))
-        return found
+        return self._lost_within([(since_ns, until_ns)])
 
     def lost_near(self, times_ns: Sequence[int], around_ns: int) -> int:
         """Return how many packets the captures may have lost around any of some times, each once."""
+        return self._lost_within([(time_ns - around_ns, time_ns + around_ns) for time_ns in times_ns])
+
+    def _lost_within(self, spans: Sequence[tuple[int, int]]) -> int:
         found = 0
         for info in self.infos:
             if sum(one.packets for one in info.lost) != info.drops:
                 found += info.drops or 0
                 continue
-            found += sum(
-                one.packets for one in info.lost
-                if any(one.touches(time_ns - around_ns, time_ns + around_ns) for time_ns in times_ns)
-            )  # fmt: skip
+            found += sum(one.packets for one in info.lost if any(one.touches(*span) for span in spans))
         return found
 
     @property

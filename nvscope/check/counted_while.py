@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict, deque
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
@@ -11,6 +11,7 @@ import numpy as np
 from dissectors.batch import Bool
 from nvscope.check.asked_rows import EVERY_LIST
 from nvscope.check.check import Setting
+from nvscope.check.open_gaps import OpenGaps
 from nvscope.check.while_so import So, WhileSo, while_so
 from nvscope.engine.events import EventBatch
 from nvscope.engine.told import Told
@@ -21,7 +22,6 @@ from nvscope.tracker.subjects import Subject
 
 NOTHING_CAME = "none of its telegrams came while when was so"
 
-_MOST_GAPS = 64
 _EVERY = -1
 """In place of a scope: no Counter is looked at."""
 
@@ -45,8 +45,8 @@ class CountedWhile:
         self._sums: dict[tuple[int, int, int], int] = defaultdict(int)
         self._most: dict[tuple[int, int, int], int] = defaultdict(int)
         self._amounts: dict[tuple[int, int, int], int] = defaultdict(int)
-        self._open: dict[tuple[int, int, int, int], deque[list[int]]] = {}
-        """By list, node, SubIndex and scope: of the last gaps, how many are still missing, and whether they count."""
+        self._open: OpenGaps[bool] = OpenGaps()
+        """With each gap, whether it counts."""
 
         self._back: dict[tuple[int, int], int] = defaultdict(int)
         self._frames: dict[tuple[int, int, int], list[tuple[int, int]]] = defaultdict(list)
@@ -100,16 +100,12 @@ class CountedWhile:
                 scope = _scope(events)
                 rows += [(*row, scope, events.kind) for row in zip(*(one.tolist() for one in columns), strict=True)]
         for _, number, node, subindex, amount, counts, scope, kind in sorted(rows):
-            gaps = self._open.setdefault((number, node, subindex, scope), deque(maxlen=_MOST_GAPS))
+            place = number, node, subindex, scope
             if kind is EventKind.GAP:
-                gaps.append([amount, counts])
+                self._open.add(place, amount, counts)
                 continue
-            left = amount
-            for gap in reversed(gaps):
-                back = min(left, gap[0])
-                gap[0] -= back
-                left -= back
-                self._back[number, scope] += back if gap[1] else 0
+            for back, was_counted in self._open.take_back(place, amount):
+                self._back[number, scope] += back if was_counted else 0
 
     def _count(self, events: EventBatch) -> None:
         scope = _scope(events)

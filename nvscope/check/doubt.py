@@ -47,7 +47,7 @@ def doubt_of_several(known: Evidence, times_ns: Sequence[int], needed: int, with
     lies up to ``within_ns`` before or behind.
     """
     around_ns = _AROUND_NS + within_ns
-    if not times_ns or not all(known.lost_between(one - around_ns, one + around_ns) for one in times_ns):
+    if not times_ns or not all_near_drops(known, times_ns, around_ns):
         return ""
     drops = known.lost_near(times_ns, around_ns)
     if drops < needed:
@@ -55,9 +55,9 @@ def doubt_of_several(known: Evidence, times_ns: Sequence[int], needed: int, with
     return f"the capture itself lost {count_of(drops, 'frame')}: it may have been these"
 
 
-def all_near_drops(known: Evidence, times_ns: Sequence[int]) -> bool:
+def all_near_drops(known: Evidence, times_ns: Sequence[int], around_ns: int = _AROUND_NS) -> bool:
     """Tell whether at each of some times the capture may have lost frames itself."""
-    return all(known.lost_between(one - _AROUND_NS, one + _AROUND_NS) for one in times_ns)
+    return all(known.lost_near([one], around_ns) for one in times_ns)
 
 
 def parts(length_ns: int, most_ns: int) -> int:

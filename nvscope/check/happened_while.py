@@ -11,10 +11,11 @@ import numpy as np
 from nvscope.causes.cause import Cause
 from nvscope.check.check import Setting
 from nvscope.check.so_spans import SoSpans
-from nvscope.check.verdict import Verdict
+from nvscope.check.verdict import Judged, Verdict
 from nvscope.check.while_so import WhileSo, while_so
 from nvscope.engine.told import Told
 from nvscope.findings.finding import Finding
+from nvscope.tracker.event_kinds import FRAMES_KEPT
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +51,15 @@ def _unless_left_out(spans: SoSpans) -> bool | None:
     return None if spans.left_out else False
 
 
+def title_of(one: Finding | Cause) -> str:
+    """Return what is told of it in few words."""
+    return one.title if isinstance(one, Cause) else f"{one.code} {one.kind.name}"
+
+
+def _begin_ns(one: Finding | Cause) -> int | None:
+    return one.since_ns if isinstance(one, Cause) else one.first_ns
+
+
 Happened = TypeVar("Happened", bound=Finding | Cause)
 
 
@@ -62,6 +72,16 @@ def judged_while(found: Sequence[Happened], watched: HappenedWhile | None) -> tu
     if judged or None not in has:
         return judged, Verdict.FAIL if judged else Verdict.PASS, ""
     return judged, Verdict.INCONCLUSIVE, NOBODY_KNOWS
+
+
+def judged_of(found: Sequence[Finding | Cause], verdict: Verdict, reason: str, unit: str) -> Judged:
+    """Return a verdict on what was found, with when the first of it began and its first frames."""
+    begin_ns = [one for one in map(_begin_ns, found) if one is not None]
+    frames = sorted({frame for one in found for frame in one.frames})[:FRAMES_KEPT]
+    return Judged(
+        verdict, reason=reason, worst=len(found), limit=0, unit=unit, count=len(found),
+        first_ns=min(begin_ns, default=None), frames=tuple(frames),
+    )  # fmt: skip
 
 
 NOBODY_KNOWS = "it goes on for longer than its frames are kept: nobody knows whether it happened while when was so"

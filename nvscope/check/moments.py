@@ -113,6 +113,11 @@ class MomentWatcher:
             self.judged += 1
             self.carry(self._setting.since_ns, before)
 
+    def carry_up_to(self, until_ns: int) -> None:
+        """Do the same where nothing has come behind the warm-up, if that is over by a time."""
+        if self._setting.since_ns is not None and until_ns >= self._setting.since_ns:
+            self._carry_over()
+
     def carry(self, time_ns: int, before: Before) -> None:
         """Take that something is so at a time, and was before."""
 
@@ -130,23 +135,34 @@ class MomentWatcher:
         raise NotImplementedError
 
 
-class TruthWatcher(MomentWatcher):
-    """Watches for how long an expression is not as ``wanted``; moments at which nobody knows are left out.
+class ConditionWatcher(MomentWatcher):
+    """Watches one expression; ``known`` counts the moments at which it was judged."""
 
-    ``known`` counts the moments at which it was judged.
-    """
-
-    def __init__(self, setting: Setting, text: str, limit_ns: int, *, wanted: bool) -> None:
+    def __init__(self, setting: Setting, text: str) -> None:
         self._condition = Condition(text, setting.fields)
         super().__init__(setting, [self._condition])
-        self._wanted = wanted
-        self.broken = Stretches(limit_ns)
         self.known = 0
         self._told: tuple[bool, bool] | None = None
 
     @property
     def _lasting(self) -> tuple[bool, bool] | None:
         return self._told if self._condition.lasts else None
+
+    def asked(self, asked: Asked, judged: Bool) -> tuple[Bool, Bool]:
+        """Tell of which telegrams it is true, and of which that is known; some of them are judged."""
+        true, known = self._condition.told(asked)
+        self._told = bool(true[-1]), bool(known[-1])
+        self.known += int(np.count_nonzero(judged & known))
+        return true, known
+
+
+class TruthWatcher(ConditionWatcher):
+    """Watches for how long an expression is not as ``wanted``; moments at which nobody knows are left out."""
+
+    def __init__(self, setting: Setting, text: str, limit_ns: int, *, wanted: bool) -> None:
+        super().__init__(setting, text)
+        self._wanted = wanted
+        self.broken = Stretches(limit_ns)
 
     def carry(self, time_ns: int, before: Before) -> None:
         """Take that something is so at a time, and was before."""
@@ -157,17 +173,13 @@ class TruthWatcher(MomentWatcher):
     def up_to(self, until_ns: int) -> TruthWatcher:
         """Return it with what is broken at a time ended by then; this one goes on."""
         found = copy(self)
-        found.broken = copy(self.broken)
-        found.broken.frames = list(self.broken.frames)
-        if self._setting.since_ns is not None and until_ns >= self._setting.since_ns:
-            found._carry_over()
+        found.broken = self.broken.copied()
+        found.carry_up_to(until_ns)
         found.broken.end(until_ns)
         return found
 
     def take(self, asked: Asked, judged: Bool) -> None:
-        true, known = self._condition.told(asked)
-        self._told = bool(true[-1]), bool(known[-1])
-        self.known += int(np.count_nonzero(judged & known))
+        true, known = self.asked(asked, judged)
         row = np.flatnonzero(known | ~judged)
         so = (judged & known & (true != self._wanted))[row]
         self.broken.take(asked.time_ns[row], asked.frame[row], so)
@@ -248,20 +260,13 @@ class WaitWatcher(MomentWatcher):
             self.frames += frame[late[: FRAMES_KEPT - len(self.frames)]].tolist()
 
 
-class FirstWatcher(MomentWatcher):
+class FirstWatcher(ConditionWatcher):
     """Watches when an expression is true for the first time."""
 
     def __init__(self, setting: Setting, text: str) -> None:
-        self._condition = Condition(text, setting.fields)
-        super().__init__(setting, [self._condition])
-        self.known = 0
+        super().__init__(setting, text)
         self.first_ns: int | None = None
         self.frame: int | None = None
-        self._told: tuple[bool, bool] | None = None
-
-    @property
-    def _lasting(self) -> tuple[bool, bool] | None:
-        return self._told if self._condition.lasts else None
 
     def carry(self, time_ns: int, before: Before) -> None:
         """Take that something is so at a time, and was before."""
@@ -272,14 +277,11 @@ class FirstWatcher(MomentWatcher):
     def up_to(self, until_ns: int) -> FirstWatcher:
         """Return it as it is at a time, of which nothing more comes; this one goes on."""
         found = copy(self)
-        if self._setting.since_ns is not None and until_ns >= self._setting.since_ns:
-            found._carry_over()
+        found.carry_up_to(until_ns)
         return found
 
     def take(self, asked: Asked, judged: Bool) -> None:
-        true, known = self._condition.told(asked)
-        self._told = bool(true[-1]), bool(known[-1])
-        self.known += int(np.count_nonzero(known & judged))
+        true, _ = self.asked(asked, judged)
         row = np.flatnonzero(true & judged)
         if len(row) and self.first_ns is None:
             self.first_ns, self.frame = int(asked.time_ns[row[0]]), int(asked.frame[row[0]])

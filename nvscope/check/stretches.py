@@ -44,10 +44,15 @@ class Stretches:
         if len(begin) > len(end):
             self._since_ns, self._frame = int(time_ns[begin[-1]]), int(frame[begin[-1]])
 
-    def up_to(self, until_ns: int) -> Stretches:
-        """Return what it would be if what is so ended with a time; this one goes on."""
+    def copied(self) -> Stretches:
+        """Return a copy that goes on by itself."""
         found = copy(self)
         found.frames = list(self.frames)
+        return found
+
+    def up_to(self, until_ns: int) -> Stretches:
+        """Return what it would be if what is so ended with a time; this one goes on."""
+        found = self.copied()
         found.end(until_ns)
         return found
 

@@ -353,10 +353,8 @@ class HopWatcher(MomentWatcher):
     def up_to(self, until_ns: int) -> HopWatcher:
         """Return it with what goes on at a time ended by then; this one goes on."""
         found = copy(self)
-        found.apart = copy(self.apart)
-        found.apart.frames = list(self.apart.frames)
-        if self._setting.since_ns is not None and until_ns >= self._setting.since_ns:
-            found._carry_over()
+        found.apart = self.apart.copied()
+        found.carry_up_to(until_ns)
         found.apart.end(until_ns)
         return found
 

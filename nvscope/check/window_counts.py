@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
@@ -12,6 +11,7 @@ import numpy as np
 from dissectors.batch import I64
 from nvscope.check.asked_rows import OfLists
 from nvscope.check.check import Setting
+from nvscope.check.open_gaps import OpenGaps
 from nvscope.engine.events import EventBatch
 from nvscope.engine.told import Told
 from nvscope.tracker.event_kinds import EventKind
@@ -26,8 +26,6 @@ _KINDS = frozenset(step.kind for name in COUNTED[1:] for step in STEPS[name])
 _NO_FRAME = np.iinfo(np.int64).max
 _PATIENCE_NS = 100_000_000
 """So long windows wait behind their ends: what was overtaken by then has not been missing in them."""
-
-_MOST_GAPS = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +62,8 @@ class WindowCounts:
         self._told: Told | None = None
         self._is_heard, self._until = True, 0
         self._open = _nothing({TELEGRAMS: None})
-        self._gaps: dict[tuple[int, int, int, int], deque[list[int]]] = {}
-        """By list, node, SubIndex and scope: of the last gaps, how many are still missing, and in which window."""
+        self._gaps: OpenGaps[int] = OpenGaps()
+        """With each gap, in which window it is."""
 
         self.ended: list[Counted] = []
         self._lists = OfLists()
@@ -167,17 +165,15 @@ class WindowCounts:
         rows = []
         for frame, number, node, subindex, amount, window, at_ns, scope, is_gap in sorted(told):
             waits_from = (at_ns - _PATIENCE_NS - self._begin_ns) // self.length_ns
-            gaps = self._gaps.setdefault((number, node, subindex, scope), deque(maxlen=_MOST_GAPS))
+            stream = number, node, subindex, scope
             if is_gap:
-                gaps.append([amount, window])
+                self._gaps.add(stream, amount, window)
                 rows.append((number, window, frame, amount))
                 continue
             left = amount
-            for gap in reversed(gaps):
-                back = min(left, gap[0])
-                left, gap[0] = left - back, gap[0] - back
-                if back:
-                    rows.append((number, gap[1] if gap[1] >= waits_from else window, _NO_FRAME, -back))
+            for back, missed_in in self._gaps.take_back(stream, amount):
+                left -= back
+                rows.append((number, missed_in if missed_in >= waits_from else window, _NO_FRAME, -back))
             if left:
                 rows.append((number, window, frame, -left))
         lists, windows, frames, lost = np.array(rows, np.int64).reshape(-1, 4).T

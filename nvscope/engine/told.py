@@ -74,9 +74,10 @@ class Told:
 
     def __init__(
         self, batch: SortedPackets, *, first_frame: int, start_ns: int, before_ns: int, pdos: PdoRules,
-        timeout_ns: int, choose: Choose | None = None, laid: Laid | None = None, until_ns: int | None = None,
+        timeout_ns: int, parameter_timeout_ns: int, choose: Choose | None = None, laid: Laid | None = None,
+        until_ns: int | None = None,
         dissectors: Sequence[Dissector] = (), max_streams: int = MAX_STREAMS, all_frames: bool = False,
-        unheard: Sequence[Unheard] = (), hears_answers: bool = True, parameter_timeout_ns: int = 500_000_000,
+        unheard: Sequence[Unheard] = (), hears_answers: bool = True,
     ) -> None:  # fmt: skip
         self.batch = batch
         self.first_frame = first_frame

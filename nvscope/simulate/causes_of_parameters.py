@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dissectors.batch import Bool
+from nvscope.engine.reading import PARAMETER_TIMEOUT_NS
 from nvscope.simulate.parameters import asked_ns, chosen
 from nvscope.simulate.put_in import Plant, PutIn
 from nvscope.simulate.scenario import ParameterRequests
@@ -25,7 +26,7 @@ def causes_of_parameters(plant: Plant) -> Iterator[PutIn]:
 
 
 def _not_answered(one: ParameterRequests, count: int) -> Bool:
-    late = chosen(one.late, count) & (one.late_by_ns > one.TIMEOUT_NS)
+    late = chosen(one.late, count) & (one.late_by_ns > PARAMETER_TIMEOUT_NS)
     return chosen(one.unanswered, count) | late
 
 

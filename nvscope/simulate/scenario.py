@@ -17,11 +17,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import ClassVar
 
 from dissectors.can.frame import MAX_DATA_BYTES as MAX_PDO_BYTES
-from dissectors.netvar import Service
-from nvscope.engine.reading import PARAMETER_TIMEOUT_NS
+from dissectors.netvar import PARAMETER_ERRORS
 from nvscope.errors import ConfigurationError
 from nvscope.list_key import ListKey
 from nvscope.simulate.can.tables import Bus, BusOff, BusOverload, CanList, CanTraffic, ErrorFrames
@@ -478,8 +476,6 @@ class Traffic:
 class ParameterRequests:
     """A node that asks another one for a parameter again and again, and what comes of each request."""
 
-    TIMEOUT_NS: ClassVar = PARAMETER_TIMEOUT_NS
-
     node: str = key(TEXT, "who asks")
     to: str = key(TEXT, "who is asked")
     index: int = key(integer(0, U16_MAX), "Index of the parameter", default=0x2000)
@@ -496,7 +492,7 @@ class ParameterRequests:
     unanswered: tuple[int, ...] = key(array(integer(1, 2**31)), "requests without a reply, by number", default=())
     refused: tuple[int, ...] = key(array(integer(1, 2**31)), "requests that are refused", default=())
     error: str = key(
-        choice(*(one.name for one in Service if Service.ODErrorReplyUnknown <= one <= Service.ODErrorReplyCPUStopped)),
+        choice(*(one.name for one in PARAMETER_ERRORS)),
         "the service with which they are", default="ODErrorReplyIdx",
     )  # fmt: skip
     late: tuple[int, ...] = key(array(integer(1, 2**31)), "requests whose reply takes late_by", default=())

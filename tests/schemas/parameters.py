@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from nvscope.tracker.parameter.transactions import ERRORS
+from dissectors.netvar import PARAMETER_ERRORS
 from tests.schemas.shapes import PORT, Schema, duration, maybe, record, text, whole
 
 
 def sdo() -> Schema:
     """Return the schema of a row of ``sdo``."""
-    errors = {service.name: whole("", 1) for service in ERRORS}
+    errors = {service.name: whole("", 1) for service in PARAMETER_ERRORS}
     latency = {"count": whole(), **{name: maybe(duration()) for name in ("p50", "p99", "max")}}
     return record(
         {

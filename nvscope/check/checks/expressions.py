@@ -5,21 +5,18 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
-from nvscope.causes.cause import Cause
 from nvscope.check.check import Check, Evidence, Setting
 from nvscope.check.condition import told_of_plants
 from nvscope.check.doubt import doubt, doubt_of_ends, doubt_of_several, parts
 from nvscope.check.figure_windows import FigureWindows
-from nvscope.check.happened_while import HappenedWhile, judged_while, watch_what_happens
+from nvscope.check.happened_while import HappenedWhile, judged_of, judged_while, title_of, watch_what_happens
 from nvscope.check.moments import FirstWatcher, SequenceWatcher, TruthWatcher, WaitWatcher
 from nvscope.check.occurrences import Counts, Occurrences
 from nvscope.check.parameters import AMOUNT, EXPRESSION, EXPRESSIONS, REQUIRED, Parameter, Unfit
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.check.while_so import NEVER_SO, NO_WHOLE_WINDOW, TOO_SHORT_SO
-from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey
 from nvscope.toml_table import LENGTH, SPAN
-from nvscope.tracker.event_kinds import FRAMES_KEPT
 from nvscope.units import count_of
 
 _SECOND_NS = 1_000_000_000
@@ -119,19 +116,8 @@ def _truth(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any])
 def _matching(known: Evidence, expression: str, watched: HappenedWhile | None) -> Judged:
     """Return the verdict on what is to happen never: findings and causes that an expression is true of."""
     found, verdict, reason = judged_while(known.matching(expression), watched)
-    frames = sorted({frame for one in found for frame in one.frames})[:FRAMES_KEPT]
-    begin_ns = [one for one in map(_begin_ns, found) if one is not None]
-    titles = list(
-        dict.fromkeys(one.title if isinstance(one, Cause) else f"{one.code} {one.kind.name}" for one in found)
-    )
-    return Judged(
-        verdict, reason=reason or "; ".join(titles[:3]), worst=len(found), limit=0, unit="events",
-        count=len(found), first_ns=min(begin_ns, default=None), frames=tuple(frames),
-    )  # fmt: skip
-
-
-def _begin_ns(one: Finding | Cause) -> int | None:
-    return one.since_ns if isinstance(one, Cause) else one.first_ns
+    titles = list(dict.fromkeys(map(title_of, found)))
+    return judged_of(found, verdict, reason or "; ".join(titles[:3]), "events")
 
 
 def _watch_truth(*, wanted: bool) -> Any:

@@ -8,7 +8,7 @@ from typing import Any
 
 from nvscope.causes.catalogue import KINDS
 from nvscope.check.check import Check, Evidence
-from nvscope.check.happened_while import judged_while, watch_what_happens
+from nvscope.check.happened_while import Happened, judged_of, judged_while, title_of, watch_what_happens
 from nvscope.check.parameters import AMOUNT, Parameter, one_of
 from nvscope.check.verdict import Judged, Verdict
 from nvscope.findings.catalogue import CATALOGUE as FINDINGS
@@ -16,7 +16,6 @@ from nvscope.findings.finding import Finding
 from nvscope.findings.kind import Severity
 from nvscope.list_key import ListKey
 from nvscope.toml_table import LENGTH, TEXT, array, choice
-from nvscope.tracker.event_kinds import FRAMES_KEPT
 from nvscope.units import count_of, duration
 
 _SEVERITY = choice(*(one.name.lower() for one in Severity))
@@ -52,9 +51,14 @@ def _concerns(
     return any({one, known.project.node_names.get(one, one)} & named for one in addresses)
 
 
-def _of_nobody(unknown: Sequence[str], unit: str) -> Judged:
-    reason = f"no node is called {', '.join(unknown)}"
-    return Judged(Verdict.INCONCLUSIVE, reason=reason, limit=0, unit=unit, vacuous=True)
+def _of_found(known: Evidence, every: Sequence[Happened], told: Mapping[str, Any], unit: str) -> Judged:
+    """Return the verdict on all that should not be there, as far as it is judged."""
+    found, verdict, reason = judged_while(every, told["watched"])
+    unknown = [] if found else known.unknown_nodes(told["node"])
+    if unknown:
+        nobody = f"no node is called {', '.join(unknown)}"
+        return Judged(Verdict.INCONCLUSIVE, reason=nobody, limit=0, unit=unit, vacuous=True)
+    return judged_of(found, verdict, reason or _told([title_of(one) for one in found]), unit)
 
 
 def _findings(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
@@ -64,17 +68,7 @@ def _findings(known: Evidence, lists: Collection[ListKey], told: Mapping[str, An
         if one.kind.severity >= least and not {one.code, one.kind.name} & allowed
         and _concerns(known, _lists_of(known, one), set() if one.node is None else {one.node}, lists, told)
     ]  # fmt: skip
-    found, verdict, reason = judged_while(found, told["watched"])
-    unknown = [] if found else known.unknown_nodes(told["node"])
-    if unknown:
-        yield _of_nobody(unknown, "findings")
-        return
-    frames = sorted({frame for one in found for frame in one.frames})[:FRAMES_KEPT]
-    times = [one.first_ns for one in found if one.first_ns is not None]
-    yield Judged(
-        verdict, reason=reason or _told([f"{one.code} {one.kind.name}" for one in found]), worst=len(found), limit=0,
-        unit="findings", count=len(found), first_ns=min(times, default=None), frames=tuple(frames),
-    )  # fmt: skip
+    yield _of_found(known, found, told, "findings")
 
 
 def _causes(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
@@ -84,17 +78,7 @@ def _causes(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]
         if one.severity >= least and one.kind.name not in allowed
         and _concerns(known, set(one.lists), set(one.nodes), lists, told)
     ]  # fmt: skip
-    found, verdict, reason = judged_while(found, told["watched"])
-    unknown = [] if found else known.unknown_nodes(told["node"])
-    if unknown:
-        yield _of_nobody(unknown, "causes")
-        return
-    times = [one.since_ns for one in found if one.since_ns is not None]
-    frames = sorted({frame for one in found for frame in one.frames})[:FRAMES_KEPT]
-    yield Judged(
-        verdict, reason=reason or _told([one.title for one in found]), worst=len(found), limit=0, unit="causes",
-        count=len(found), first_ns=min(times, default=None), frames=tuple(frames),
-    )  # fmt: skip
+    yield _of_found(known, found, told, "causes")
 
 
 def _quality(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:

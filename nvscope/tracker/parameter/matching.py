@@ -15,11 +15,10 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from dissectors.columns import Columns
-from dissectors.netvar import Service
+from dissectors.netvar import PARAMETER_REQUESTS, Service
 from nvscope.engine.clock import Clock
 
 WRITE_SERVICES = (Service.ODWriteRequest, Service.ODWriteRequestReply)
-REQUESTS = (Service.ODReadRequest, Service.ODWriteRequest)
 _OF_READS = (Service.ODReadRequest, Service.ODReadRequestReply)
 _READ, _WRITE, _EITHER = 0, 1, 2
 
@@ -43,7 +42,7 @@ class Messages(Columns):
     @property
     def is_request(self) -> Bool:
         """Tell which of them ask."""
-        return np.isin(self.service, REQUESTS)
+        return np.isin(self.service, PARAMETER_REQUESTS)
 
 
 @dataclass(frozen=True, slots=True)

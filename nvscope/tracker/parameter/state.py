@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from dissectors.netvar import Service
+from dissectors.netvar import PARAMETER_REQUESTS
 from nvscope.engine.dealing import Share, SplitBy
 from nvscope.engine.told import Told
 
 if TYPE_CHECKING:
     from nvscope.tracker.parameter.transactions import Transactions
-
-_REQUESTS = (Service.ODReadRequest, Service.ODWriteRequest)
 
 
 class ParameterState:
@@ -47,4 +45,6 @@ def _is_spoken_of(told: Told) -> bool:
     if not len(told):
         return False
     quoted = told.batch.quoted
-    return bool(len(told.laid.parameters)) or (len(quoted) > 0 and bool(np.isin(quoted.header["id"], _REQUESTS).any()))
+    return bool(len(told.laid.parameters)) or (
+        len(quoted) > 0 and bool(np.isin(quoted.header["id"], PARAMETER_REQUESTS).any())
+    )

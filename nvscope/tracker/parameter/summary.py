@@ -9,8 +9,9 @@ from types import MappingProxyType
 import numpy as np
 
 from dissectors import address
+from dissectors.netvar import PARAMETER_ERRORS
 from nvscope.tracker.latency import LatencyFigures
-from nvscope.tracker.parameter.transactions import ERRORS, Transactions
+from nvscope.tracker.parameter.transactions import Transactions
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +47,7 @@ def summarize_parameters(known: Transactions) -> Sequence[PairSummary]:
     found = []
     for pair in range(len(known.pairs)):
         ends = (requester_hi[pair], requester_lo[pair]), (partner_hi[pair], partner_lo[pair])
-        errors = zip(ERRORS, columns.errors[pair].tolist(), strict=True)
+        errors = zip(PARAMETER_ERRORS, columns.errors[pair].tolist(), strict=True)
         row = PairSummary(
             address.text(*ends[0]), address.text(*ends[1]), int(port[pair]), int(columns.requests[pair]),
             int(columns.replies[pair]), MappingProxyType({service.name: count for service, count in errors if count}),

@@ -15,7 +15,7 @@ import numpy as np
 from dissectors import address
 from dissectors.batch import I64, U64
 from dissectors.keys import KeyTable
-from dissectors.netvar import PORT, Fault, Service
+from dissectors.netvar import PARAMETER_ERRORS, PARAMETER_REQUESTS, PORT, Fault, Service
 from nvscope.engine.events import EventBatch
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.reading import PARAMETER_TIMEOUT_NS
@@ -23,10 +23,9 @@ from nvscope.engine.told import Told
 from nvscope.engine.watch import Unheard
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.latency import Latencies
-from nvscope.tracker.parameter.events import ParameterEvent, parameter_name
+from nvscope.tracker.parameter.events import USUAL, ParameterEvent, parameter_name
 from nvscope.tracker.parameter.matching import (
     NOTHING_OPEN,
-    REQUESTS,
     Matched,
     Messages,
     Open,
@@ -35,16 +34,11 @@ from nvscope.tracker.parameter.matching import (
     word_of,
 )
 
-ERRORS = tuple(
-    service for service in Service if Service.ODErrorReplyUnknown <= service <= Service.ODErrorReplyCPUStopped
-)
-"""The error replies, in the order of their numbers."""
-
 MOST_OPEN = 1 << 16
 """So many requests are waited for at the same time."""
 
 _NEVER_NS = int(np.iinfo(np.int64).min)
-_FIRST_ERROR, _LAST_ERROR = int(ERRORS[0]), int(ERRORS[-1])
+_FIRST_ERROR, _LAST_ERROR = int(PARAMETER_ERRORS[0]), int(PARAMETER_ERRORS[-1])
 _UDP_PORTS_BYTES = 8
 _KIND_BITS = 16
 
@@ -59,7 +53,7 @@ class Beyond(IntEnum):
 
 
 class PairColumns(KeyedColumns):
-    """One row a requester, partner and port: what became of its requests, ``errors`` as in ``ERRORS``.
+    """One row a requester, partner and port: what became of its requests, ``errors`` as in ``PARAMETER_ERRORS``.
 
     ``undeliverable`` are the ICMP messages about requests.
     """
@@ -77,7 +71,7 @@ class PairColumns(KeyedColumns):
             name: (np.int64(0), 1)
             for name in ("requests", "replies", "busy", "timeouts", "retransmissions", "unexpected", "undeliverable")
         },
-        "errors": (np.int64(0), len(ERRORS)),
+        "errors": (np.int64(0), len(PARAMETER_ERRORS)),
     }
 
 
@@ -181,7 +175,7 @@ class Transactions:
     def _count_undeliverable(self, told: Told) -> None:
         """Count requests of which ICMP messages say that they went nowhere."""
         quoted = told.batch.quoted
-        quoted = quoted.take(np.isin(quoted.header["id"], REQUESTS))
+        quoted = quoted.take(np.isin(quoted.header["id"], PARAMETER_REQUESTS))
         if not len(quoted) or not told.hears_answers:
             return
         datagram = quoted.datagram
@@ -231,9 +225,9 @@ class Transactions:
     def _note(
         self, told: Told, event: ParameterEvent, of: Messages | Open, time_ns: I64, frame: I64, since_ns: I64
     ) -> None:  # fmt: skip
-        words = of.pair.view(np.uint64), parameter_of(of.word).view(np.uint64)
-        number = self.parameters.numbers_within(told.max_streams, *words)
-        if event not in (ParameterEvent.REPLIED, ParameterEvent.BUSY):
+        if event not in USUAL:
+            words = of.pair.view(np.uint64), parameter_of(of.word).view(np.uint64)
+            number = self.parameters.numbers_within(told.max_streams, *words)
             known = number >= 0
             words = event_word(event, of.service)[known], number[known].view(np.uint64)
             self.events.record(time_ns[known], frame[known], *words)
@@ -257,7 +251,7 @@ class Transactions:
         variety, packet = rows.variety[whole], rows.packet[whole]
         datagram, header = telegrams.datagram.take(part), telegrams.header[part]
         service = header["id"].astype(np.int64)
-        asks = np.isin(service, REQUESTS)
+        asks = np.isin(service, PARAMETER_REQUESTS)
         port = datagram.destination_port.astype(np.int64)
         reply = np.flatnonzero(~asks)
         if len(reply):

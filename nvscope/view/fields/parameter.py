@@ -11,14 +11,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from dissectors.batch import Bool
-from dissectors.netvar import HEADER, IS_PARAMETER, Service, TelegramBatch
+from dissectors.netvar import HEADER, IS_PARAMETER, PARAMETER_ERRORS, PARAMETER_REQUESTS, Service, TelegramBatch
 from nvscope.expression.typed_columns import BytesColumn, FieldType, Numbers, TextColumn
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.rows.frames import NETVAR
 
-_REQUESTS = (Service.ODReadRequest, Service.ODWriteRequest)
-_ERRORS = tuple(one for one in Service if Service.ODErrorReplyUnknown <= one <= Service.ODErrorReplyCPUStopped)
-_NAMES = ("", *(one.name for one in _ERRORS))
+_NAMES = ("", *(one.name for one in PARAMETER_ERRORS))
 
 
 def _is_parameter(telegrams: TelegramBatch) -> Bool:
@@ -37,7 +35,7 @@ def _column(name: str) -> Callable[[TelegramBatch], Numbers]:
 
 
 def _asks(telegrams: TelegramBatch) -> Bool:
-    return np.isin(telegrams.header["id"], _REQUESTS)
+    return np.isin(telegrams.header["id"], PARAMETER_REQUESTS)
 
 
 def _writes(telegrams: TelegramBatch) -> Bool:
@@ -45,12 +43,12 @@ def _writes(telegrams: TelegramBatch) -> Bool:
 
 
 def _error(telegrams: TelegramBatch) -> TextColumn:
-    code = telegrams.header["id"].astype(np.int64) - int(_ERRORS[0]) + 1
+    code = telegrams.header["id"].astype(np.int64) - int(PARAMETER_ERRORS[0]) + 1
     return TextColumn(np.where((code > 0) & (code < len(_NAMES)), code, 0), _NAMES)
 
 
 def _is_error(telegrams: TelegramBatch) -> Bool:
-    return np.isin(telegrams.header["id"], _ERRORS)
+    return np.isin(telegrams.header["id"], PARAMETER_ERRORS)
 
 
 def _value(telegrams: TelegramBatch) -> BytesColumn:

@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dissectors import address
-from dissectors.netvar import Service, TelegramBatch
+from dissectors.netvar import PARAMETER_REQUESTS, TelegramBatch
 
 if TYPE_CHECKING:  # without a project, nothing of definitions is imported
     from nvscope.definition.parameters import ParameterDefinition, Parameters
-
-_REQUESTS = (Service.ODReadRequest, Service.ODWriteRequest)
 
 
 def parameter_of(parameters: Parameters | None, telegrams: TelegramBatch, row: int) -> ParameterDefinition | None:
@@ -23,7 +21,7 @@ def parameter_of(parameters: Parameters | None, telegrams: TelegramBatch, row: i
     header, datagram = telegrams.header[row], telegrams.datagram
     high, low = (
         (datagram.destination_hi, datagram.destination_lo)
-        if header["id"] in _REQUESTS
+        if header["id"] in PARAMETER_REQUESTS
         else (datagram.source_hi, datagram.source_lo)
     )
     node = address.text(int(high[row]), int(low[row]))
