@@ -28,21 +28,44 @@ class Part(Protocol):
         ...
 
 
+class Follower(Protocol):
+    """Reads a protocol over TCP whose messages span segments: it keeps what it needs from one batch to the next."""
+
+    def follow(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> Part:
+        """Return what is whole with the segments of a batch, which follows those before.
+
+        ``first_frame`` is the number of the first packet in the capture. What has become whole is of the frame with
+        which that is known.
+        """
+        ...
+
+    def forget(self) -> None:
+        """Forget where all connections are: nobody listened for a while."""
+        ...
+
+
+Dissect = Callable[[PacketBatch, DatagramBatch, SegmentBatch], Part]
+
+
 @dataclass(frozen=True, slots=True)
 class Dissector:
-    """A protocol on ports of its own, read a frame at a time; ``name`` is what its fields begin with.
+    """A protocol on ports of its own; ``name`` is what its fields begin with.
 
     ``dissect`` is given a packet batch, and the datagrams and segments in it that go over the ports of ``claims``. It
     is total: no bytes raise, what is wrong with a message is a column of its part, and what is none is left out. Only
-    of what is ``holding`` so many bytes may so many be gathered. It keeps nothing from one batch to the next: what
-    spans frames is for who observes them.
+    of what is ``holding`` so many bytes may so many be gathered. It keeps nothing from one batch to the next. Where
+    messages span frames, ``begin`` makes in its place what follows the connections of one capture.
     """
 
     name: str
     claims: Claims
-    dissect: Callable[[PacketBatch, DatagramBatch, SegmentBatch], Part]
+    dissect: Dissect | None = None
+    begin: Callable[[], Follower] | None = None
 
-    def part_of(self, packets: PacketBatch, datagrams: DatagramBatch, segments: SegmentBatch) -> Part:
+    def part_of(
+        self, packets: PacketBatch, datagrams: DatagramBatch, segments: SegmentBatch, first_frame: int = 1,
+        follower: Follower | None = None,
+    ) -> Part:  # fmt: skip
         """Return what it finds in datagrams and segments of which some are of its ports.
 
         Raises ValueError for a dissector that does not keep what ``Part.row`` promises.
@@ -50,7 +73,11 @@ class Dissector:
         claims = self.claims
         datagrams = datagrams.take(claims.claim_udp(datagrams.source_port, datagrams.destination_port))
         segments = segments.take(claims.claim_tcp(segments.source_port, segments.destination_port))
-        part = self.dissect(packets, datagrams, segments)
+        if follower is not None:
+            part = follower.follow(packets, segments, first_frame)
+        else:
+            assert self.dissect is not None
+            part = self.dissect(packets, datagrams, segments)
         given = np.zeros(len(packets), np.bool_)
         given[datagrams.row] = given[segments.row] = True
         row = part.row

@@ -150,6 +150,8 @@ TCP = Layout(
     "TCP",
 )  # fmt: skip
 """RFC 9293, section 3.1, without options."""
+FIN, SYN, RST, ACK = (1 << bit for bit in (0, 1, 2, 4))
+"""Masks of its control bits."""
 EXTENSION = Layout(
     "ipv6.extension",
     (

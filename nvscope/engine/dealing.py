@@ -119,7 +119,7 @@ def _telegrams(told: Told, share: Share) -> Told:
         rejected=Rejected(rejected.telegrams.take(back), *(column[back] for column in rejected[1:])),
     )
     variety = np.where(own[told.variety], told.variety, NO_TELEGRAM)
-    return told.part(replace(_of_no_list(told, share), variety=variety), others)
+    return told.part(replace(_of_no_list(told, share), variety=variety), others, with_parts=not share.part)
 
 
 def _channels(told: Told, share: Share) -> Told:
@@ -127,7 +127,7 @@ def _channels(told: Told, share: Share) -> Told:
     if frames is not None:
         own = np.flatnonzero(share.is_own(frames.channel.astype(np.int64)))
         batch = replace(batch, can=frames.take(own) if len(own) else None)
-    return told.part(batch, told.laid)
+    return told.part(batch, told.laid, with_parts=not share.part)
 
 
 def _of_no_list(told: Told, share: Share) -> SortedPackets:

@@ -49,6 +49,7 @@ class Recogniser:
         self._keys = Keys(self._reading.pdos, reading.max_streams) if by_stream else None
         self._memory = StreamMemory()
         self._watch = Watch()
+        self._followers = {one.name: one.begin() for one in reading.dissectors if one.begin is not None}
         self._frames = 0
         self._has_begun = False
         self._start_ns = self._last_ns = 0
@@ -89,11 +90,21 @@ class Recogniser:
             dissectors=self._reading.dissectors, timeout_ns=self._reading.timeout_ns,
             max_streams=self._reading.max_streams, all_frames=self._reading.all_frames, unheard=unheard,
             hears_answers=self._reading.hears_answers, parameter_timeout_ns=self._reading.parameter_timeout_ns,
+            followers=self._followers,
         )  # fmt: skip
+        self._follow(told)
         if len(batch):
             self._frames += len(batch)
             self._last_ns = int(batch.packets.ts_ns[-1])
         yield told
+
+    def _follow(self, told: Told) -> None:
+        """Let connections be followed, whether or not anybody asks: what is passed over would be a hole in them."""
+        if self._followers:
+            _ = told.parts
+            if told.is_deaf:
+                for follower in self._followers.values():
+                    follower.forget()
 
     def _lay_out(self, batch: SortedPackets, keys: Keys) -> Laid:
         begun = keys.observe(batch)

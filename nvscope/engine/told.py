@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy as np
 from dissectors.batch import I64, U16, Bool, PacketBatch
 from dissectors.can.frame import CanBatch
 from dissectors.can.pdo import PdoRules
-from dissectors.dissector import Dissector, Part
+from dissectors.dissector import Dissector, Follower, Part
 from dissectors.netvar import TelegramBatch
 from dissectors.sorter import SortedPackets
 from dissectors.varieties import NO_TELEGRAM, Varieties
@@ -62,7 +63,8 @@ class Told:
     and what channels are called; ``dissectors`` read the protocols that have ports of their own; ``timeout_ns`` is how
     long an answer may take, ``parameter_timeout_ns`` how long a reply of the Parameter Manager may, ``max_streams`` how
     many streams and identifiers are told apart; ``all_frames`` says whether frames in which nothing is found are
-    wanted, ``hears_answers`` whether what nodes answer to each other is to be seen at all.
+    wanted, ``hears_answers`` whether what nodes answer to each other is to be seen at all. ``followers`` are those of
+    dissectors that have one, by name.
 
     ``laid`` is there where an observer asks for it (``Observer.by_stream``).
 
@@ -78,6 +80,7 @@ class Told:
         until_ns: int | None = None,
         dissectors: Sequence[Dissector] = (), max_streams: int = MAX_STREAMS, all_frames: bool = False,
         unheard: Sequence[Unheard] = (), hears_answers: bool = True,
+        followers: Mapping[str, Follower] = MappingProxyType({}),
     ) -> None:  # fmt: skip
         self.batch = batch
         self.first_frame = first_frame
@@ -93,14 +96,18 @@ class Told:
         self.unheard = unheard
         self.hears_answers = hears_answers
         self._choose = choose
+        self._followers = followers
         self._laid = laid
         self._listeners: Listeners = ()
 
     def __len__(self) -> int:
         return len(self.batch)
 
-    def part(self, batch: SortedPackets, laid: Laid) -> Told:
-        """Return what is told of a part of the batch, of which the filter chooses as it does of the whole."""
+    def part(self, batch: SortedPackets, laid: Laid, *, with_parts: bool) -> Told:
+        """Return what is told of a part of the batch, of which the filter chooses as it does of the whole.
+
+        ``with_parts``: it has what the protocols with ports of their own found.
+        """
         chosen = self.chosen
         told = Told(
             batch, first_frame=self.first_frame, start_ns=self.start_ns, before_ns=self.before_ns, pdos=self.pdos,
@@ -109,6 +116,8 @@ class Told:
             all_frames=self.all_frames, unheard=self.unheard, hears_answers=self.hears_answers,
             parameter_timeout_ns=self.parameter_timeout_ns,
         )  # fmt: skip
+        # What follows connections has seen the batch, and must not see it again.
+        told.__dict__["parts"] = self.parts if with_parts else {}
         return told.heard_by(self._listeners)
 
     def heard_by(self, listeners: Listeners) -> Told:
@@ -195,7 +204,10 @@ class Told:
         found: dict[str, Part] = {}
         free = np.ones(len(self), np.bool_) if self.dissectors else None
         for dissector in self.dissectors:
-            part = dissector.part_of(self.packets, self.batch.datagrams, self.batch.segments)
+            part = dissector.part_of(
+                self.packets, self.batch.datagrams, self.batch.segments, self.first_frame,
+                self._followers.get(dissector.name),
+            )  # fmt: skip
             assert free is not None
             if not free[part.row].all():
                 part = part.take(free[part.row])

@@ -1,8 +1,19 @@
-"""NV8xx: the web visualization's requests and replies. Nothing judges them yet."""
+"""NV8xx: the web visualization's requests and replies."""
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from nvscope.findings.finding import Events, Finding, all_events
 from nvscope.findings.kind import FindingKind, Severity
+from nvscope.units import count, count_of
+
+if TYPE_CHECKING:
+    from nvscope.findings.facts import Facts
+    from nvscope.tracker.visu.events import VisuEvent
+    from nvscope.tracker.visu.state import Subject, VisuCounts
 
 VISU_WRITE = FindingKind(
     "NV801",
@@ -17,7 +28,7 @@ VISU_WRITE = FindingKind(
         "Check that the address of the client is one that may write.",
         "Keep the web server in a network of its own, or behind a gateway that asks for a password.",
     ),
-    judged=False,
+    protocol="visu",
 )
 VISU_ERROR = FindingKind(
     "NV802",
@@ -30,7 +41,7 @@ VISU_ERROR = FindingKind(
         "too many variables in one request, or a malformed one",
     ),
     next_steps=("Load the controller's current variable list (its XML files) and reload the page.",),
-    judged=False,
+    protocol="visu",
 )
 VISU_PASSWORD_IN_CLEAR = FindingKind(
     "NV803",
@@ -45,7 +56,7 @@ VISU_PASSWORD_IN_CLEAR = FindingKind(
         "Treat the capture as confidential; passwords are masked in what is shown here.",
         "Do not rely on these passwords; separate the network, and use none of them elsewhere.",
     ),
-    judged=False,
+    protocol="visu",
 )
 VISU_COUNT_MISMATCH = FindingKind(
     "NV804",
@@ -61,7 +72,7 @@ VISU_COUNT_MISMATCH = FindingKind(
         "a reply that was cut off",
     ),
     next_steps=("Look at request and reply; ask for STRINGs one at a time.",),
-    judged=False,
+    protocol="visu",
 )
 VISU_SLOW = FindingKind(
     "NV805",
@@ -74,5 +85,62 @@ VISU_SLOW = FindingKind(
         "a controller whose cycle leaves little time for communication",
     ),
     next_steps=("Ask for fewer variables, less often, from fewer clients; look at the controller's load.",),
-    judged=False,
+    protocol="visu",
 )
+
+
+def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
+    """Yield a finding for each variable that a client wrote, and for each client and server with trouble."""
+    from nvscope.tracker.visu.events import VisuEvent
+
+    kinds = {
+        VisuEvent.WRITTEN: VISU_WRITE, VisuEvent.REFUSED: VISU_ERROR, VisuEvent.STATUS: VISU_ERROR,
+        VisuEvent.PASSWORD_SEEN: VISU_PASSWORD_IN_CLEAR, VisuEvent.MISCOUNTED: VISU_COUNT_MISMATCH,
+        VisuEvent.SLOW: VISU_SLOW, VisuEvent.UNANSWERED: VISU_SLOW,
+    }  # fmt: skip
+    subjects = list(counts.subjects)
+    found: dict[tuple[FindingKind, Subject], dict[VisuEvent, Events]] = defaultdict(dict)
+    log = counts.events
+    for event, number, events in zip(log.keys.high.tolist(), log.keys.low.tolist(), all_events(log.rows), strict=True):
+        found[kinds[VisuEvent(event)], subjects[number]][VisuEvent(event)] = events
+    nodes = {text: number for number, text in enumerate(facts.summary.addresses)}
+    for (kind, subject), parts in found.items():
+        first, *others = parts.values()
+        together = first
+        for other in others:
+            together = together.among(other)
+        variable = f"visu/{subject.server}/{subject.variable}" if subject.variable else f"visu/{subject.server}"
+        yield Finding(
+            kind, _sentence(kind, subject, parts), together.count, together.first_ns, together.last_ns, together.frames,
+            node=nodes.get(subject.client), variable=variable,
+        )  # fmt: skip
+
+
+def _sentence(kind: FindingKind, subject: Subject, parts: Mapping[VisuEvent, Events]) -> str:
+    from nvscope.tracker.visu.events import VisuEvent
+
+    client, server, variable = subject
+    counts = {event: events.count for event, events in parts.items()}
+    total = sum(counts.values())
+    if kind is VISU_WRITE:
+        return f"{client} wrote {variable} of {server} {_times(total)}."
+    if kind is VISU_ERROR and variable:
+        return f"{server} refused {count_of(total, 'write')} of {variable} by {client}."
+    if kind is VISU_ERROR:
+        return f"{server} answered {count_of(total, 'read')} of {client} with another HTTP status than 200."
+    if kind is VISU_PASSWORD_IN_CLEAR:
+        return f"{client} and {server} transmitted the password {variable} in clear {_times(total)}."
+    if kind is VISU_COUNT_MISMATCH:
+        messages = count_of(total, "request or reply", "requests and replies")
+        return f"{messages} between {client} and {server}: more or fewer values than declared or asked for."
+    slow, unanswered = counts.get(VisuEvent.SLOW, 0), counts.get(VisuEvent.UNANSWERED, 0)
+    told = []
+    if slow:
+        told.append(f"took more than 1 s for {count_of(slow, 'reply', 'replies')} to {client}")
+    if unanswered:
+        told.append(f"ended the connection without a reply to {count_of(unanswered, 'request')} of {client}")
+    return f"{server} {' and '.join(told)}."
+
+
+def _times(number: int) -> str:
+    return {1: "once", 2: "twice"}.get(number, f"{count(number)} times")

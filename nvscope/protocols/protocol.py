@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from nvscope.findings.facts import Facts
     from nvscope.findings.finding import Finding
     from nvscope.findings.kind import FindingKind
-    from nvscope.tracker.accumulator import Accumulator
+    from nvscope.tracker.accumulator import ProtocolAccumulator
     from nvscope.view.fields.field import TelegramField
     from nvscope.view.lines.shown import MakeLines, MakeTree
 
@@ -45,5 +45,5 @@ class Protocol:
     tree: Callable[[], MakeTree]
     findings: Callable[[], Sequence[FindingKind]] = tuple
     dissector: Callable[[], Dissector] | None = None
-    observe: Callable[[], Accumulator] | None = None
+    observe: Callable[[], ProtocolAccumulator] | None = None
     judge: Callable[[Facts], Iterable[Finding]] | None = None

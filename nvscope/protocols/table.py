@@ -9,15 +9,16 @@ from nvscope.protocols.can import CAN
 from nvscope.protocols.netvar import NETVAR
 from nvscope.protocols.other_frames import OTHER_FRAMES
 from nvscope.protocols.protocol import Protocol
+from nvscope.protocols.visu import VISU
 
 if TYPE_CHECKING:
     from dissectors.dissector import Dissector
     from nvscope.findings.judge import Judge
-    from nvscope.tracker.accumulator import Accumulator
+    from nvscope.tracker.accumulator import ProtocolAccumulator
     from nvscope.tracker.state import TrackerState
     from nvscope.view.fields.field import TelegramField
 
-PROTOCOLS: Sequence[Protocol] = (NETVAR, CAN, OTHER_FRAMES)
+PROTOCOLS: Sequence[Protocol] = (NETVAR, CAN, VISU, OTHER_FRAMES)
 """In the order in which fields are listed; of frames that several could read, the first one's."""
 
 
@@ -26,7 +27,7 @@ def dissectors_of(protocols: Iterable[Protocol]) -> tuple[Dissector, ...]:
     return tuple(protocol.dissector() for protocol in protocols if protocol.dissector)
 
 
-def accumulators_of(protocols: Iterable[Protocol]) -> Mapping[str, Accumulator]:
+def accumulators_of(protocols: Iterable[Protocol]) -> Mapping[str, ProtocolAccumulator]:
     """Return what counts protocols that the state does not count by itself, new, by name."""
     return {protocol.name: protocol.observe() for protocol in protocols if protocol.observe}
 

@@ -81,6 +81,14 @@ def _lines(
         yield f"### {parameters.TITLE}"
         yield ""
         yield from _table(measures, rows)
+    if "visu" in report:
+        from nvscope.view.lines.plant import visu  # noqa: PLC0415
+
+        measures, rows, _ = visu.visu(report)
+        yield ""
+        yield f"### {visu.TITLE}"
+        yield ""
+        yield from _table(measures, rows)
     if "hops" in report:
         yield ""
         yield f"### {hops.TITLE}"

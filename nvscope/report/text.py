@@ -119,6 +119,8 @@ def _lines(
         yield from ([], *wrap([Cell(more)], text_width))
     if "sdo" in report:
         yield from _parameters(report, width, room, asked)
+    if "visu" in report:
+        yield from _visu(report, width, room, asked)
     measures, rows = hops.hops(report)
     if "hops" in report:
         yield from _section(hops.TITLE, width)
@@ -205,8 +207,23 @@ def _parameters(report: content.Report, width: int, room: int | None, asked: Ask
     from nvscope.view.lines.plant import parameters  # noqa: PLC0415
 
     measures, rows, left = parameters.parameters(report, None if asked.details else parameters.MOST_PAIRS)
+    yield from _pairs(parameters.TITLE, measures, rows, left, width, room)
+
+
+def _visu(report: content.Report, width: int, room: int | None, asked: Asked) -> Iterator[Line]:
+    from nvscope.view.lines.plant import visu  # noqa: PLC0415
+
+    measures, rows, left = visu.visu(report, None if asked.details else visu.MOST_PAIRS)
+    yield from _pairs(visu.TITLE, measures, rows, left, width, room)
+
+
+def _pairs(
+    title: str, measures: Sequence[tables.Measure], rows: Sequence[content.Row], left: int, width: int,
+    room: int | None,
+) -> Iterator[Line]:  # fmt: skip
+    """Yield a table of who asked whom; ``left`` rows are not in it."""
     if rows:
-        yield from _section(parameters.TITLE, width)
+        yield from _section(title, width)
         yield from _table(measures, rows, room)
     if left:
         more = f"{units.count_of(left, 'pair')} more, none with anything worse: -v shows all, --json and --md too."

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
 from nvscope.engine.dealing import Share, SplitBy
@@ -26,3 +28,25 @@ class Accumulator(Protocol):
     def take(self, part: Any, share: Share) -> None:
         """Take over what a part, another one of the same class, has counted of its share."""
         ...
+
+
+class ProtocolAccumulator(Accumulator, Protocol):
+    """Counts a protocol that has ports of its own."""
+
+    def summary(self) -> ProtocolSummary:
+        """Return what follows from what was counted, which changes nothing."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class ProtocolSummary:
+    """What follows from what an accumulator has counted: rows of its own.
+
+    ``nodes`` are the halves of addresses that findings on it may name.
+    """
+
+    rows: Sequence[Any] = ()
+    nodes: Sequence[tuple[int, int]] = ()
+
+
+NO_SUMMARY = ProtocolSummary()

@@ -9,7 +9,7 @@ from nvscope.engine.dealing import Share, SplitBy, deal
 from nvscope.engine.events import Listeners
 from nvscope.engine.rows import StreamMemory
 from nvscope.engine.told import Told
-from nvscope.tracker.accumulator import Accumulator
+from nvscope.tracker.accumulator import Accumulator, ProtocolAccumulator
 from nvscope.tracker.can.state import BusState
 from nvscope.tracker.capture import CaptureState
 from nvscope.tracker.lists import ListState
@@ -33,7 +33,7 @@ class PartedState:
 
     def __init__(
         self, parts: int, values: Callable[[], Values] | None = None, *,
-        recent: bool = False, others: Callable[[], Mapping[str, Accumulator]] = dict,
+        recent: bool = False, others: Callable[[], Mapping[str, ProtocolAccumulator]] = dict,
         listeners: Listeners = (),
     ) -> None:  # fmt: skip
         self._count = parts

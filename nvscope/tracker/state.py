@@ -22,7 +22,7 @@ from nvscope.tracker.parameter.state import ParameterState
 from nvscope.tracker.senders import SenderState
 
 if TYPE_CHECKING:
-    from nvscope.tracker.accumulator import Accumulator
+    from nvscope.tracker.accumulator import ProtocolAccumulator
     from nvscope.tracker.variables.values import Values
 
 
@@ -43,7 +43,7 @@ class TrackerState:
 
     def __init__(
         self, *, values: Values | None = None, recent: bool = False,
-        others: Mapping[str, Accumulator] = MappingProxyType({}), listeners: Listeners = (),
+        others: Mapping[str, ProtocolAccumulator] = MappingProxyType({}), listeners: Listeners = (),
     ) -> None:  # fmt: skip
         self.memory = StreamMemory()
         self.capture = CaptureState()

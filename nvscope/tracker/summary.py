@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -61,7 +61,8 @@ class Summary:
     """What follows from a state; lists by port and Index, nodes by address, streams by node and SubIndex.
 
     ``addresses`` and ``address_order`` are by number of node: those of the state, and behind them readers of which it
-    knows nothing. ``parameters`` are all that was asked of the Parameter Manager, also of a window. Of a window,
+    knows nothing. ``parameters`` are all that was asked of the Parameter Manager, also of a window; ``others`` what
+    follows from the state of protocols with ports of their own, by name (``Accumulator.summary``). Of a window,
     ``window_ns`` is how long it was, and ``extremes`` says whether anybody kept its own.
     """
 
@@ -74,6 +75,7 @@ class Summary:
     can: CanSummary = field(default_factory=CanSummary)
     together: Together = field(default_factory=Together)
     parameters: Sequence[PairSummary] = ()
+    others: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     window_ns: int | None = None
     extremes: bool = True
 
@@ -108,6 +110,10 @@ def summarize(
     nodes = list(zip(keys.nodes.high.tolist(), keys.nodes.low.tolist(), strict=True))
     known = {node: number for number, node in enumerate(nodes)}
     reading = {known.setdefault(address.halves(text), len(known)): lists for text, lists in readers.items()}
+    others = {name: other.summary() for name, other in state.others.items()}
+    for other in others.values():
+        for node in other.nodes:
+            known.setdefault(node, len(known))
     nodes = list(known)
     order = [address.order(*node) for node in nodes]
     scopes = scopes_in_force(state)
@@ -130,7 +136,7 @@ def summarize(
     together = taken_together(state, intervals, intervals_ns)
     return Summary(
         tuple(lists), addresses, tuple(order), MappingProxyType(scopes), capture, timeout_ns, can, together,
-        _parameters(state),
+        _parameters(state), MappingProxyType({name: other.rows for name, other in others.items()}),
     )  # fmt: skip
 
 

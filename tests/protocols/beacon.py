@@ -30,6 +30,7 @@ from nvscope.findings.facts import Facts
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind, Severity
 from nvscope.protocols.protocol import Protocol
+from nvscope.tracker.accumulator import NO_SUMMARY, ProtocolSummary
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.lines.message_line import MessageLines
 from nvscope.view.lines.message_tree import MessageTree
@@ -142,6 +143,9 @@ class BeaconCounts:
 
     def take(self, part: BeaconCounts, share: Share) -> None:
         self.columns.take_keyed(self.keys, part.columns, part.keys.words)
+
+    def summary(self) -> ProtocolSummary:
+        return NO_SUMMARY
 
 
 # findings

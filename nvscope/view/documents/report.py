@@ -109,6 +109,10 @@ def report_document(
         from nvscope.view.documents.parameters import sdo_rows  # noqa: PLC0415
 
         document["sdo"] = sdo_rows(whole_summary.parameters, node_names)
+    if pages := whole_summary.others.get("visu"):
+        from nvscope.view.documents.visu import visu_rows  # noqa: PLC0415
+
+        document["visu"] = visu_rows(pages, node_names)
     document |= {"buses": can_buses(summary.can, names, measures)} if summary.can.buses else {}
     return document if drawn else dict(plain(document))
 

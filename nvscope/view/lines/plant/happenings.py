@@ -42,7 +42,7 @@ def symbol(severity: Severity | None) -> Cell:
 
 def headline(report: Report) -> tuple[Cell, str]:
     """Return the mark and the line that answer whether something is broken, and how badly."""
-    if report["lists"] or report.get("sdo"):
+    if report["lists"] or report.get("sdo") or report.get("visu"):
         return _verdict(report)
     return Cell("●", Tone.WARNING), why_no_list(report)
 
@@ -56,7 +56,7 @@ def _verdict(report: Report) -> tuple[Cell, str]:
     is_list = any(entry["transport"] != "can" or entry["name"] for entry in report["lists"])
     told = units.count_of(lists, "list" if is_list else "identifier")
     if not lists:
-        told = f"no list, {units.count_of(len({row['partner'] for row in report['sdo']}), 'node')} asked for parameters"
+        told = f"no list, {_asked(report)}"
     if not faults:
         parts = [f"{told}, all well" if lists > 1 else f"{told}, all is well", *_extent(report)]
         return symbol(None), " · ".join(parts)
@@ -75,6 +75,17 @@ def _verdict(report: Report) -> tuple[Cell, str]:
         told += f", {units.count(len(concerned)) if concerned else 'none'} affected"
     worst = max(map(severity_of, now), default=Severity.WARNING)
     return symbol(worst), f"{what} · {told}"
+
+
+def _asked(report: Report) -> str:
+    """Return how many nodes were asked for something, where nobody sends a list."""
+    partners = {row["partner"] for row in report.get("sdo", ())}
+    servers = {row["server"] for row in report.get("visu", ())}
+    parts = [
+        f"{units.count_of(len(asked), 'node')} asked {how}"
+        for asked, how in ((partners, "for parameters"), (servers, "by web visualization")) if asked
+    ]  # fmt: skip
+    return ", ".join(parts)
 
 
 def _extent(report: Report) -> list[str]:

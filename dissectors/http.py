@@ -1,0 +1,228 @@
+"""HTTP/1 as WebVisu clients and servers speak it: heads of messages, and what their bodies were before they were coded.
+
+Source: RFC 9110 and 9112, and the tolerances of ``webvisu.md`` section 2: any case of names, bare LF, no
+Content-Length. Total: no bytes raise.
+"""
+
+from __future__ import annotations
+
+import re
+import zlib
+from dataclasses import dataclass
+from enum import IntEnum
+
+MOST_HEAD_BYTES = 1 << 16
+MOST_BODY_BYTES = 1 << 20
+"""Longer bodies are passed over, and longer ones are not made of compressed ones."""
+
+_MOST_TARGET_BYTES = 2048
+_MOST_LENGTH = 1 << 30
+_METHODS = b"GET|HEAD|POST|PUT|DELETE|OPTIONS|PATCH|CONNECT|TRACE"
+_REQUEST = rb"(?P<method>" + _METHODS + rb") (?P<target>[^\s]{1,%d}) HTTP/1\.[01]\r?\n" % _MOST_TARGET_BYTES
+_MOST_REASON_BYTES = 1000
+_RESPONSE = rb"HTTP/1\.[01] (?P<status>\d{3})(?:[ \t][^\r\n]{0,%d})?\r?\n" % _MOST_REASON_BYTES
+_END_OF_HEAD = re.compile(rb"\n\r?\n")
+_BLANKS = re.compile(rb"[\r\n]*")
+_HEADER = re.compile(rb"^([^:\s]+)[ \t]*:[ \t]*([^\r\n]*?)[ \t]*\r?$", re.MULTILINE)
+_CHUNK = re.compile(rb"[ \t]*([0-9a-fA-F]{1,8})[ \t]*(?:;[^\r\n]*)?\r?\n")
+_LONGEST_CHUNK_HEAD = 1024
+_NO_BODY = (204, 304)
+
+
+class Side(IntEnum):
+    """Who speaks."""
+
+    CLIENT = 0
+    SERVER = 1
+
+
+class Body(IntEnum):
+    """How one finds out where a body ends: it has so many bytes, it is in chunks, or it goes on up to the end."""
+
+    LENGTH = 0
+    CHUNKS = 1
+    END = 2
+
+
+_LINES = {Side.CLIENT: re.compile(_REQUEST), Side.SERVER: re.compile(_RESPONSE)}
+LONGEST_LINE = {
+    Side.CLIENT: len(b"CONNECT  HTTP/1.1\r\n") + _MOST_TARGET_BYTES,
+    Side.SERVER: len(b"HTTP/1.1 200 \r\n") + _MOST_REASON_BYTES,
+}
+"""How long the first line of a message may be, with its end."""
+
+
+@dataclass(frozen=True, slots=True)
+class Head:
+    """The head of a message: ``method`` and ``target`` of a request, ``status`` of a response, 0 of a request.
+
+    ``length`` is that of the body in bytes, where ``body`` is ``LENGTH``. ``coding`` is '' where the content is as it
+    is. ``tells_length``: the head says how long the body is, which counts with answers to HEAD, too.
+    """
+
+    body: Body
+    length: int
+    method: str = ""
+    target: str = ""
+    status: int = 0
+    coding: str = ""
+
+    @property
+    def is_interim(self) -> bool:
+        """Whether it answers nothing: another response follows."""
+        return 100 <= self.status < 200
+
+
+def start_of_message(data: bytes, start: int, stop: int, side: Side) -> int:
+    """Return where the next whole start line is, -1 without one."""
+    found = _LINES[side].search(data, start, stop)
+    return -1 if found is None else found.start()
+
+
+def keep_from(start: int, stop: int, side: Side) -> int:
+    """Return from where on data may hold the begin of a start line that was not found in it."""
+    return max(start, stop - LONGEST_LINE[side])
+
+
+def behind_blank_lines(data: bytes, start: int, stop: int) -> int:
+    """Return where a message begins that has empty lines in front of it."""
+    found = _BLANKS.match(data, start, stop)
+    assert found is not None
+    return found.end()
+
+
+def end_of_head(data: bytes, start: int, stop: int) -> int:
+    """Return where the head that begins at ``start`` ends, behind its empty line; -1 where that is not there."""
+    found = _END_OF_HEAD.search(data, start, stop)
+    return -1 if found is None else found.end()
+
+
+def is_start_line(data: bytes, start: int, stop: int, side: Side) -> bool:
+    """Tell whether bytes are the first line of a message, with its end."""
+    found = _LINES[side].match(data, start, stop)
+    return found is not None and found.end() == stop
+
+
+def read_head(head: bytes, side: Side) -> Head | None:
+    """Read a head with its empty line; None where it is none, or says of the body's length what cannot be."""
+    line = _LINES[side].match(head)
+    if line is None:
+        return None
+    headers: dict[bytes, list[bytes]] = {}
+    for name, value in _HEADER.findall(head, line.end()):
+        headers.setdefault(name.lower(), []).append(value)
+    chunked = headers.get(b"transfer-encoding", [b""])[-1].rpartition(b",")[2].strip().lower() == b"chunked"
+    coding = headers.get(b"content-encoding", [b""])[-1].strip().lower().decode("latin-1")
+    length = _length(headers.get(b"content-length", []))
+    if length is None and not chunked:
+        return None
+    if side is Side.CLIENT:
+        method = line["method"].decode("ascii")
+        nothing = Body.END if method in ("POST", "PUT") else Body.LENGTH
+        body = Body.CHUNKS if chunked else nothing if length == _UNTOLD else Body.LENGTH
+        target = line["target"].decode("latin-1")
+        return Head(body, max(length or 0, 0), method, target, coding=_coding(coding))
+    status = int(line["status"])
+    if 100 <= status < 200 or status in _NO_BODY:
+        return Head(Body.LENGTH, 0, status=status)
+    body = Body.CHUNKS if chunked else Body.END if length == _UNTOLD else Body.LENGTH
+    return Head(body, max(length or 0, 0), status=status, coding=_coding(coding))
+
+
+_UNTOLD = -1
+
+
+def _length(values: list[bytes]) -> int | None:
+    """Return what Content-Length says, ``_UNTOLD`` without one, None where it is wrong."""
+    told = {part.strip() for value in values for part in value.split(b",")}
+    if not told:
+        return _UNTOLD
+    text = told.pop()
+    if told or not text.isdigit() or len(text) > len(str(_MOST_LENGTH)) or int(text) > _MOST_LENGTH:
+        return None
+    return int(text)
+
+
+def _coding(told: str) -> str:
+    return "" if told in ("", "identity") else told
+
+
+@dataclass(frozen=True, slots=True)
+class Chunked:
+    """What was found of a body in chunks: where it ends, and what is in it.
+
+    ``stop`` is -1 where that is not there yet. ``wrong_at`` is up to where one has to read to know that these are no
+    chunks, -1 where they are.
+    """
+
+    stop: int = -1
+    content: bytes = b""
+    wrong_at: int = -1
+
+
+_UNFINISHED = Chunked()
+
+
+def read_chunks(data: bytes, start: int, stop: int) -> Chunked:
+    """Read a body in chunks."""
+    parts: list[bytes] = []
+    while True:
+        line = _line(data, start, stop, _LONGEST_CHUNK_HEAD)
+        if line <= 0:
+            return Chunked(wrong_at=-line) if line else _UNFINISHED
+        head = _CHUNK.match(data, start, line)
+        if head is None or head.end() != line:
+            return Chunked(wrong_at=line)
+        size = int(head[1], 16)
+        start = line
+        if not size:
+            break
+        if size > _MOST_LENGTH:
+            return Chunked(wrong_at=line)
+        behind = start + size
+        if behind >= stop:
+            return _UNFINISHED
+        parts.append(data[start:behind])
+        if data[behind] == ord("\r"):
+            behind += 1
+            if behind >= stop:
+                return _UNFINISHED
+        if data[behind] != ord("\n"):
+            return Chunked(wrong_at=behind + 1)
+        start = behind + 1
+    while True:
+        line = _line(data, start, stop, MOST_HEAD_BYTES)
+        if line <= 0:
+            return Chunked(wrong_at=-line) if line else _UNFINISHED
+        if not data[start:line].strip(b"\r\n"):
+            return Chunked(line, b"".join(parts))
+        start = line
+
+
+def _line(data: bytes, start: int, stop: int, most_bytes: int) -> int:
+    """Return where a line ends, with its end; 0 where that is not there, ``-at`` where it is too long."""
+    found = data.find(b"\n", start, min(stop, start + most_bytes))
+    if found >= 0:
+        return found + 1
+    return -(start + most_bytes) if stop - start >= most_bytes else 0
+
+
+def decoded(content: bytes, coding: str) -> bytes | None:
+    """Return what a coded content was; None where it cannot be decoded, or is longer than ``MOST_BODY_BYTES``."""
+    if not coding:
+        return content if len(content) <= MOST_BODY_BYTES else None
+    if coding in ("gzip", "x-gzip"):
+        return _inflated(content, 16 + zlib.MAX_WBITS)
+    if coding == "deflate":
+        found = _inflated(content, zlib.MAX_WBITS)
+        return _inflated(content, -zlib.MAX_WBITS) if found is None else found
+    return None
+
+
+def _inflated(content: bytes, bits: int) -> bytes | None:
+    inflater = zlib.decompressobj(bits)
+    try:
+        found = inflater.decompress(content, MOST_BODY_BYTES + 1)
+    except zlib.error:
+        return None
+    return found if inflater.eof and len(found) <= MOST_BODY_BYTES else None

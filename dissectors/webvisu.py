@@ -1,0 +1,224 @@
+"""WebVisu of CoDeSys V2.3: the bodies with which pages ask for variables, and what controllers answer.
+
+Source: The Communication Protocol of WebVisu (document of the seeds), and ``webvisu.md`` sections 1 to 3. Total: no
+bytes raise, and what is wrong with a body is told beside what could be read of it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+from typing import NamedTuple
+from urllib.parse import unquote
+
+TYPES = (
+    "BOOL", "INT", "BYTE", "WORD", "DINT", "DWORD", "REAL", "TIME", "STRING", "ARRAY", "ENUM", "USERDEF", "BITORBYTE",
+    "POINTER", "SINT", "USINT", "UINT", "UDINT", "DATE", "TOD", "DT", "VOID", "LREAL", "REF", "NONE",
+)  # fmt: skip
+"""What type codes are called, by code."""
+
+STRING = TYPES.index("STRING")
+MOST_ENTRIES = 10_000
+"""So many entries of a request are read."""
+
+UNREADABLE = "???"
+"""What a controller answers in place of a value that it cannot read."""
+
+_DONE = b"|0|"
+_BREAKS = re.compile(rb"[\r\n]*\|[\r\n]*")
+_REQUEST = re.compile(rb"\|([01])\|(\d+)\|")
+_MAY_BECOME = re.compile(rb"(?:\|(?:[01](?:\|\d*)?)?)?\Z")
+_NUMBER = re.compile(r"[0-9]{1,10}")
+_QUERY = re.compile(r"(?:^|[/?])(READPI|WRITEPI)\?(.*)\Z", re.IGNORECASE | re.DOTALL)
+_READ_FIELDS, _WRITE_FIELDS = 5, 6
+_FIRST = 2
+
+
+class Place(NamedTuple):
+    """Where a variable lies: memory area (``ref``), offset in it, size in bytes (0: a bit), and code of its type."""
+
+    ref: int
+    offset: int
+    size: int
+    type: int
+
+    @property
+    def text(self) -> str:
+        """What the variable is called where it has no name."""
+        return f"{self.ref},{self.offset},{self.size},{self.type}"
+
+
+class Entry(NamedTuple):
+    """A variable that a request is about; ``value`` is what is written, None in a read.
+
+    ``number`` is what the request numbers it, which need not be its place. In the requests of older pages, ``place`` is
+    the address as text: ``MW230``.
+    """
+
+    number: int
+    place: Place | str
+    value: str | None = None
+
+    @property
+    def address(self) -> str:
+        """What the variable is called where it has no name."""
+        return self.place if isinstance(self.place, str) else self.place.text
+
+    @property
+    def is_string(self) -> bool:
+        """Whether it is asked for as STRING, whose values may have anything in them."""
+        return isinstance(self.place, Place) and self.place.type == STRING
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a request asks for: to read its entries or to write them; ``declared`` is how many it says there are.
+
+    ``query``: it is one of the older pages, READPI or WRITEPI, whose reply is as the page wants it.
+    """
+
+    writes: bool
+    declared: int
+    entries: Sequence[Entry]
+    query: bool = False
+
+    @property
+    def is_miscounted(self) -> bool:
+        """Whether it says another number of entries than it has."""
+        return self.declared != len(self.entries)
+
+    @cached_property
+    def strings(self) -> int:
+        """How many of its entries are STRINGs."""
+        return sum(entry.is_string for entry in self.entries)
+
+
+class Answer(Enum):
+    """What a reply is to its request.
+
+    ``DONE`` holds as many values as were asked for, or says that a write is done. ``MISCOUNTED`` holds more or fewer;
+    ``AMBIGUOUS`` more, and several of them may be parts of a STRING. ``REFUSED``: a write was not done.
+    """
+
+    DONE = "done"
+    MISCOUNTED = "miscounted"
+    AMBIGUOUS = "ambiguous"
+    REFUSED = "refused"
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """What a controller answers: values by position, as text, None where it could not read one."""
+
+    answer: Answer
+    values: Sequence[str | None] = ()
+
+
+def is_request(body: bytes) -> bool:
+    """Tell whether the body of a POST is a request of a WebVisu page: by that alone, for others have the same URL."""
+    return _REQUEST.match(_tidy(body)) is not None
+
+
+def may_become_request(body: bytes) -> bool:
+    """Tell whether the begin of a body is that of a request, as far as it goes."""
+    tidy = _tidy(body)
+    return _REQUEST.match(tidy) is not None or _MAY_BECOME.match(tidy) is not None
+
+
+def read_request(body: bytes) -> Request | None:
+    """Read the body of a POST; None where it is no request of a WebVisu page."""
+    tidy = _tidy(body)
+    head = _REQUEST.match(tidy)
+    if head is None:
+        return None
+    writes = head[1] == b"1"
+    declared = int(head[2][:20])
+    fields = tidy.decode("latin-1").split("|")[1:]
+    if fields and not fields[-1]:
+        fields.pop()
+    fields = fields[_FIRST:]
+    if writes and declared == 1 and len(fields) > _WRITE_FIELDS and fields[4] == str(STRING):
+        fields = [*fields[: _WRITE_FIELDS - 1], "|".join(fields[_WRITE_FIELDS - 1 :])]
+    return Request(writes, declared, tuple(_entries(fields, writes=writes)))
+
+
+def _entries(fields: Sequence[str], *, writes: bool) -> list[Entry]:
+    width = _WRITE_FIELDS if writes else _READ_FIELDS
+    found = []
+    for start in range(0, min(len(fields), MOST_ENTRIES * width) - width + 1, width):
+        numbers = fields[start : start + _READ_FIELDS]
+        if not all(map(_NUMBER.fullmatch, numbers)):
+            break
+        number, *place = map(int, numbers)
+        found.append(Entry(number, Place(*place), fields[start + _READ_FIELDS] if writes else None))
+    return found
+
+
+def read_query(target: str) -> Request | None:
+    """Read what an older page asks for by a URL; None where it asks for nothing."""
+    found = _QUERY.search(target)
+    if found is None:
+        return None
+    writes = found[1].upper() == "WRITEPI"
+    addresses: list[str] = []
+    values: dict[str, str] = {}
+    places: list[str] = []
+    for part in found[2].split("&")[: 3 * MOST_ENTRIES]:
+        name, _, text = part.partition("=")
+        name = name.upper()
+        if name.startswith("ADR") and (name[3:].isdecimal() or not name[3:]):
+            addresses.append(unquote(text, "latin-1"))
+            places.append(name[3:])
+        elif name.startswith("VALUE"):
+            values[name[5:]] = unquote(text, "latin-1")
+    entries = [
+        Entry(index, address, values.get(place, "") if writes else None)
+        for index, (address, place) in enumerate(zip(addresses, places, strict=True))
+    ]  # fmt: skip
+    return Request(writes, len(entries), tuple(entries), query=True)
+
+
+def read_reply(request: Request, body: bytes) -> Reply:
+    """Read the body of the reply to a request, of status 200."""
+    if request.query:
+        return Reply(Answer.DONE)
+    if request.writes:
+        return Reply(Answer.DONE if body.strip() == _DONE else Answer.REFUSED)
+    fields = _reply_fields(body)
+    asked = len(request.entries)
+    surplus = len(fields) - asked
+    if surplus > 0 and request.strings > 1:
+        return Reply(Answer.AMBIGUOUS)
+    if surplus > 0 and request.strings == 1:
+        place = next(place for place, entry in enumerate(request.entries) if entry.is_string)
+        fields[place : place + surplus + 1] = ["|".join(fields[place : place + surplus + 1])]
+        surplus = 0
+    values = tuple(None if text == UNREADABLE else text for text in fields[:asked])
+    return Reply(Answer.DONE if not surplus else Answer.MISCOUNTED, values)
+
+
+def fields_in_reply(body: bytes) -> int:
+    """Return how many fields the reply to a read has."""
+    tidy = body.strip(b"\r\n")
+    if not tidy.startswith(b"|"):
+        return 0
+    return tidy.count(b"|") - tidy.endswith(b"|")
+
+
+def _reply_fields(body: bytes) -> list[str]:
+    tidy = body.strip(b"\r\n")
+    if not tidy.startswith(b"|"):
+        return []
+    fields = tidy.decode("latin-1").split("|")[1:]
+    if not fields[-1]:
+        fields.pop()
+    return fields
+
+
+def _tidy(body: bytes) -> bytes:
+    if b"\n" in body or b"\r" in body:
+        return _BREAKS.sub(b"|", body).strip(b"\r\n")
+    return body

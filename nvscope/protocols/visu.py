@@ -1,0 +1,71 @@
+"""WebVisu: the HTTP requests with which web visualization pages read and write variables of a controller.
+
+Connections over its ports are followed (``nvscope.tracker.streams``), and requests recognised by what is in them
+(``dissectors.webvisu``), never by their address.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+from nvscope.protocols.protocol import Protocol
+from nvscope.tracker.visu.on_demand import NAME, FollowOnDemand, VisuState
+
+if TYPE_CHECKING:
+    from dissectors.dissector import Dissector
+    from nvscope.findings.facts import Facts
+    from nvscope.findings.finding import Finding
+    from nvscope.findings.kind import FindingKind
+    from nvscope.view.fields.field import TelegramField
+    from nvscope.view.lines.shown import MakeLines, MakeTree
+
+PORTS = (80, 8080)
+"""The TCP ports of controllers' web servers."""
+
+
+def _dissector() -> Dissector:
+    from dissectors.claims import Claims  # noqa: PLC0415
+    from dissectors.dissector import Dissector  # noqa: PLC0415
+
+    return Dissector(NAME, Claims(tcp=PORTS), begin=lambda: FollowOnDemand(PORTS))
+
+
+def _fields() -> Sequence[TelegramField]:
+    from nvscope.view.fields.visu import VISU_FIELDS  # noqa: PLC0415
+
+    return VISU_FIELDS
+
+
+def _lines() -> MakeLines:
+    from nvscope.view.lines.visu_line import visu_lines  # noqa: PLC0415
+
+    return visu_lines
+
+
+def _tree() -> MakeTree:
+    from nvscope.view.lines.visu_tree import VisuTree  # noqa: PLC0415
+
+    return VisuTree
+
+
+def _findings() -> Sequence[FindingKind]:
+    from nvscope.findings import visu  # noqa: PLC0415
+    from nvscope.findings.catalogue import rows_of  # noqa: PLC0415
+
+    return rows_of(visu)
+
+
+def _judge(facts: Facts) -> Iterable[Finding]:
+    known = facts.state.others[NAME]
+    if not isinstance(known, VisuState) or known.known is None:
+        return ()
+    from nvscope.findings.visu import judge_visu  # noqa: PLC0415
+
+    return judge_visu(facts, known.known)
+
+
+VISU = Protocol(
+    name=NAME, title="WebVisu", fields=_fields, lines=_lines, tree=_tree, findings=_findings, dissector=_dissector,
+    observe=VisuState, judge=_judge,
+)  # fmt: skip

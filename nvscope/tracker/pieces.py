@@ -1,0 +1,75 @@
+"""Pieces: what a batch brings of the streams of TCP connections."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from dissectors.batch import I64
+from dissectors.columns import Columns
+
+
+class PieceKind(IntEnum):
+    """What a piece of a stream is.
+
+    ``BEGIN``: a direction begins; its ``size`` has ``IN_STEP`` where its first bytes are known to be the first ones,
+    and ``ANEW`` where the connection begins with it. ``HOLE``: so many bytes are missing. ``END``: nothing follows; its
+    ``size`` is 1 where that was broken off.
+    """
+
+    DATA = 0
+    HOLE = 1
+    BEGIN = 2
+    END = 3
+
+
+IN_STEP, ANEW = 1, 2
+
+
+class Order(IntEnum):
+    """What comes first of that which happens with one frame."""
+
+    OLD_CLIENT = 0
+    OLD_SERVER = 1
+    ACKNOWLEDGED = 2
+    OWN = 3
+    END_CLIENT = 4
+    END_SERVER = 5
+
+
+ORDER_BITS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Pieces(Columns):
+    """What a batch brings, by stream, and of each in its order; columns of int64, shape (n,).
+
+    ``stream`` is twice the number of the connection, plus 1 for what the server sends. ``kind`` is a ``PieceKind``.
+    ``start`` is where the data begins in the batch's buffer, or, below 0, ``~start`` which of the ``kept`` pieces it
+    is; ``size`` how many bytes there are. ``order`` is the frame that brought it, shifted left by ``ORDER_BITS``, with
+    what came first in it (``Order``). ``arrival_ns`` is the latest time at which anything up to there came, which may
+    be long before that frame.
+    """
+
+    stream: I64
+    kind: I64
+    start: I64
+    size: I64
+    order: I64
+    arrival_ns: I64
+
+
+@dataclass(frozen=True, slots=True)
+class Brought:
+    """Pieces, and the bytes of those that were kept from earlier batches."""
+
+    pieces: Pieces
+    kept: Sequence[bytes] = ()
+
+
+def no_pieces() -> Pieces:
+    """Return no pieces."""
+    return Pieces(*[np.empty(0, np.int64) for _ in Pieces.__match_args__])

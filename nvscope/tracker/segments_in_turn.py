@@ -1,0 +1,341 @@
+"""Segments in turn: those of connections in which something is missing, late, or begins anew, one after the other.
+
+Of bytes that come twice, those that came first count. What lies behind a hole is kept until it is sure that the missing
+bytes do not come any more:
+
+- the receiver has acknowledged the first byte behind them, or
+- more than ``MOST_KEPT_BYTES`` wait behind it in this direction, or more than ``MOST_KEPT_IN_ALL_BYTES`` everywhere, or
+- the first of what is kept came more than ``PATIENCE_NS`` before another segment of the connection, or
+- the connection is reset, or another one begins between the same ends.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from operator import attrgetter
+from typing import ClassVar
+
+import numpy as np
+
+from dissectors.batch import I64, U8, Bool
+from dissectors.columns import Columns
+from dissectors.headers import ACK, FIN, RST, SYN
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.tracker.pieces import ANEW, IN_STEP, ORDER_BITS, Order, PieceKind, Pieces
+
+FAR = 1 << 30
+"""What is farther from where a stream is does not belong to it: no window is wider (RFC 7323, section 2.3)."""
+
+MOST_KEPT_BYTES = 1 << 18
+MOST_KEPT_IN_ALL_BYTES = 1 << 26
+PATIENCE_NS = 10 * 10**9
+_WRAP, _HALF = 1 << 32, 1 << 31
+
+
+class StreamColumns(KeyedColumns):
+    """One row a stream: where it is.
+
+    ``next`` is the sequence number of its next byte, ``first`` that with which it began, -1 where its begin was not
+    seen; ``acknowledged`` the highest one that the other end has acknowledged, -1 before it has. ``waits``: something
+    is kept of it. ``latest_ns`` is the latest time of what came of it.
+    """
+
+    begun: Bool
+    ended: Bool
+    waits: Bool
+    next: I64
+    first: I64
+    acknowledged: I64
+    latest_ns: I64
+    COLUMNS: ClassVar = {
+        **dict.fromkeys(("begun", "ended", "waits"), (np.bool_(False), 1)),
+        "next": (np.int64(0), 1), "first": (np.int64(-1), 1), "acknowledged": (np.int64(-1), 1),
+        "latest_ns": (np.int64(0), 1),
+    }  # fmt: skip
+
+    def reset(self) -> None:
+        """Make all rows what they are at the start."""
+        for name, (initial, _) in self.COLUMNS.items():
+            getattr(self, name)[:] = initial
+
+
+@dataclass(frozen=True, slots=True)
+class Segments(Columns):
+    """Segments by stream, those of one stream in the order of the capture; columns of int64, shape (n,).
+
+    ``payload`` is an offset in the batch's buffer.
+    """
+
+    stream: I64
+    sequence: I64
+    acknowledgement: I64
+    flags: I64
+    payload: I64
+    payload_bytes: I64
+    captured_bytes: I64
+    frame: I64
+    time_ns: I64
+
+
+@dataclass(slots=True)
+class _Kept:
+    """Something that waits behind a hole, or is about to be passed on, at ``begin`` along the stream.
+
+    ``source`` is where its data is in the batch's buffer, the data itself, or None where it was not captured; of SYN
+    and FIN (``kind`` ``BEGIN`` and ``END``), which take one place, it says nothing.
+    """
+
+    begin: int
+    size: int
+    kind: PieceKind
+    source: int | bytes | None
+    time_ns: int
+
+    @property
+    def end(self) -> int:
+        return self.begin + self.size
+
+    def part(self, begin: int, end: int) -> _Kept:
+        """Return what lies from ``begin`` to ``end``."""
+        skipped = begin - self.begin
+        source = self.source
+        if isinstance(source, int):
+            source += skipped
+        elif isinstance(source, bytes):
+            source = source[skipped : skipped + end - begin]
+        return _Kept(begin, end - begin, self.kind, source, self.time_ns)
+
+
+_BEGIN = attrgetter("begin")
+
+
+@dataclass(slots=True)
+class _Stream:
+    """One direction of a connection; ``at`` is how far it is, counted from where it was when it was made."""
+
+    number: int
+    begun: bool = False
+    ended: bool = False
+    next: int = 0
+    first: int = -1
+    acknowledged: int = -1
+    latest_ns: int = 0
+    at: int = 0
+    kept: list[_Kept] = field(default_factory=list)
+    kept_bytes: int = 0
+
+    def distance(self, sequence: int) -> int:
+        """Return how far a sequence number is from where the stream is."""
+        return (sequence - self.next + _HALF) % _WRAP - _HALF
+
+    @property
+    def hole_is_acknowledged(self) -> bool:
+        """Whether the receiver has what is missing in front of what is kept."""
+        return self.acknowledged >= 0 and self.distance(self.acknowledged) >= self.kept[0].begin - self.at
+
+    def waits_longer_than(self, time_ns: int) -> bool:
+        """Whether the first of what is kept came so long before a time."""
+        return time_ns - min(one.time_ns for one in self.kept) > PATIENCE_NS
+
+
+class SegmentsInTurn:
+    """Puts segments in order one at a time; ``columns`` are the state of all streams, which it changes."""
+
+    def __init__(self, columns: StreamColumns) -> None:
+        self._columns = columns
+        self._waiting: dict[int, _Stream] = {}
+        self._kept_bytes = 0
+        self._made: list[tuple[int, int, int, int, int, int]] = []
+        self._sources: list[bytes] = []
+
+    def forget(self) -> None:
+        """Forget what is kept."""
+        self._waiting.clear()
+        self._kept_bytes = 0
+
+    def observe(self, data: U8, segments: Segments) -> tuple[Pieces, list[bytes]]:
+        """Take all segments of some connections; return what they bring, and the data of what had been kept."""
+        self._made, self._sources = [], []
+        connection = segments.stream >> 1
+        by_frame = segments.take(np.lexsort((segments.frame, connection)))
+        last, ends = -1, None
+        for stream, *segment in zip(
+            *(getattr(by_frame, name).tolist() for name in Segments.__match_args__), strict=True
+        ):
+            if stream >> 1 != last:
+                if ends is not None:
+                    self._put_back(data, ends)
+                last = stream >> 1
+                ends = self._taken(2 * last), self._taken(2 * last + 1)
+            assert ends is not None
+            self._take(ends, stream & 1, *segment)
+        if ends is not None:
+            self._put_back(data, ends)
+        made = np.array(self._made, np.int64).reshape(-1, 6).T
+        return Pieces(*made), self._sources
+
+    def _taken(self, number: int) -> _Stream:
+        waiting = self._waiting.pop(number, None)
+        if waiting is not None:
+            return waiting
+        columns = self._columns
+        return _Stream(
+            number, bool(columns.begun[number]), bool(columns.ended[number]), int(columns.next[number]),
+            int(columns.first[number]), int(columns.acknowledged[number]), int(columns.latest_ns[number]),
+        )  # fmt: skip
+
+    def _put_back(self, data: U8, ends: tuple[_Stream, _Stream]) -> None:
+        columns = self._columns
+        for stream in ends:
+            number = stream.number
+            columns.begun[number], columns.ended[number] = stream.begun, stream.ended
+            columns.next[number], columns.first[number] = stream.next, stream.first
+            columns.acknowledged[number], columns.latest_ns[number] = stream.acknowledged, stream.latest_ns
+            columns.waits[number] = bool(stream.kept)
+            if stream.kept:
+                self._waiting[number] = stream
+                for one in stream.kept:
+                    if isinstance(one.source, int):
+                        one.source = data[one.source : one.source + one.size].tobytes()
+
+    def _take(
+        self, ends: tuple[_Stream, _Stream], side: int, sequence: int, acknowledgement: int, flags: int, payload: int,
+        payload_bytes: int, captured_bytes: int, frame: int, time_ns: int,
+    ) -> None:  # fmt: skip
+        own, other = ends[side], ends[1 - side]
+        if flags & RST:
+            self._break_off(ends, frame, time_ns, (Order.END_CLIENT, Order.END_SERVER))
+            return
+        if flags & SYN:
+            answers = flags & ACK
+            is_new = own.first != sequence and (not answers or own.first >= 0)
+            if is_new and (own.begun or other.begun):
+                self._break_off(ends, frame, time_ns, (Order.OLD_CLIENT, Order.OLD_SERVER))
+                for stream in ends:
+                    stream.begun = stream.ended = False
+                    stream.first = stream.acknowledged = -1
+                    stream.latest_ns = 0
+        elif not (own.begun or other.begun or payload_bytes or flags & FIN):
+            return
+        if flags & ACK and (other.acknowledged < 0 or _ahead(acknowledgement, other.acknowledged) > 0):
+            other.acknowledged = acknowledgement
+        for stream, order in zip(ends, (Order.OLD_CLIENT, Order.OLD_SERVER), strict=True):
+            while stream.kept and stream.waits_longer_than(time_ns):
+                self._give_up_hole(stream, frame, order)
+        while other.kept and other.hole_is_acknowledged:
+            self._give_up_hole(other, frame, Order.ACKNOWLEDGED)
+        if not (payload_bytes or flags & (SYN | FIN)):
+            return
+        if not own.begun:
+            own.begun, own.next = True, sequence
+            if flags & SYN:
+                own.first = sequence
+            size = (IN_STEP if flags & SYN else 0) | (0 if other.begun else ANEW)
+            self._tell(own, PieceKind.BEGIN, 0, size, frame, Order.OWN)
+        begin = own.at + own.distance(sequence)
+        if own.ended or abs(begin - own.at) > FAR:
+            return
+        parts: list[_Kept] = []
+        for size, kind, source in (
+            (1 if flags & SYN else 0, PieceKind.BEGIN, None), (captured_bytes, PieceKind.DATA, payload),
+            (payload_bytes - captured_bytes, PieceKind.HOLE, None), (flags & FIN, PieceKind.END, None),
+        ):  # fmt: skip
+            if size and begin + size > own.at:
+                part = _Kept(begin, size, kind, source, time_ns)
+                parts.append(part.part(own.at, part.end) if begin < own.at else part)
+            begin += size
+        if not parts:
+            return
+        if own.kept or parts[0].begin > own.at:
+            for part in parts:
+                self._keep(own, part)
+            self._pass_on_kept(own, frame, Order.OWN)
+            while own.kept and (own.hole_is_acknowledged or self._is_full(own)):
+                self._give_up_hole(own, frame, Order.OWN)
+        else:
+            for part in parts:
+                self._pass_on(own, part, frame, Order.OWN)
+
+    def _is_full(self, stream: _Stream) -> bool:
+        return stream.kept_bytes > MOST_KEPT_BYTES or self._kept_bytes > MOST_KEPT_IN_ALL_BYTES
+
+    def _keep(self, stream: _Stream, part: _Kept) -> None:
+        """Keep of a part what is not kept already."""
+        for one in list(_missing(stream.kept, part)):
+            stream.kept.insert(bisect_right(stream.kept, one.begin, key=_BEGIN), one)
+            stream.kept_bytes += one.size
+            self._kept_bytes += one.size
+
+    def _pass_on_kept(self, stream: _Stream, frame: int, order: Order) -> None:
+        """Pass on what is kept up to the next hole."""
+        passed = 0
+        for part in stream.kept:
+            if part.begin > stream.at:
+                break
+            stream.kept_bytes -= part.size
+            self._kept_bytes -= part.size
+            self._pass_on(stream, part, frame, order)
+            passed += 1
+        del stream.kept[:passed]
+
+    def _give_up_hole(self, stream: _Stream, frame: int, order: Order) -> None:
+        """Take the bytes in front of what is kept for missing."""
+        first = stream.kept[0]
+        self._pass_on(
+            stream, _Kept(stream.at, first.begin - stream.at, PieceKind.HOLE, None, stream.latest_ns), frame, order
+        )
+        self._pass_on_kept(stream, frame, order)
+
+    def _pass_on(self, stream: _Stream, part: _Kept, frame: int, order: Order) -> None:
+        ended = stream.ended
+        stream.at += part.size
+        stream.next = (stream.next + part.size) % _WRAP
+        stream.latest_ns = max(stream.latest_ns, part.time_ns)
+        if ended:
+            return
+        start, size = 0, part.size
+        if part.kind is PieceKind.BEGIN:
+            return
+        if part.kind is PieceKind.END:
+            stream.ended, size = True, 0
+        elif isinstance(part.source, int):
+            start = part.source
+        elif isinstance(part.source, bytes):
+            start = ~len(self._sources)
+            self._sources.append(part.source)
+        self._tell(stream, part.kind, start, size, frame, order)
+
+    def _tell(self, stream: _Stream, kind: PieceKind, start: int, size: int, frame: int, order: Order) -> None:
+        self._made.append((stream.number, int(kind), start, size, frame << ORDER_BITS | int(order), stream.latest_ns))
+
+    def _break_off(self, ends: tuple[_Stream, _Stream], frame: int, time_ns: int, orders: tuple[Order, Order]) -> None:
+        """End both directions; what is kept is passed on before."""
+        if not (ends[0].begun or ends[1].begun):
+            return
+        for stream, order in zip(ends, orders, strict=True):
+            while stream.kept:
+                self._give_up_hole(stream, frame, order)
+            stream.begun = True
+            if not stream.ended:
+                stream.ended = True
+                stream.latest_ns = max(stream.latest_ns, time_ns)
+                self._tell(stream, PieceKind.END, 0, 1, frame, order)
+
+
+def _ahead(sequence: int, known: int) -> int:
+    return (sequence - known + _HALF) % _WRAP - _HALF
+
+
+def _missing(kept: list[_Kept], part: _Kept) -> Iterator[_Kept]:
+    """Yield what is not kept of a part."""
+    begin = part.begin
+    for one in kept[max(bisect_right(kept, begin, key=_BEGIN) - 1, 0) :]:
+        if one.begin >= part.end:
+            break
+        if one.begin > begin:
+            yield part.part(begin, one.begin)
+        begin = max(begin, one.end)
+    if begin < part.end:
+        yield part.part(begin, part.end)

@@ -1,0 +1,260 @@
+"""Streams: the bytes of TCP connections over claimed ports, in their order, with holes where bytes are missing.
+
+Source: RFC 9293. What was captured need not be what arrived: segments may be missing, twice, in another order, or cut
+short, and connections may have begun before the capture. A hole is data: nothing is made up for it, and what lies
+behind it waits until it is sure that the missing bytes do not come any more (``nvscope.tracker.segments_in_turn``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from dissectors.batch import I64, U64, Bool, PacketBatch
+from dissectors.headers import ACK, FIN, RST, SYN
+from dissectors.keys import KeyTable, first_rows_from
+from dissectors.transport import SegmentBatch
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.runs import runs_of, stable_order
+from nvscope.tracker.pieces import ANEW, IN_STEP, ORDER_BITS, Brought, Order, PieceKind, Pieces, no_pieces
+from nvscope.tracker.segments_in_turn import FAR, Segments, SegmentsInTurn, StreamColumns
+
+_APART = 1 << 34
+_WRAP, _HALF = 1 << 32, 1 << 31
+_NEVER = int(np.iinfo(np.int64).max)
+
+
+class Ends(NamedTuple):
+    """Client and server of connections: halves of addresses, and ports; columns of uint64."""
+
+    client: tuple[U64, U64]
+    client_port: U64
+    server: tuple[U64, U64]
+    server_port: U64
+
+
+class _Ends(KeyedColumns):
+    """One row a pair of ends: whether the lower one of them is the server."""
+
+    low_serves: Bool
+    COLUMNS: ClassVar = {"low_serves": (np.bool_(False), 1)}
+
+
+class Streams:
+    """The connections over some ports, from one batch to the next.
+
+    ``connections`` number pairs of ends: halves of the lower address, of the higher one, and both ports. Connections in
+    which nothing is missing, late or begun anew are put in order all at once, as columns; the others a segment at a
+    time.
+    """
+
+    def __init__(self, ports: Sequence[int]) -> None:
+        self._ports = tuple(ports)
+        self.connections = KeyTable(5)
+        self._ends = _Ends()
+        self._streams = StreamColumns()
+        self._in_turn = SegmentsInTurn(self._streams)
+
+    def ends_of(self, connection: I64) -> Ends:
+        """Return who speaks to whom in connections."""
+        low_hi, low_lo, high_hi, high_lo, ports = (word[connection] for word in self.connections.words)
+        serves = self._ends.low_serves[connection]
+        low_port, high_port = ports >> np.uint64(16), ports & np.uint64(0xFFFF)
+
+        def one(low: U64, high: U64, is_low: Bool) -> U64:
+            chosen: U64 = np.where(is_low, low, high)
+            return chosen
+
+        return Ends(
+            (one(low_hi, high_hi, ~serves), one(low_lo, high_lo, ~serves)), one(low_port, high_port, ~serves),
+            (one(low_hi, high_hi, serves), one(low_lo, high_lo, serves)), one(low_port, high_port, serves),
+        )  # fmt: skip
+
+    def forget(self) -> None:
+        """Forget where all connections are: what comes next of them begins in the middle."""
+        self._streams.reset()
+        self._in_turn.forget()
+
+    def observe(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> Brought:
+        """Take the segments of a batch, which follows those observed so far; ``first_frame`` is that of its row 0."""
+        if not len(segments):
+            return Brought(no_pieces())
+        rows, carrying = self._numbered(packets, segments, first_frame)
+        if not len(rows):
+            return Brought(no_pieces())
+        self._streams.resize(2 * len(self.connections))
+        is_plain, pieces = self._plain(rows, carrying)
+        if is_plain.all():
+            return Brought(pieces)
+        others, kept = self._in_turn.observe(packets.data, rows.take(~is_plain))
+        both = Pieces.stacked([pieces, others])
+        return Brought(both.take(stable_order(both.stream, 2 * len(self.connections))), kept)
+
+    def _numbered(
+        self, packets: PacketBatch, segments: SegmentBatch, first_frame: int
+    ) -> tuple[Segments, Bool]:  # fmt: skip
+        """Return the segments of connections by stream, and which of them carry something: data, SYN or FIN."""
+        carrying = (segments.payload_bytes > 0) | ((segments.flags & (SYN | FIN)) != 0)
+        source_hi, source_lo = segments.source_hi, segments.source_lo
+        to_hi, to_lo = segments.destination_hi, segments.destination_lo
+        port, to_port = segments.source_port.astype(np.uint64), segments.destination_port.astype(np.uint64)
+        by_low = (source_lo < to_lo) | ((source_lo == to_lo) & (port <= to_port))
+        is_low = (source_hi < to_hi) | ((source_hi == to_hi) & by_low)
+        sixteen = np.uint64(16)
+        words = (
+            np.where(is_low, source_hi, to_hi), np.where(is_low, source_lo, to_lo),
+            np.where(is_low, to_hi, source_hi), np.where(is_low, to_lo, source_lo),
+            np.where(is_low, port << sixteen | to_port, to_port << sixteen | port),
+        )  # fmt: skip
+        known = len(self.connections)
+        number = np.empty(len(segments), np.int64)
+        number[carrying] = self.connections.numbers(*(word[carrying] for word in words))
+        rest = np.flatnonzero(~carrying)
+        number[rest] = self.connections.find(*(word[rest] for word in words))
+        self._name_servers(segments, is_low, np.where(carrying, number, -1), known)
+        stream = 2 * number + (is_low == self._ends.low_serves[np.maximum(number, 0)])
+        order = np.flatnonzero(number >= 0)
+        order = order[stable_order(stream[order], 2 * len(self.connections) + 1)]
+        row = segments.row[order]
+        rows = Segments(
+            stream[order], segments.sequence[order].astype(np.int64), segments.acknowledgement[order].astype(np.int64),
+            segments.flags[order].astype(np.int64), segments.payload[order], segments.payload_bytes[order],
+            segments.captured_bytes[order], row + first_frame, packets.ts_ns[row],
+        )  # fmt: skip
+        return rows, carrying[order]
+
+    def _name_servers(self, segments: SegmentBatch, is_low: Bool, number: I64, known: int) -> None:
+        """Find out who is the server of new connections: who has a claimed port, or else who is spoken to first."""
+        self._ends.resize(len(self.connections))
+        if len(self.connections) == known:
+            return
+        first = first_rows_from(number, known, len(self.connections))
+        from_claimed = np.isin(segments.source_port[first], self._ports)
+        to_claimed = np.isin(segments.destination_port[first], self._ports)
+        answers = (segments.flags[first] & (SYN | ACK)) == SYN | ACK
+        to_server = to_claimed & ~(from_claimed & answers)
+        self._ends.low_serves[number[first]] = is_low[first] != to_server
+
+    def _plain(self, rows: Segments, carrying: Bool) -> tuple[Bool, Pieces]:
+        """Put the segments of connections in order in which nothing is peculiar.
+
+        Return which segments these are, with those that carry nothing, and what they bring.
+        """
+        streams = self._streams
+        whole = rows if carrying.all() else rows.take(carrying)
+        peculiar = np.zeros(len(self.connections), np.bool_)
+        peculiar[rows.stream[(rows.flags & RST) != 0] >> 1] = True
+        peculiar |= streams.column("waits")[0::2] | streams.column("waits")[1::2]
+        start, stop = runs_of(whole.stream)
+        stream, connection = whole.stream[start], whole.stream >> 1
+        peculiar[connection[whole.captured_bytes < whole.payload_bytes]] = True
+        first_frame = np.full(len(streams), _NEVER)
+        first_frame[stream] = whole.frame[start]
+        syn, fin = (whole.flags & SYN) >> 1, whole.flags & FIN
+        self._mark_begins(whole, np.flatnonzero(syn), first_frame, peculiar)
+        # Distances from where each stream was, along it.
+        base = np.where(streams.begun[stream], streams.next[stream], whole.sequence[start])
+        step = np.empty(len(whole), np.int64)
+        step[1:] = np.diff(whole.sequence)
+        step[start] = whole.sequence[start] - base
+        step = (step + _HALF) % _WRAP - _HALF
+        length = stop - start
+        along = np.cumsum(step)
+        along -= np.repeat(along[start] - step[start], length)
+        peculiar[connection[(np.abs(step) >= FAR) | (np.abs(along) >= FAR)]] = True
+        apart = np.repeat(np.arange(len(start)) * _APART, length)
+        end = np.clip(along, -FAR, FAR) + syn + whole.payload_bytes + fin
+        top = np.maximum.accumulate(np.maximum(end, 0) + apart) - apart
+        before = np.empty(len(whole), np.int64)
+        before[1:] = top[:-1]
+        before[start] = 0
+        peculiar[connection[along > before]] = True
+        reached = top[stop - 1]
+        peculiar[stream[(streams.ended[stream] & (reached > 0))] >> 1] = True
+        ends = np.flatnonzero(fin)
+        run = np.repeat(np.arange(len(start)), length)
+        peculiar[connection[ends[end[ends] < reached[run[ends]]]]] = True
+        is_plain = ~peculiar[rows.stream >> 1]
+        own = ~peculiar[connection]
+        was_begun = streams.column("begun")[0::2] | streams.column("begun")[1::2]
+        since = np.where(was_begun, 0, np.minimum(first_frame[0::2], first_frame[1::2]))
+        self._note_acknowledged(rows.take(is_plain & (rows.frame >= since[rows.stream >> 1])))
+        if not own.any():
+            return is_plain, no_pieces()
+        new_run = np.flatnonzero(~streams.begun[stream] & own[start])
+        partner = stream[new_run] ^ 1
+        anew = ~streams.begun[partner] & (first_frame[partner] > whole.frame[start[new_run]])
+        ended = ends[own[ends] & (end[ends] > before[ends])]
+        latest = self._latest(whole, start, stop)
+        begin = np.maximum(along + syn, before)
+        size = along + syn + whole.payload_bytes - begin
+        data = np.flatnonzero(own & (size > 0))
+        order = whole.frame << ORDER_BITS | int(Order.OWN)
+
+        def made(kind: PieceKind, place: I64, start: I64 | int, size: I64 | int) -> Pieces:
+            kinds, starts, sizes = (
+                np.full(len(place), one) if isinstance(one, int) else one for one in (int(kind), start, size)
+            )
+            return Pieces(whole.stream[place], kinds, starts, sizes, order[place], latest[place])
+
+        pieces = Pieces.stacked([
+            made(PieceKind.BEGIN, start[new_run], 0, syn[start[new_run]] * IN_STEP | anew * ANEW),
+            made(PieceKind.DATA, data, (whole.payload + begin - along - syn)[data], size[data]),
+            made(PieceKind.END, ended, 0, 0),
+        ]) if len(new_run) or len(ended) else made(
+            PieceKind.DATA, data, (whole.payload + begin - along - syn)[data], size[data]
+        )  # fmt: skip
+        if len(new_run) or len(ended):
+            pieces = pieces.take(stable_order(pieces.stream, len(streams)))
+        mine = own[start]
+        moved = stream[mine]
+        begins_at = whole.sequence[start[new_run]]
+        streams.first[stream[new_run]] = np.where(syn[start[new_run]] > 0, begins_at, -1)
+        streams.next[moved] = (base[mine] + reached[mine]) % _WRAP
+        streams.begun[moved] = True
+        streams.latest_ns[moved] = latest[stop[mine] - 1]
+        streams.ended[whole.stream[ended]] = True
+        return is_plain, pieces
+
+    def _mark_begins(self, rows: Segments, syn: I64, first_frame: I64, peculiar: Bool) -> None:
+        """Mark connections with a SYN that is not the first thing of them."""
+        streams, stream, flags = self._streams, rows.stream[syn], rows.flags[syn]
+        is_first = (rows.frame[syn] == first_frame[stream]) & ~streams.begun[stream]
+        answers = (flags & ACK) != 0
+        by_server = (stream & 1) == 1
+        alone = ~streams.begun[stream ^ 1] & (first_frame[stream ^ 1] > rows.frame[syn])
+        good = is_first & (by_server == answers) & (answers | alone)
+        peculiar[stream[~good] >> 1] = True
+
+    def _latest(self, rows: Segments, start: I64, stop: I64) -> I64:
+        """Return the latest time of the segments of a stream up to each."""
+        time_ns = rows.time_ns
+        known = np.where(self._streams.begun[rows.stream[start]], self._streams.latest_ns[rows.stream[start]], 0)
+        falls = np.zeros(len(rows), np.bool_)
+        falls[1:] = time_ns[1:] < time_ns[:-1]
+        falls[start] = time_ns[start] < known
+        if not falls.any():
+            return time_ns
+        latest = time_ns.copy()
+        runs = np.searchsorted(start, np.flatnonzero(falls), side="right") - 1
+        for run in sorted(set(runs.tolist())):
+            own = slice(int(start[run]), int(stop[run]))
+            latest[own] = np.maximum(np.maximum.accumulate(time_ns[own]), known[run])
+        return latest
+
+    def _note_acknowledged(self, rows: Segments) -> None:
+        """Note what the receivers of streams have acknowledged."""
+        streams = self._streams
+        own = (rows.flags & ACK) != 0
+        stream, told = rows.stream[own] ^ 1, rows.acknowledgement[own]
+        start, _ = runs_of(stream)
+        if not len(start):
+            return
+        known = streams.acknowledged[stream[start]]
+        first = np.where(known < 0, told[start], known)
+        base = np.repeat(first, np.diff(np.append(start, len(stream))))
+        ahead = (told - base + _HALF) % _WRAP - _HALF
+        most = np.maximum(np.maximum.reduceat(ahead, start), 0)
+        streams.acknowledged[stream[start]] = (first + most) % _WRAP

@@ -1,0 +1,1 @@
+"""WebVisu: what pages ask controllers for over HTTP, and what these answer."""

@@ -1,0 +1,70 @@
+"""Asking: what HTTP requests ask for, each body read once however often it is sent."""
+
+from __future__ import annotations
+
+from dissectors.http import Head
+from dissectors.webvisu import Request, read_query, read_request
+
+_MOST_KNOWN = 4096
+"""So many different bodies and addresses are remembered."""
+
+_QUERIES = ("readpi", "writepi")
+
+
+class Ask:
+    """What a request asks for: variables (``request``), or, where it ``is_list``, an XML file that may list some.
+
+    ``is_known``: it is the same object for all that ask the same.
+    """
+
+    __slots__ = ("is_known", "is_list", "number", "request")
+
+    def __init__(self, request: Request | None, *, is_list: bool = False, is_known: bool = False) -> None:
+        self.request = request
+        self.is_list = is_list
+        self.is_known = is_known
+        self.number = -1
+        """Its number in the batch that is being taken, -1 where it has none."""
+
+
+NOTHING = Ask(None)
+
+
+class Asking:
+    """What has been asked so far."""
+
+    def __init__(self) -> None:
+        self._bodies: dict[bytes, Ask] = {}
+        self._targets: dict[str, Ask] = {}
+
+    def by_body(self, body: bytes) -> Ask:
+        """Return what the body of a POST asks for, ``NOTHING`` where it is no request of a page."""
+        known = self._bodies.get(body)
+        if known is not None:
+            return known
+        request = read_request(body)
+        if request is None:
+            return NOTHING
+        # Writes seldom come again.
+        if request.writes or len(self._bodies) >= _MOST_KNOWN:
+            return Ask(request)
+        ask = self._bodies[body] = Ask(request, is_known=True)
+        return ask
+
+    def by_target(self, head: Head) -> Ask:
+        """Return what a request without such a body asks for."""
+        target = head.target
+        if head.method != "GET":
+            return NOTHING
+        known = self._targets.get(target)
+        if known is not None:
+            return known
+        request = read_query(target) if any(word in target.lower() for word in _QUERIES) else None
+        is_list = request is None and target.partition("?")[0].lower().endswith((".xml", ".sym_xml"))
+        if request is None and not is_list:
+            return NOTHING
+        is_known = not (request is not None and request.writes) and len(self._targets) < _MOST_KNOWN
+        ask = Ask(request, is_list=is_list, is_known=is_known)
+        if is_known:
+            self._targets[target] = ask
+        return ask

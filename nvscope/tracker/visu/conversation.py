@@ -1,0 +1,114 @@
+"""Conversation: which response answers which request of a connection, whatever happens to it.
+
+A response answers the first request that waits. Where a direction loses step, nobody knows any more what waits.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from nvscope.tracker.pieces import ORDER_BITS
+from nvscope.tracker.visu.asking import NOTHING, Ask
+from nvscope.tracker.visu.http_reader import Form, What
+from nvscope.tracker.visu.messages import Kind
+
+
+class Waiting(NamedTuple):
+    """A request that nobody has answered: what it asks for, its order, and when it had arrived."""
+
+    asked: Ask
+    order: int
+    arrival_ns: int
+
+
+class Happened(NamedTuple):
+    """Something to be told of a connection; ``message`` is the row of the HTTP message that it is about, or -1."""
+
+    kind: Kind
+    connection: int
+    order: int
+    message: int
+    asked: Ask
+    latency_ns: int
+    asked_frame: int
+    gap_bytes: int
+    opens: bool
+
+
+@dataclass(slots=True)
+class Conversation:
+    """One connection; ``is_visu`` from its first request of a WebVisu page on, ``gap_bytes`` are missing until then."""
+
+    connection: int
+    waiting: deque[Waiting] = field(default_factory=deque)
+    is_visu: bool = False
+    gap_bytes: int = 0
+
+    def take_from_client(
+        self, form: Form, asked: Ask, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
+    ) -> None:  # fmt: skip
+        """Take what happens in the client's direction."""
+        if form.what in (What.WHOLE, What.CUT):
+            if form.touched or asked.request is not None:
+                kind = Kind.CUT if form.what is What.CUT else Kind.READ
+                self._tell_request(kind, asked, order, message, tell)
+            self.waiting.append(Waiting(NOTHING if form.what is What.CUT else asked, order, arrival_ns))
+        elif form.what is What.BROKEN:
+            if form.touched:
+                self._tell_request(Kind.CUT, NOTHING, order, message, tell)
+            self.waiting.clear()
+        else:
+            self._take_other(form, order, tell)
+
+    def _tell_request(
+        self, kind: Kind, asked: Ask, order: int, message: int, tell: Callable[[Happened], None]
+    ) -> None:  # fmt: skip
+        tell(Happened(kind, self.connection, order, message, asked, 0, 0, self.gap_bytes, not self.is_visu))
+        self.is_visu, self.gap_bytes = True, 0
+
+    def take_from_server(
+        self, form: Form, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
+    ) -> None:  # fmt: skip
+        """Take what happens in the server's direction."""
+        if form.what in (What.WHOLE, What.CUT):
+            if self.waiting and not (form.head is not None and form.head.is_interim):
+                asked = self.waiting.popleft()
+                is_whole = form.what is What.WHOLE and not (form.is_coded and form.content is None)
+                self._tell_answer(Kind.REPLY if is_whole else Kind.CUT, asked, order, arrival_ns, message, tell)
+        elif form.what is What.BROKEN:
+            if self.waiting:
+                self._tell_answer(Kind.CUT, self.waiting[0], order, arrival_ns, message, tell)
+            self.waiting.clear()
+        elif form.what is What.END:
+            for asked in self.waiting:
+                self._tell_answer(Kind.UNANSWERED, asked, order, arrival_ns, message, tell)
+            self.waiting.clear()
+        else:
+            self._take_other(form, order, tell)
+
+    def _tell_answer(
+        self, kind: Kind, asked: Waiting, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
+    ) -> None:  # fmt: skip
+        if asked.asked.request is None:
+            if not asked.asked.is_list or kind is not Kind.REPLY:
+                return
+            kind = Kind.NAMES
+        if kind is Kind.CUT:
+            tell(Happened(kind, self.connection, order, -1, NOTHING, 0, 0, 0, False))
+            return
+        latency_ns = arrival_ns - asked.arrival_ns if kind is Kind.REPLY else 0
+        frame = asked.order >> ORDER_BITS
+        tell(Happened(kind, self.connection, order, message, asked.asked, latency_ns, frame, 0, False))
+
+    def _take_other(self, form: Form, order: int, tell: Callable[[Happened], None]) -> None:
+        if form.what is What.ANEW:
+            self.waiting.clear()
+            self.is_visu, self.gap_bytes = False, 0
+        elif form.what is What.GAP:
+            if self.is_visu:
+                tell(Happened(Kind.GAP, self.connection, order, -1, NOTHING, 0, 0, form.missing_bytes, False))
+            else:
+                self.gap_bytes += form.missing_bytes

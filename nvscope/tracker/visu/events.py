@@ -1,0 +1,21 @@
+"""What happens between web visualization pages and controllers, as events."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class VisuEvent(IntEnum):
+    """What is told of requests and replies, in the frame with which that is known.
+
+    What nobody answered is told of the frame of the request, and of the time at which the connection ended. Of
+    ``WRITTEN``, ``REFUSED`` and ``PASSWORD_SEEN`` there is one for each variable.
+    """
+
+    WRITTEN = 1
+    REFUSED = 2
+    STATUS = 3
+    PASSWORD_SEEN = 4
+    MISCOUNTED = 5
+    SLOW = 6
+    UNANSWERED = 7

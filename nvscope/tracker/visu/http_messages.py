@@ -1,0 +1,139 @@
+"""HTTP messages: where in the streams of TCP connections each begins and ends, and with which frame it was whole.
+
+A message may lie in any number of segments and batches, and a segment may hold several.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dissectors.batch import I64, U8
+from dissectors.http import Side
+from nvscope.engine.runs import runs_of
+from nvscope.tracker.pieces import ANEW, IN_STEP, Brought, PieceKind
+from nvscope.tracker.visu.http_reader import Form, Forms, HttpReader
+
+
+@dataclass(frozen=True, slots=True)
+class HttpMessages:
+    """What happened in the streams of a batch, by stream, and in each in its order; columns of int64, shape (n,).
+
+    ``form`` is a place in ``forms``. Of a message whose content is as it came, that begins at ``start`` in ``data``.
+    ``order`` and ``arrival_ns`` are those of the piece that made it whole (``nvscope.tracker.pieces``).
+    """
+
+    data: bytes
+    forms: Sequence[Form]
+    stream: I64
+    form: I64
+    start: I64
+    order: I64
+    arrival_ns: I64
+
+    def __len__(self) -> int:
+        return len(self.stream)
+
+    def content(self, row: int) -> bytes | None:
+        """Return what is in the body of a message, None where that is not known."""
+        form = self.forms[int(self.form[row])]
+        if form.is_coded:
+            return form.content
+        start = int(self.start[row])
+        return self.data[start : start + form.body_bytes]
+
+
+class HttpStreams:
+    """Finds messages in streams, from one batch to the next."""
+
+    def __init__(self) -> None:
+        self._readers: dict[int, HttpReader] = {}
+        self._found = Forms()
+
+    def forget(self) -> None:
+        """Forget where all streams are."""
+        self._readers.clear()
+
+    def read(self, buffer: U8, brought: Brought) -> HttpMessages:
+        """Return what happens in the streams by the pieces of a batch; ``buffer`` is that of its packets."""
+        pieces, found = brought.pieces, self._found
+        found.renew()
+        data, ends = self._joined(buffer, brought)
+        run_start, run_stop = runs_of(pieces.stream)
+        runs = run_start.tolist(), run_stop.tolist()
+        is_control = pieces.kind != int(PieceKind.DATA)
+        controls = np.add.reduceat(is_control, run_start, dtype=np.int64).tolist() if len(run_start) else []
+        behind = [0, *ends[run_stop - 1].tolist()]
+        counts = []
+        for place, (stream, start, stop) in enumerate(zip(pieces.stream[run_start].tolist(), *runs, strict=True)):
+            before = len(found.at)
+            reader = self._readers.get(stream)
+            if reader is None:
+                reader = self._readers[stream] = HttpReader(Side(stream & 1))
+            if controls[place]:
+                self._follow(stream, reader, data, brought, ends, (start, stop, behind[place]))
+            else:
+                reader.read(data, behind[place], behind[place + 1], found)
+            counts.append(len(found.at) - before)
+        return self._told(data, brought, ends, np.repeat(pieces.stream[run_start], counts))
+
+    def _joined(self, buffer: U8, brought: Brought) -> tuple[bytes, I64]:
+        """Return the data of all pieces, behind what their streams had left, and where each ends in it."""
+        pieces, view = brought.pieces, memoryview(buffer.data)
+        is_data = pieces.kind == int(PieceKind.DATA)
+        size = np.where(is_data, pieces.size, 0)
+        start = np.where(is_data, pieces.start, 0)
+        stop = np.where(start >= 0, start + size, size)
+        parts: list[bytes | memoryview] = [
+            view[begin:end] if begin >= 0 else brought.kept[~begin]
+            for begin, end in zip(start.tolist(), stop.tolist(), strict=True)
+        ]  # fmt: skip
+        run_start, _ = runs_of(pieces.stream)
+        readers = map(self._readers.get, pieces.stream[run_start].tolist())
+        rests = [
+            (place, reader.rest)
+            for place, reader in zip(run_start.tolist(), readers, strict=True)
+            if reader is not None and reader.rest
+        ]  # fmt: skip
+        for place, rest in reversed(rests):
+            parts.insert(place, rest)
+            size[place] += len(rest)
+        return b"".join(parts), np.cumsum(size)
+
+    def _follow(
+        self, stream: int, reader: HttpReader, data: bytes, brought: Brought, ends: I64, run: tuple[int, int, int]
+    ) -> None:  # fmt: skip
+        """Read the pieces of a stream of which some are no data."""
+        start, stop, begin = run
+        pieces, found = brought.pieces, self._found
+        kinds, sizes = pieces.kind[start:stop].tolist(), pieces.size[start:stop].tolist()
+        end = begin + len(reader.rest)
+        for place, (kind, size) in enumerate(zip(kinds, sizes, strict=True), start):
+            if kind == PieceKind.DATA:
+                end = int(ends[place])
+                continue
+            if end > begin:
+                reader.read(data, begin, end, found)
+            begin = end
+            if kind == PieceKind.HOLE:
+                reader.miss(size, ~place, found)
+            elif kind == PieceKind.BEGIN:
+                reader.begin(in_step=size & IN_STEP > 0)
+                anew = size & ANEW > 0
+                found.at.append(~place)
+                found.form.append(Forms.ANEW if anew else Forms.BEGIN)
+            else:
+                reader.end(~place, found, broken_off=size > 0)
+        if end > begin:
+            reader.read(data, begin, end, found)
+        elif kinds[-1] == PieceKind.END:
+            del self._readers[stream]
+
+    def _told(self, data: bytes, brought: Brought, ends: I64, stream: I64) -> HttpMessages:
+        found, pieces = self._found, brought.pieces
+        at, form = np.array(found.at, np.int64), np.array(found.form, np.int64)
+        reached = at + np.array(found.body_bytes, np.int64)[form]
+        piece = np.where(at >= 0, np.searchsorted(ends, reached), ~at)
+        return HttpMessages(data, found.forms, stream, form, at, pieces.order[piece], pieces.arrival_ns[piece])

@@ -1,0 +1,277 @@
+"""HttpReader: where a stream of HTTP is, and what is found when more of it comes.
+
+What is found, and up to which byte one has to read to find it, does not depend on how much comes at a time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container
+from dataclasses import dataclass, replace
+from enum import IntEnum
+
+from dissectors import http
+from dissectors.http import MOST_BODY_BYTES, MOST_HEAD_BYTES, Body, Head, Side
+from dissectors.webvisu import may_become_request
+
+_MOST_FORMS = 4096
+_MOST_CHUNKED_BYTES = 2 * MOST_BODY_BYTES
+_END_OF_HEAD = b"\r\n\r\n"
+_ENDLESS = 1 << 62
+_POST = b"POST "
+
+
+class What(IntEnum):
+    """What happens in a stream.
+
+    A message is ``WHOLE``; or ``CUT``: it is known where it ends, but not all that is in it. ``BROKEN``: the stream
+    loses step. ``BEGIN`` and ``END`` are its own, with ``ANEW`` the whole connection begins. With ``GAP``, bytes are
+    missing.
+    """
+
+    WHOLE = 0
+    CUT = 1
+    BROKEN = 2
+    BEGIN = 3
+    END = 4
+    GAP = 5
+    ANEW = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """What messages of one form have in common; or what else happens.
+
+    ``body_bytes`` is how long the body is as it came. ``content`` is what is in it where ``is_coded``, None where that
+    is not known. ``touched``: what is not whole may be a request of a WebVisu page. ``missing_bytes`` are those of a
+    gap.
+    """
+
+    what: What
+    head: Head | None = None
+    body_bytes: int = 0
+    content: bytes | None = None
+    is_coded: bool = False
+    touched: bool = False
+    missing_bytes: int = 0
+
+
+class Forms:
+    """The forms of messages so far, and what was found of them in the data of a batch, one behind the other.
+
+    ``at`` is where the body of a message begins, of what has none where the stream is; below 0, ``~at`` is a piece.
+    ``form`` is a place in ``forms``, of which ``body_bytes`` are known by place. ``known`` are the heads by side of
+    which nothing more is to be known to read a message.
+    """
+
+    BEGIN, END, ANEW = 0, 1, 2
+
+    def __init__(self) -> None:
+        self.at: list[int] = []
+        self.form: list[int] = []
+        self._clear()
+
+    def _clear(self) -> None:
+        self.forms = [Form(What.BEGIN), Form(What.END), Form(What.ANEW)]
+        self.body_bytes = [0] * len(self.forms)
+        self.known: tuple[dict[bytes, int], dict[bytes, int]] = ({}, {})
+
+    def renew(self) -> None:
+        """Forget what was found, and all forms where there are too many."""
+        self.at, self.form = [], []
+        if len(self.forms) > _MOST_FORMS:
+            self._clear()
+
+    def add(self, form: Form) -> int:
+        """Return the number of a new form."""
+        self.forms.append(form)
+        self.body_bytes.append(form.body_bytes)
+        return len(self.forms) - 1
+
+    def tell(self, at: int, form: Form) -> None:
+        """Note that something was found."""
+        self.at.append(at)
+        self.form.append(self.add(form))
+
+
+class HttpReader:
+    """One direction of a connection.
+
+    ``rest`` are the bytes of the message that has begun; they stand in front of what is read next.
+    ``without_body`` are the responses, counted from 0 since the connection began or lost step, that answer HEAD.
+    """
+
+    __slots__ = ("_passed", "_passes", "_seeks", "messages", "rest", "side", "without_body")
+
+    def __init__(self, side: Side) -> None:
+        self.side = side
+        self.rest = b""
+        self.messages = 0
+        self.without_body: Container[int] = ()
+        self._seeks = True
+        # Bytes that are still to come of a body that is not kept, and what is to be told behind them.
+        self._passes = 0
+        self._passed: Form | None = None
+
+    def begin(self, *, in_step: bool) -> None:
+        """Take the begin of a connection; its first bytes begin a message where it is ``in_step``."""
+        self.rest, self._passes, self._passed = b"", 0, None
+        self._seeks = not in_step
+        self.messages = 0
+
+    def read(self, data: bytes, begin: int, end: int, found: Forms) -> None:
+        """Read ``data`` from ``begin``, where its rest is, to ``end``."""
+        if self._passes:
+            if self._passes > end - begin:
+                self._passes -= end - begin
+                return
+            begin += self._passes
+            self._tell_passed(begin, found)
+        known, body_bytes, find = found.known[self.side], found.body_bytes, data.find
+        tell_at, tell_form = found.at.append, found.form.append
+        plain = not self.without_body
+        while begin < end:
+            if self._seeks:
+                start = http.start_of_message(data, begin, end, self.side)
+                if start < 0:
+                    self.rest = data[http.keep_from(begin, end, self.side) : end]
+                    return
+                self._seeks, begin = False, start
+            head_end = find(_END_OF_HEAD, begin, end) + len(_END_OF_HEAD)
+            number = known.get(data[begin:head_end]) if plain else None
+            if number is None:
+                behind = self._read_one(data, begin, end, found)
+                if behind < 0:
+                    break
+                begin = behind
+                continue
+            behind = head_end + body_bytes[number]
+            if behind > end:
+                break
+            tell_at(head_end)
+            tell_form(number)
+            self.messages += 1
+            begin = behind
+        self.rest = data[begin:end] if not self._passes else b""
+
+    def _read_one(self, data: bytes, begin: int, end: int, found: Forms) -> int:
+        """Read a message; return where it ends, -1 where it is not there whole."""
+        start = http.behind_blank_lines(data, begin, end)
+        longest = http.LONGEST_LINE[self.side]
+        line_end = data.find(b"\n", start, min(end, start + longest)) + 1
+        if not line_end:
+            return self._lose_step(data, start, start + longest, found) if end - start >= longest else -1
+        if not http.is_start_line(data, start, line_end, self.side):
+            return self._lose_step(data, start, line_end, found)
+        head_end = http.end_of_head(data, line_end - 1, min(end, start + MOST_HEAD_BYTES))
+        if head_end < 0:
+            too_long = end - start >= MOST_HEAD_BYTES
+            return self._lose_step(data, start, start + MOST_HEAD_BYTES, found) if too_long else -1
+        head = http.read_head(data[start:head_end], self.side)
+        if head is None:
+            return self._lose_step(data, start, head_end, found)
+        if self.side is Side.SERVER and not head.is_interim and self.messages in self.without_body:
+            head = replace(head, body=Body.LENGTH, length=0)
+        if head.body is Body.LENGTH:
+            return self._read_length(data, start, head_end, end, head, found)
+        if head.body is Body.CHUNKS:
+            return self._read_chunks(data, start, head_end, end, head, found)
+        if end - head_end <= MOST_BODY_BYTES:
+            return -1
+        self._passes, self._passed = _ENDLESS, Form(What.WHOLE, head, is_coded=True)
+        return end
+
+    def _read_length(self, data: bytes, start: int, head_end: int, end: int, head: Head, found: Forms) -> int:
+        behind = head_end + head.length
+        if head.length > MOST_BODY_BYTES:
+            self._passed = Form(What.WHOLE, head, is_coded=True)
+            if behind > end:
+                self._passes = behind - end
+                return end
+            self._tell_passed(behind, found)
+            return behind
+        if behind > end:
+            return -1
+        self.messages += not head.is_interim
+        if head.coding:
+            content = http.decoded(data[head_end:behind], head.coding)
+            found.tell(head_end, Form(What.WHOLE, head, head.length, content, is_coded=True))
+            return behind
+        number = found.add(Form(What.WHOLE, head, head.length))
+        found.at.append(head_end)
+        found.form.append(number)
+        text = data[start:head_end]
+        if text.find(_END_OF_HEAD) == len(text) - len(_END_OF_HEAD) and not head.is_interim and not self.without_body:
+            found.known[self.side][text] = number
+        return behind
+
+    def _read_chunks(self, data: bytes, start: int, head_end: int, end: int, head: Head, found: Forms) -> int:
+        most = head_end + _MOST_CHUNKED_BYTES
+        chunks = http.read_chunks(data, head_end, min(end, most))
+        if chunks.wrong_at >= 0:
+            return self._lose_step(data, start, chunks.wrong_at, found)
+        if chunks.stop < 0:
+            return self._lose_step(data, start, most, found) if end >= most else -1
+        self.messages += not head.is_interim
+        content = http.decoded(chunks.content, head.coding)
+        found.tell(head_end, Form(What.WHOLE, head, chunks.stop - head_end, content, is_coded=True))
+        return chunks.stop
+
+    def _lose_step(self, data: bytes, start: int, at: int, found: Forms) -> int:
+        """Give up what begins at ``start``, as is known when ``at`` is reached; look for a message behind its begin."""
+        self._seeks, self.messages, self.without_body = True, 0, ()
+        found.tell(at, Form(What.BROKEN, touched=self._is_touched(data[start:at])))
+        return start + 1
+
+    def _is_touched(self, rest: bytes) -> bool:
+        """Tell whether what is there of a message may be a request of a WebVisu page."""
+        if self.side is not Side.CLIENT or not rest.startswith(_POST):
+            return False
+        head_end = http.end_of_head(rest, 0, len(rest))
+        return head_end < 0 or may_become_request(rest[head_end:])
+
+    def miss(self, size: int, at: int, found: Forms) -> None:
+        """Take a hole of so many bytes."""
+        found.tell(at, Form(What.GAP, missing_bytes=size))
+        rest, self.rest = self.rest, b""
+        if not self._seeks and not self._passes:
+            head_end = http.end_of_head(rest, 0, len(rest))
+            head = http.read_head(rest[:head_end], self.side) if head_end >= 0 else None
+            if head is not None and head.body is Body.LENGTH:
+                self._passes = head.length - (len(rest) - head_end)
+                self._passed = Form(What.CUT, head, is_coded=True, touched=self._is_touched(rest))
+        if self._passes >= size and self._passed is not None and self._passes < _ENDLESS:
+            self._passes -= size
+            self._passed = replace(self._passed, what=What.CUT)
+            if not self._passes:
+                self._tell_passed(at, found)
+            return
+        touched = self._passed.touched if self._passed is not None else not self._seeks and self._is_touched(rest)
+        self._passes, self._passed = 0, None
+        self._seeks, self.messages, self.without_body = True, 0, ()
+        found.tell(at, Form(What.BROKEN, touched=touched))
+
+    def _tell_passed(self, at: int, found: Forms) -> None:
+        assert self._passed is not None
+        self.messages += not (self._passed.head is not None and self._passed.head.is_interim)
+        found.tell(at, self._passed)
+        self._passes, self._passed = 0, None
+
+    def end(self, at: int, found: Forms, *, broken_off: bool) -> None:
+        """Take the end of the stream: a message that goes up to there is whole, unless it is a request, broken off."""
+        rest = self.rest
+        dropped = broken_off and self.side is Side.CLIENT
+        if self._passes >= _ENDLESS:
+            if not dropped:
+                self._tell_passed(at, found)
+        elif self._passes or (rest and not self._seeks):
+            head_end = http.end_of_head(rest, 0, len(rest))
+            head = http.read_head(rest[:head_end], self.side) if head_end >= 0 and not self._passes else None
+            if head is not None and head.body is Body.END:
+                if not dropped:
+                    content = http.decoded(rest[head_end:], head.coding)
+                    found.tell(at, Form(What.WHOLE, head, 0, content, is_coded=True))
+            elif self.side is Side.SERVER:
+                found.tell(at, Form(What.CUT))
+        self.begin(in_step=False)
+        found.at.append(at)
+        found.form.append(Forms.END)

@@ -1,0 +1,126 @@
+"""What WebVisu pages and controllers say to each other, as columns, and which frames it was whole with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+
+from dissectors.batch import I64, U64, Bool
+from dissectors.columns import Columns
+from dissectors.transport import NO_SEGMENTS, SegmentBatch
+from dissectors.webvisu import Place, Request
+from nvscope.engine.runs import runs_of
+
+
+class Kind(IntEnum):
+    """What a message is, or what else happens to one.
+
+    ``NAMES``: the reply to a request for a list of variables. ``CUT``: a request or a reply of which bytes are missing.
+    ``UNANSWERED``: the connection ended without a reply. ``GAP``: bytes are missing of a connection with such requests.
+    """
+
+    READ = 0
+    WRITE = 1
+    REPLY = 2
+    NAMES = 3
+    CUT = 4
+    UNANSWERED = 5
+    GAP = 6
+
+
+class Outcome(IntEnum):
+    """What a reply says. ``STATUS``: its HTTP status is another one than 200; ``NONE``: it is no reply."""
+
+    NONE = -1
+    DONE = 0
+    MISCOUNTED = 1
+    AMBIGUOUS = 2
+    REFUSED = 3
+    STATUS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class VisuMessages(Columns):
+    """Messages in the order in which they were whole; columns of int64, shape (n,), but for ``opens``.
+
+    ``row`` is that of the packet in its batch, ``pair`` the number of client, server and port. ``asked`` is the number
+    of the request: that of a request itself, or that which a reply answers; -1 of what is neither. ``start`` and
+    ``stop`` are where the content of its body lies. Of replies: HTTP ``status``, ``outcome``, how many values it has
+    (``fields``), ``latency_ns``, and ``asked_frame``, that of the request; of what is no reply -1, 0 of times.
+    ``asked_frame`` is also that of what is unanswered. ``gap_bytes`` are missing of the connection that were not told
+    before; ``opens``: it is the first such request of its connection. ``polled_ns`` is how long it is since the pair
+    read the same the last time, -1 of what is no such read. ``naming`` is which of ``VisuBatch.namings`` was known.
+    """
+
+    kind: I64
+    row: I64
+    pair: I64
+    asked: I64
+    start: I64
+    stop: I64
+    status: I64
+    outcome: I64
+    fields: I64
+    latency_ns: I64
+    asked_frame: I64
+    gap_bytes: I64
+    opens: Bool
+    polled_ns: I64
+    naming: I64
+
+
+@dataclass(frozen=True, slots=True)
+class VisuBatch:
+    """The frames of a packet batch with which messages were whole, rising; a part of what is told.
+
+    The messages of frame ``i`` are ``count[i]``, from ``first[i]`` on; ``segment`` is what came with it. ``data`` are
+    the contents of bodies, ``requests`` what was asked for, by number; ``pairs`` are halves of the addresses of client
+    and server, and its port, by number of the pair, five columns of uint64; ``namings`` are what variables were called.
+    """
+
+    row: I64
+    first: I64
+    count: I64
+    messages: VisuMessages
+    segment: SegmentBatch
+    data: bytes
+    requests: Sequence[Request]
+    pairs: Sequence[U64]
+    namings: Sequence[Mapping[Place, str]]
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    def take(self, rows: I64 | Bool) -> VisuBatch:
+        """Return the frames at the given positions or where the mask is set."""
+        return replace(
+            self, row=self.row[rows], first=self.first[rows], count=self.count[rows], segment=self.segment.take(rows)
+        )
+
+    @staticmethod
+    def of(
+        messages: VisuMessages, segments: SegmentBatch, data: bytes, requests: Sequence[Request], pairs: Sequence[U64],
+        namings: Sequence[Mapping[Place, str]],
+    ) -> VisuBatch:  # fmt: skip
+        """Return the frames of some messages that stand in their order; ``segments`` are those of the batch."""
+        start, stop = runs_of(messages.row)
+        row = messages.row[start]
+        own = segments.take(np.searchsorted(segments.row, row))
+        return VisuBatch(row, start, stop - start, messages, own, data, requests, pairs, namings)
+
+
+def messages_of(rows: Sequence[Sequence[int]]) -> VisuMessages:
+    """Return the columns of rows that hold all of them in their order."""
+    columns: Any = list(np.array(rows, np.int64).reshape(-1, len(VisuMessages.__match_args__)).T)
+    place = VisuMessages.__match_args__.index("opens")
+    columns[place] = columns[place] > 0
+    return VisuMessages(*columns)
+
+
+def no_messages() -> VisuBatch:
+    """Return the frames of no messages."""
+    return VisuBatch.of(messages_of(()), NO_SEGMENTS, b"", (), (), ())

@@ -1,0 +1,48 @@
+"""Names: what variables are called, by controller, as the lists that came over the network say."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from dissectors.webvisu import Entry, Place
+
+NO_NAMES: Mapping[Place, str] = MappingProxyType({})
+_MOST_LISTS = 1024
+_MOST_NAMES = 200_000
+
+
+class Names:
+    """The names known so far of the variables of each controller, by the halves of its address.
+
+    ``versions`` are all that was known at some time, by number: a later list adds to what was known before. What has
+    been said once holds for what came until then.
+    """
+
+    def __init__(self) -> None:
+        self.versions: list[Mapping[Place, str]] = [NO_NAMES]
+        self._of_server: dict[tuple[int, int], int] = {}
+
+    def version_of(self, server: tuple[int, int]) -> int:
+        """Return the number of what is known of a controller."""
+        return self._of_server.get(server, 0)
+
+    def learn(self, server: tuple[int, int], content: bytes) -> None:
+        """Take the content of a variable list."""
+        if len(self.versions) >= _MOST_LISTS:
+            return
+        from nvscope.definition.visu_variables import variables_in  # noqa: PLC0415
+
+        found = variables_in(content).names
+        before = self.versions[self.version_of(server)]
+        if not found or all(before.get(place) == name for place, name in found.items()):
+            return
+        if len(before) + len(found) > _MOST_NAMES:
+            return
+        self._of_server[server] = len(self.versions)
+        self.versions.append(MappingProxyType({**before, **found}))
+
+
+def name_of(entry: Entry, names: Mapping[Place, str]) -> str:
+    """Return what a variable is called: by its name where that is known, or by where it lies."""
+    return names.get(entry.place, entry.address) if isinstance(entry.place, Place) else entry.address

@@ -1,0 +1,91 @@
+"""WebVisu on demand: most plants have none, and until somebody speaks over its ports, nothing of it is imported."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from dissectors.batch import I64, Bool, PacketBatch
+from dissectors.dissector import Part
+from dissectors.transport import SegmentBatch
+from nvscope.engine.dealing import Share, SplitBy
+from nvscope.engine.told import Told
+from nvscope.tracker.accumulator import NO_SUMMARY, ProtocolSummary
+
+if TYPE_CHECKING:
+    from nvscope.tracker.visu.follower import VisuFollower
+    from nvscope.tracker.visu.state import VisuCounts
+
+NAME = "visu"
+
+
+class _Nothing:
+    """The part of a batch in which nothing was found."""
+
+    row: I64 = np.empty(0, np.int64)
+
+    def __len__(self) -> int:
+        return 0
+
+    def take(self, rows: I64 | Bool) -> _Nothing:
+        return self
+
+
+class FollowOnDemand:
+    """Follows the connections over some ports, from the first segment on that has data."""
+
+    def __init__(self, ports: Sequence[int]) -> None:
+        self._ports = ports
+        self._known: VisuFollower | None = None
+
+    def follow(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> Part:
+        """Return what the segments of a batch bring (``nvscope.tracker.visu.messages.VisuBatch``)."""
+        if not len(segments):
+            return _Nothing()
+        if self._known is None:
+            from nvscope.tracker.visu.follower import VisuFollower  # noqa: PLC0415
+
+            self._known = VisuFollower(self._ports)
+        return self._known.follow(packets, segments, first_frame)
+
+    def forget(self) -> None:
+        """Forget where all connections are: nobody listened for a while."""
+        if self._known is not None:
+            self._known.forget()
+
+
+class VisuState:
+    """What became of all requests, ``known``: None before there is any."""
+
+    SPLIT_BY: ClassVar = SplitBy.LIST  # of no list: all go to the first part
+
+    def __init__(self) -> None:
+        self.known: VisuCounts | None = None
+
+    def observe(self, told: Told) -> None:
+        """Take a batch, which follows those observed so far."""
+        part = told.parts.get(NAME)
+        if part is None:
+            return
+        from nvscope.tracker.visu.messages import VisuBatch  # noqa: PLC0415
+        from nvscope.tracker.visu.state import VisuCounts  # noqa: PLC0415
+
+        assert isinstance(part, VisuBatch)
+        if self.known is None:
+            self.known = VisuCounts()
+        self.known.observe(told, part)
+
+    def take(self, part: VisuState, share: Share) -> None:
+        """Take over what the first part has counted: it has all of it."""
+        if not share.part:
+            self.known = part.known
+
+    def summary(self) -> ProtocolSummary:
+        """Return who asked whom, and what became of it."""
+        if self.known is None:
+            return NO_SUMMARY
+        from nvscope.tracker.visu.summary import summarize_visu  # noqa: PLC0415
+
+        return ProtocolSummary(summarize_visu(self.known), tuple(self.known.clients()))

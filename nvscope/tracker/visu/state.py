@@ -1,0 +1,275 @@
+"""VisuCounts: what became of all requests of web visualization pages, by who asked whom."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from enum import IntEnum
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from dissectors import address
+from dissectors.batch import I64, U64
+from dissectors.keys import KeyTable
+from dissectors.webvisu import Place, Request, read_reply
+from nvscope.definition.visu_variables import is_password
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.told import Told
+from nvscope.tracker.events import EventLog
+from nvscope.tracker.latency import Latencies
+from nvscope.tracker.visu.events import VisuEvent
+from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages
+from nvscope.tracker.visu.names import name_of
+
+SLOW_NS = 10**9
+"""A reply that takes longer is worth a note."""
+
+_OK = 200
+_MOST_REMEMBERED = 1 << 14
+
+
+class _Message(NamedTuple):
+    """A row of ``VisuMessages``, with its columns in their order."""
+
+    kind: int
+    row: int
+    pair: int
+    asked: int
+    start: int
+    stop: int
+    status: int
+    outcome: int
+    fields: int
+    latency_ns: int
+    asked_frame: int
+    gap_bytes: int
+    opens: bool
+    polled_ns: int
+    naming: int
+
+
+class PairColumns(KeyedColumns):
+    """One row a client, server and port: what became of its requests."""
+
+    connections: I64
+    reads: I64
+    writes: I64
+    entries: I64
+    variables: I64
+    replies: I64
+    refused: I64
+    unanswered: I64
+    cut: I64
+    gap_bytes: I64
+    miscounted: I64
+    ambiguous: I64
+    COLUMNS: ClassVar = {
+        name: (np.int64(0), 1)
+        for name in (
+            "connections", "reads", "writes", "entries", "variables", "replies", "refused", "unanswered", "cut",
+            "gap_bytes", "miscounted", "ambiguous",
+        )
+    }  # fmt: skip
+
+
+class Beyond(IntEnum):
+    """That for which there is no room: pairs, variables that differ, and findings on more of these."""
+
+    PAIR = 0
+    VARIABLE = 1
+    FINDING = 2
+
+
+class Subject(NamedTuple):
+    """What a finding is about: who asked whom, and which variable; '' for what is of none."""
+
+    client: str
+    server: str
+    variable: str
+
+
+class VisuCounts:
+    """The requests of all pages, and what became of them; an accumulator of what ``VisuFollower`` finds.
+
+    ``pairs`` number client, server and port, as in ``VisuBatch.pairs``; ``columns``, ``latencies`` and ``pollings`` are
+    by pair. ``events`` are keyed by ``VisuEvent`` and by subject, which ``subjects`` number. ``left_out`` is that for
+    which there was no room, keyed by ``Beyond``.
+    """
+
+    def __init__(self) -> None:
+        self.pairs = KeyTable(5)
+        self.columns = PairColumns()
+        self.latencies = Latencies()
+        self.pollings = Latencies()
+        self.subjects: dict[Subject, int] = {}
+        self.events = EventLog()
+        self.left_out = EventLog(1)
+        self._variables: set[tuple[int, str]] = set()
+        self._asked: set[tuple[int, Request]] = set()
+        self._secrets: dict[tuple[Request, int], Collection[int]] = {}
+
+    def observe(self, told: Told, part: VisuBatch) -> None:
+        """Take what a batch brings."""
+        messages = part.messages
+        own = self.pairs.numbers_within(told.max_streams, *part.pairs)
+        pair = own[messages.pair]
+        beyond = pair < 0
+        if beyond.any():
+            self._leave_out(Beyond.PAIR, told, messages.take(beyond))
+            messages, pair = messages.take(~beyond), pair[~beyond]
+        self.columns.resize(len(self.pairs))
+        self._count(pair, messages, part.requests)
+        self._note(told, part, pair, messages)
+        self.events.settle()
+        self.left_out.settle()
+
+    def _count(self, pair: I64, messages: VisuMessages, requests: Sequence[Request]) -> None:
+        columns, kind, outcome = self.columns, messages.kind, messages.outcome
+        entries = np.array([len(one.entries) for one in requests], np.int64)
+        miscounted = np.array([one.is_miscounted for one in requests], np.bool_)
+        writes = np.array([one.writes for one in requests], np.bool_)
+        asks = (kind == Kind.READ) | (kind == Kind.WRITE)
+        replies = kind == Kind.REPLY
+        for name, where in (
+            ("connections", messages.opens), ("reads", kind == Kind.READ), ("writes", kind == Kind.WRITE),
+            ("replies", replies), ("unanswered", kind == Kind.UNANSWERED), ("cut", kind == Kind.CUT),
+            ("ambiguous", outcome == Outcome.AMBIGUOUS), ("miscounted", outcome == Outcome.MISCOUNTED),
+        ):  # fmt: skip
+            np.add.at(getattr(columns, name), pair[where], 1)
+        asked = messages.asked
+        np.add.at(columns.entries, pair[asks], entries[asked[asks]])
+        np.add.at(columns.miscounted, pair[asks], miscounted[asked[asks]])
+        np.add.at(columns.gap_bytes, pair, messages.gap_bytes)
+        refused = np.flatnonzero(replies & ((outcome == Outcome.REFUSED) | (outcome == Outcome.STATUS)))
+        np.add.at(columns.refused, pair[refused], writes[asked[refused]])
+        self.latencies.observe(pair[replies], messages.latency_ns[replies], len(self.pairs))
+        polled = messages.polled_ns >= 0
+        self.pollings.observe(pair[polled], messages.polled_ns[polled], len(self.pairs))
+
+    def _note(self, told: Told, part: VisuBatch, pair: I64, messages: VisuMessages) -> None:
+        """Note what is a finding, and which variables are asked for."""
+        happened: list[tuple[VisuEvent, int, int, Subject]] = []
+        rows = self._worth_a_look(part, pair, messages)
+        columns = (getattr(messages, name)[rows].tolist() for name in VisuMessages.__match_args__)
+        for number, row in zip(pair[rows].tolist(), zip(*columns, strict=True), strict=True):
+            one = _Message(*row)
+            request, names = part.requests[one.asked], part.namings[one.naming]
+            time_ns, frame = int(told.packets.ts_ns[one.row]), one.row + told.first_frame
+            ends = self.ends(number)
+            whole = Subject(*ends, "")
+            variables: Iterable[Subject] = (Subject(*ends, name_of(entry, names)) for entry in request.entries)
+            found: list[tuple[VisuEvent, Subject]] = []
+            if one.kind == Kind.UNANSWERED:
+                frame = one.asked_frame
+                found.append((VisuEvent.UNANSWERED, whole))
+            elif one.kind == Kind.REPLY:
+                if one.latency_ns > SLOW_NS:
+                    found.append((VisuEvent.SLOW, whole))
+                if one.outcome in (Outcome.MISCOUNTED, Outcome.AMBIGUOUS):
+                    found.append((VisuEvent.MISCOUNTED, whole))
+                elif one.outcome == Outcome.REFUSED or (one.outcome == Outcome.STATUS and request.writes):
+                    found += [(VisuEvent.REFUSED, variable) for variable in variables]
+                elif one.outcome == Outcome.STATUS:
+                    found.append((VisuEvent.STATUS, whole))
+                secret = self._secret(request, one.naming, names)
+                if secret and one.status == _OK and not request.writes:
+                    values = read_reply(request, part.data[one.start : one.stop]).values
+                    found += [
+                        (VisuEvent.PASSWORD_SEEN, variable)
+                        for place, variable in enumerate(variables)
+                        if place in secret and place < len(values) and values[place] is not None
+                    ]  # fmt: skip
+            else:
+                self._note_variables(number, request, told, time_ns, frame)
+                if request.is_miscounted:
+                    found.append((VisuEvent.MISCOUNTED, whole))
+                if one.kind == Kind.WRITE:
+                    for variable in variables:
+                        found.append((VisuEvent.WRITTEN, variable))
+                        if is_password(variable.variable):
+                            found.append((VisuEvent.PASSWORD_SEEN, variable))
+            happened += [(event, time_ns, frame, subject) for event, subject in found]
+        self._log(told, happened)
+
+    def _worth_a_look(self, part: VisuBatch, pair: I64, messages: VisuMessages) -> I64:
+        """Return the messages of which something may be said beside that they are there."""
+        kind, asked, outcome = messages.kind, messages.asked, messages.outcome
+        peculiar = np.array([one.writes or one.is_miscounted for one in part.requests], np.bool_)
+        wanted = (kind == Kind.UNANSWERED) | (kind == Kind.WRITE) | (messages.latency_ns > SLOW_NS)
+        wanted |= (outcome != Outcome.NONE) & (outcome != Outcome.DONE)
+        reads, replies = np.flatnonzero(kind == Kind.READ), np.flatnonzero(kind == Kind.REPLY)
+        wanted[reads] |= peculiar[asked[reads]]
+        # What was asked before says nothing new.
+        wanted[reads[first_of_each(pair[reads], asked[reads])]] = True
+        naming = messages.naming[replies]
+        for place in replies[first_of_each(asked[replies], naming)].tolist():
+            request, version = part.requests[int(asked[place])], int(messages.naming[place])
+            if self._secret(request, version, part.namings[version]):
+                wanted[replies[(asked[replies] == asked[place]) & (naming == version)]] = True
+        return np.flatnonzero(wanted)
+
+    def _secret(self, request: Request, naming: int, names: Mapping[Place, str]) -> Collection[int]:
+        """Return which entries of a request are passwords."""
+        if not naming:
+            return ()
+        key = (request, naming)
+        found = self._secrets.get(key)
+        if found is None:
+            found = {place for place, one in enumerate(request.entries) if is_password(name_of(one, names))}
+            if len(self._secrets) > _MOST_REMEMBERED:
+                self._secrets.clear()
+            self._secrets[key] = found
+        return found
+
+    def _note_variables(self, pair: int, request: Request, told: Told, time_ns: int, frame: int) -> None:
+        if (pair, request) in self._asked:
+            return
+        if len(self._asked) > _MOST_REMEMBERED:
+            self._asked.clear()
+        if not request.writes:
+            self._asked.add((pair, request))
+        for entry in request.entries:
+            key = (pair, entry.address)
+            if key in self._variables:
+                continue
+            if len(self._variables) >= told.max_streams:
+                self.left_out.record(*_one(time_ns, frame, Beyond.VARIABLE))
+                continue
+            self._variables.add(key)
+            self.columns.variables[pair] += 1
+
+    def _log(self, told: Told, happened: Sequence[tuple[VisuEvent, int, int, Subject]]) -> None:
+        for event, time_ns, frame, subject in happened:
+            number = self.subjects.get(subject)
+            if number is None:
+                if len(self.subjects) >= told.max_streams:
+                    self.left_out.record(*_one(time_ns, frame, Beyond.FINDING))
+                    continue
+                number = self.subjects[subject] = len(self.subjects)
+            times, frames, kind = _one(time_ns, frame, event)
+            self.events.record(times, frames, kind, np.array([number], np.uint64))
+
+    def _leave_out(self, what: Beyond, told: Told, messages: VisuMessages) -> None:
+        time_ns, frame = told.packets.ts_ns[messages.row], messages.row + told.first_frame
+        self.left_out.record(time_ns, frame, np.full(len(frame), int(what), np.uint64))
+
+    def ends(self, pair: int) -> tuple[str, str]:
+        """Return the addresses of client and server of a pair, as text."""
+        client_hi, client_lo, server_hi, server_lo, _ = (int(word[pair]) for word in self.pairs.words)
+        return address.text(client_hi, client_lo), address.text(server_hi, server_lo)
+
+    def clients(self) -> Iterator[tuple[int, int]]:
+        """Yield the halves of the addresses of those who ask."""
+        return zip(self.pairs.words[0].tolist(), self.pairs.words[1].tolist(), strict=True)
+
+
+def first_of_each(left: I64, right: I64) -> I64:
+    """Return where each different pair of numbers of two columns stands first."""
+    order = np.lexsort((right, left))
+    first = np.ones(len(order), np.bool_)
+    first[1:] = (np.diff(left[order]) != 0) | (np.diff(right[order]) != 0)
+    return np.sort(order[first])
+
+
+def _one(time_ns: int, frame: int, key: IntEnum) -> tuple[I64, I64, U64]:
+    return np.array([time_ns]), np.array([frame]), np.array([int(key)], np.uint64)

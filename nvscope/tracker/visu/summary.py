@@ -1,0 +1,61 @@
+"""What became of the requests of web visualization pages, a row a client, server and port."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dissectors import address
+from nvscope.tracker.latency import LatencyFigures
+from nvscope.tracker.visu.state import PairColumns, VisuCounts
+
+
+@dataclass(frozen=True, slots=True)
+class VisuSummary:
+    """What one client asked one server for.
+
+    ``reads``, ``writes`` and ``entries`` are of requests that were seen whole, ``replies`` are those to them, and
+    ``latency`` is how long these took. ``refused`` are the writes that were not done. ``cut`` are requests and replies
+    of which bytes are missing, ``gap_bytes`` all that are missing of their connections. ``polling`` is how long it is
+    from one read to the next one of the same.
+    """
+
+    client: str
+    server: str
+    port: int
+    connections: int
+    reads: int
+    writes: int
+    entries: int
+    variables: int
+    replies: int
+    refused: int
+    unanswered: int
+    cut: int
+    gap_bytes: int
+    miscounted: int
+    ambiguous: int
+    latency: LatencyFigures = field(default_factory=LatencyFigures)
+    polling: LatencyFigures = field(default_factory=LatencyFigures)
+
+
+def summarize_visu(counts: VisuCounts) -> Sequence[VisuSummary]:
+    """Return all pairs with requests, sorted by their addresses and ports."""
+    every = np.arange(len(counts.pairs))
+    latencies, pollings = counts.latencies.figures(every), counts.pollings.figures(every)
+    words = zip(*(word.tolist() for word in counts.pairs.words), strict=True)
+    columns = zip(*(counts.columns.column(name).tolist() for name in PairColumns.COLUMNS), strict=True)
+    found = []
+    for pair, ((client_hi, client_lo, server_hi, server_lo, port), row) in enumerate(zip(words, columns, strict=True)):
+        counted = dict(zip(PairColumns.COLUMNS, row, strict=True))
+        if not counted["connections"]:
+            continue
+        ends = (client_hi, client_lo), (server_hi, server_lo)
+        told = VisuSummary(
+            client=address.text(*ends[0]), server=address.text(*ends[1]), port=port,
+            latency=latencies.get(pair, LatencyFigures()), polling=pollings.get(pair, LatencyFigures()), **counted,
+        )  # fmt: skip
+        found.append((address.order(*ends[0]), address.order(*ends[1]), port, told))
+    return tuple(told for *_, told in sorted(found, key=lambda one: one[:3]))

@@ -1,0 +1,44 @@
+"""Web visualization as data: what ``nvscope.report/2`` says of which client asked which server for variables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any
+
+from nvscope.tracker.visu.summary import VisuSummary
+
+
+def visu_rows(
+    pairs: Sequence[VisuSummary], node_names: Mapping[str, str] = MappingProxyType({})
+) -> list[dict[str, Any]]:  # fmt: skip
+    """Return a row a client, server and port, by their addresses; ``node_names`` are what people call these."""
+    return [
+        {
+            "client": one.client,
+            "client_name": node_names.get(one.client),
+            "server": one.server,
+            "server_name": node_names.get(one.server),
+            "port": one.port,
+            "connections": one.connections,
+            "reads": one.reads,
+            "writes": one.writes,
+            "entries": one.entries,
+            "variables": one.variables,
+            "replies": one.replies,
+            "refused": one.refused,
+            "unanswered": one.unanswered,
+            "cut": one.cut,
+            "gap_bytes": one.gap_bytes,
+            "miscounted": one.miscounted,
+            "ambiguous": one.ambiguous,
+            "latency_ns": {
+                "count": one.latency.count,
+                "p50": one.latency.p50,
+                "p99": one.latency.p99,
+                "max": one.latency.maximum,
+            },
+            "polling_ns": {"p50": one.polling.p50, "p99": one.polling.p99},
+        }
+        for one in pairs
+    ]

@@ -1,0 +1,65 @@
+"""The table of web visualization: which page asked which controller, how often, how long replies took, what was wrong.
+
+Takes the rows of the report of schema ``nvscope.report/2``. As in ``content``, nothing here is escaped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from nvscope.view.lines.plant.content import Report, Row, node_names
+from nvscope.view.lines.plant.tables import Measure, count_cell, duration_cell, used
+from nvscope.view.lines.table import NOTHING, Cell, Column, Tone
+
+TITLE = "WebVisu"
+MOST_PAIRS = 50
+"""So many pairs are shown unless all are wanted: those of which something is wrong before the others."""
+
+_WRONG = ("refused", "unanswered", "miscounted", "ambiguous")
+
+
+def visu(report: Report, most: int | None = None) -> tuple[list[Measure], list[Row], int]:
+    """Return columns and rows of the table, and how many rows there are beside these; none without such requests."""
+    found: Sequence[Row] = report.get("visu", ())
+    names = node_names(report)
+    rows: list[Row] = [
+        {
+            **row,
+            "asks": names.get(row["client"], row["client"]),
+            "asked": names.get(row["server"], row["server"]),
+        }
+        for row in found
+    ]
+    if most is not None and len(rows) > most:
+        worst = sorted(range(len(rows)), key=lambda place: not any(rows[place][name] for name in _WRONG))[:most]
+        rows = [rows[place] for place in sorted(worst)]
+    return used(_PAIRS, rows), rows, len(found) - len(rows)
+
+
+def _polled(row: Row) -> Cell:
+    return duration_cell(row["polling_ns"]["p50"])
+
+
+def _missing(row: Row) -> Cell:
+    return count_cell(row["gap_bytes"], Tone.WARNING) if row["gap_bytes"] else Cell(NOTHING, Tone.FAINT)
+
+
+_PAIRS = (
+    Measure(Column("asks", shortest=12, identifier=True), lambda row: Cell(row["asks"], Tone.STRONG)),
+    Measure(Column("asked", shortest=12, identifier=True), lambda row: Cell(row["asked"])),
+    Measure(Column("port", right=True, importance=2), lambda row: Cell(str(row["port"]))),
+    Measure(Column("reads", right=True, importance=10), lambda row: count_cell(row["reads"])),
+    Measure(Column("every", right=True, importance=7), _polled),
+    Measure(Column("variables", right=True, importance=6), lambda row: count_cell(row["variables"])),
+    Measure(Column("writes", right=True, importance=10), lambda row: count_cell(row["writes"], Tone.NOTE)),
+    Measure(Column("refused", right=True, importance=9), lambda row: count_cell(row["refused"], Tone.ERROR)),
+    Measure(Column("took p50", right=True, importance=8), lambda row: duration_cell(row["latency_ns"]["p50"])),
+    Measure(Column("p99", right=True, importance=4), lambda row: duration_cell(row["latency_ns"]["p99"])),
+    Measure(Column("max", right=True, importance=5), lambda row: duration_cell(row["latency_ns"]["max"])),
+    Measure(Column("unanswered", right=True, importance=9), lambda row: count_cell(row["unanswered"], Tone.ERROR)),
+    Measure(Column("miscounted", right=True, importance=7), lambda row: count_cell(row["miscounted"], Tone.WARNING)),
+    Measure(Column("ambiguous", right=True, importance=6), lambda row: count_cell(row["ambiguous"], Tone.WARNING)),
+    Measure(Column("cut", right=True, importance=5), lambda row: count_cell(row["cut"], Tone.WARNING)),
+    Measure(Column("bytes missing", right=True, importance=4), _missing),
+    Measure(Column("connections", right=True, importance=1), lambda row: count_cell(row["connections"])),
+)

@@ -1,0 +1,79 @@
+"""The tree of a frame with which WebVisu messages were whole: what was asked for, written and answered."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from dissectors.webvisu import TYPES, Place
+from nvscope import units
+from nvscope.tracker.visu.messages import Kind, VisuBatch
+from nvscope.view.escape import visible
+from nvscope.view.lines import tree_lines
+from nvscope.view.lines.shown import Wording
+from nvscope.view.lines.table import Cell, Tone
+from nvscope.view.lines.transport_tree import TransportTree
+from nvscope.view.lines.tree_lines import Entry, label_cell, title_entry
+from nvscope.view.lines.visu_words import HIDDEN, Variable, message_words, variables_of
+from nvscope.view.rows.frames import FrameRows
+
+_NAME = "visu"
+_MARGIN = Cell(" " * tree_lines.INDENT)
+_AREAS = ("%M", "inputs", "outputs", "retain", "global")
+
+
+class VisuTree(TransportTree):
+    """A ``Tree`` of frames of the protocol: messages lie in any number of frames, and are told of their last one.
+
+    The bytes of a message are not dumped: passwords may be among them.
+    """
+
+    def __init__(self, rows: FrameRows, wording: Wording, *, dumps: bool = True) -> None:
+        super().__init__(rows, _NAME, 0)
+        part = rows.parts[_NAME].part
+        assert isinstance(part, VisuBatch)
+        self._part = part
+
+    def entries(self, place: int, packet: bytes) -> Iterator[Entry]:
+        start, _, stop = self.spans(place)
+        carried = f"  ends with {units.count_of(stop - start, 'byte')} of this frame"
+        first, count = int(self._part.first[place]), int(self._part.count[place])
+        for message in range(first, first + count):
+            place_of_all = tree_lines.Place(start, stop)
+            yield title_entry("WebVisu", [Cell(f"  {self._title(message)}"), Cell(carried, Tone.FAINT)], place_of_all)
+            yield from self._facts(message)
+            for variable in variables_of(self._part, message):
+                yield _variable(variable)
+
+    def _title(self, message: int) -> str:
+        return message_words(self._part, message).partition(":")[0]
+
+    def _facts(self, message: int) -> Iterator[Entry]:
+        messages = self._part.messages
+        kind, asked = Kind(int(messages.kind[message])), int(messages.asked[message])
+        if kind in (Kind.READ, Kind.WRITE):
+            request = self._part.requests[asked]
+            yield _fact("Declared", units.count_of(request.declared, "variable"), wrong=request.is_miscounted)
+            yield _fact("Sent", units.count_of(len(request.entries), "variable"))
+        if kind in (Kind.REPLY, Kind.UNANSWERED):
+            yield _fact("Request", f"frame {messages.asked_frame[message]}")
+        if kind is Kind.REPLY:
+            yield _fact("Status", str(messages.status[message]))
+            yield _fact("Took", units.duration(int(messages.latency_ns[message])))
+
+
+def _fact(label: str, text: str, *, wrong: bool = False) -> Entry:
+    return Entry([_MARGIN, label_cell(label), Cell(text, Tone.WARNING if wrong else Tone.PLAIN)])
+
+
+def _variable(variable: Variable) -> Entry:
+    value = "" if variable.value is None else f" = {visible(variable.value)}"
+    tone = Tone.FAINT if variable.value == HIDDEN else Tone.PLAIN
+    return Entry([_MARGIN, label_cell(str(visible(variable.name))), Cell(value, tone)], _where(variable.entry.place))
+
+
+def _where(place: Place | str) -> str:
+    if isinstance(place, str):
+        return ""
+    area = _AREAS[place.ref] if place.ref < len(_AREAS) else f"area {place.ref}"
+    kind = TYPES[place.type] if place.type < len(TYPES) else f"type {place.type}"
+    return f"{kind}, {area}, offset {place.offset}, {units.count_of(place.size, 'byte') if place.size else 'one bit'}"

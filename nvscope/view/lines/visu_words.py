@@ -1,0 +1,103 @@
+"""WebVisu messages in words: what is asked for, written and answered, with the names that are known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+from dissectors.webvisu import Entry, Place, Request, read_reply
+from nvscope import units
+from nvscope.definition.visu_variables import is_password
+from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch
+from nvscope.tracker.visu.names import name_of
+
+HIDDEN = "(hidden)"
+"""In place of a password."""
+
+_MOST_SHOWN = 8
+
+
+class Variable(NamedTuple):
+    """A variable of a message: what it is called, and its value, None where there is none."""
+
+    entry: Entry
+    name: str
+    value: str | None
+
+
+def variables_of(part: VisuBatch, message: int, *, secrets: bool = False) -> list[Variable]:
+    """Return the variables of a message with their values; values that may be secret only with ``secrets``.
+
+    A STRING without a name may be a password, too.
+    """
+    asked = int(part.messages.asked[message])
+    if asked < 0:
+        return []
+    request, names = part.requests[asked], part.namings[int(part.messages.naming[message])]
+    values: list[str | None] = [entry.value for entry in request.entries]
+    if part.messages.kind[message] == Kind.REPLY:
+        values = [None] * len(request.entries)
+        if part.messages.outcome[message] in (Outcome.DONE, Outcome.MISCOUNTED) and not request.query:
+            start, stop = int(part.messages.start[message]), int(part.messages.stop[message])
+            read = read_reply(request, part.data[start:stop]).values
+            values[: len(read)] = read
+    return [
+        Variable(entry, name_of(entry, names), value if secrets or value is None else shown(entry, names, value))
+        for entry, value in zip(request.entries, values, strict=True)
+    ]  # fmt: skip
+
+
+def shown(entry: Entry, names: Mapping[Place, str], value: str) -> str:
+    """Return a value, or what stands in its place where it is, or may be, a password."""
+    name = names.get(entry.place) if isinstance(entry.place, Place) else entry.address
+    if name is None:
+        return HIDDEN if entry.is_string else value
+    return HIDDEN if is_password(name) else value
+
+
+def message_words(part: VisuBatch, message: int) -> str:
+    """Return what a message is, in a line; it need not be safe to print."""
+    messages = part.messages
+    kind, asked = Kind(int(messages.kind[message])), int(messages.asked[message])
+    if kind is Kind.GAP:
+        return f"{units.count_of(int(messages.gap_bytes[message]), 'byte')} missing"
+    if kind is Kind.CUT:
+        return "cut: bytes are missing"
+    if kind is Kind.NAMES:
+        return f"variable list ({units.count_of(int(messages.stop[message] - messages.start[message]), 'byte')})"
+    request = part.requests[asked]
+    if kind is Kind.UNANSWERED:
+        return f"no reply to frame {messages.asked_frame[message]}"
+    told = "; ".join(_shown(variables_of(part, message)))
+    if kind is Kind.REPLY:
+        return _reply(part, message, request, told)
+    miscounted = f", declares {request.declared}" if request.is_miscounted else ""
+    verb = "write" if request.writes else "read"
+    return f"{verb} {units.count_of(len(request.entries), 'variable')}{miscounted}: {told}"
+
+
+def _reply(part: VisuBatch, message: int, request: Request, told: str) -> str:
+    messages = part.messages
+    took = f" ({units.duration(int(messages.latency_ns[message]))})"
+    outcome = Outcome(int(messages.outcome[message]))
+    if outcome is Outcome.STATUS:
+        return f"HTTP status {messages.status[message]}{took}"
+    if outcome is Outcome.REFUSED:
+        return f"refused{took}"
+    if request.writes:
+        return f"written{took}"
+    if outcome is Outcome.AMBIGUOUS:
+        return (
+            f"{messages.fields[message]} values for {units.count_of(len(request.entries), 'variable')}: ambiguous{took}"
+        )
+    if outcome is Outcome.MISCOUNTED:
+        counted = f"{units.count_of(int(messages.fields[message]), 'value')} for {len(request.entries)}: "
+        return f"{counted}{told}{took}"
+    return f"reply{took}: {told}" if told else f"reply{took}"
+
+
+def _shown(variables: list[Variable]) -> Iterator[str]:
+    for variable in variables[:_MOST_SHOWN]:
+        yield variable.name if variable.value is None else f"{variable.name} = {variable.value}"
+    if len(variables) > _MOST_SHOWN:
+        yield f"… {units.count(len(variables) - _MOST_SHOWN)} more"
