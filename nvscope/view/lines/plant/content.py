@@ -196,10 +196,15 @@ _NOTHING_CAME = {
 """What to check where a live source of a format brought nothing."""
 
 
+def says_something(report: Report) -> bool:
+    """Tell whether anybody was seen to send a list, or to ask for values in another way."""
+    return any(report.get(name) for name in ("lists", "sdo", "visu"))
+
+
 def advice(report: Report) -> tuple[str, ...]:
     """Return what to check where a capture shows no list at all; nothing where it shows one, or is not all shown."""
     capture = report["capture"]
-    if report["lists"] or "filter" in report or report.get("sdo"):
+    if says_something(report) or "filter" in report:
         return ()
     if _lies_elsewhere(capture):
         return ("Without --from-time and --to-time, the report says when the capture begins and ends.",)

@@ -11,7 +11,15 @@ from typing import NamedTuple
 from nvscope import units
 from nvscope.findings.kind import Severity
 from nvscope.view.lines.plant import content
-from nvscope.view.lines.plant.content import Report, Row, nanoseconds, status, watched_until_ns, why_no_list
+from nvscope.view.lines.plant.content import (
+    Report,
+    Row,
+    nanoseconds,
+    says_something,
+    status,
+    watched_until_ns,
+    why_no_list,
+)
 from nvscope.view.lines.table import Cell, Tone
 
 
@@ -42,7 +50,7 @@ def symbol(severity: Severity | None) -> Cell:
 
 def headline(report: Report) -> tuple[Cell, str]:
     """Return the mark and the line that answer whether something is broken, and how badly."""
-    if report["lists"] or report.get("sdo") or report.get("visu"):
+    if says_something(report):
         return _verdict(report)
     return Cell("●", Tone.WARNING), why_no_list(report)
 
