@@ -45,9 +45,10 @@ def conversations(seed: int, *, talks: int | None = None, link: int | None = Non
     for _ in range(rng.choice((2, 6, 15)) if talks is None else talks):
         client, server = ends(rng)
         now = free.get((client, server), START + rng.randrange(2 * SECOND))
+        on = rng.choice(links)
         line = Line(
-            client, server, isn=(initial(rng), initial(rng)), now=now, link=rng.choice(links),
-            tags=rng.choice(((), (), (0x8100,), (0x88A8, 0x8100))),
+            client, server, isn=(initial(rng), initial(rng)), now=now, link=on,
+            tags=() if on == RAW else rng.choice(((), (), (0x8100,), (0x88A8, 0x8100))),
         )  # fmt: skip
         Talk(rng, line, faults).run()
         free[client, server] = line.now + rng.randrange(3 * SECOND)
@@ -168,7 +169,7 @@ class Talk:
         line.wait(rng.choice((5, 500, 3000)) * MILLISECOND)
         if rng.random() < 0.4:
             self.speak(False, exchange.response[: rng.randrange(len(exchange.response))])
-        if rng.random() < 0.5:
+        if rng.random() < 0.5 or rng.plain:
             line.close(False)
             if not exchange.closes_request:
                 line.close(True)
@@ -181,7 +182,7 @@ class Talk:
         rng, line = self.rng, self.line
         if not exchange.closes_response and rng.random() < 0.2:
             return
-        if rng.random() < 0.15:
+        if rng.random() < 0.15 and not (rng.plain and exchange.closes_response):
             line.segment(rng.random() < 0.5, flags=rng.choice((RST, RST | ACK)))
             return
         line.segment(False, flags=FIN | ACK).lose(False, 1)

@@ -134,7 +134,7 @@ class Visu:
                     self.request(talk, one)
                 else:
                     self.response(talk, one)
-            if not isinstance(event, Delivery) and (event.reset or not event.from_client):
+            if not isinstance(event, Delivery) and not event.from_client:
                 self.nobody_answers(talk)
 
     def lost(self, talk: Talk, from_client: bool, what: Lost) -> None:
