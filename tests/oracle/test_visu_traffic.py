@@ -16,7 +16,7 @@ from tests.oracle.frame import ETHERNET, RAW, SLL, Frame
 from tests.oracle.pcap import write_pcap
 from tests.oracle.rules.visu import Visu
 from tests.oracle.tcp import peel_tcp
-from tests.oracle.visu_traffic import conversations
+from tests.oracle.visu_traffic import conversations, visu_traffic
 
 needs_tshark = pytest.mark.skipif(shutil.which("tshark") is None, reason="needs tshark")
 SEEDS = range(96)
@@ -80,6 +80,14 @@ def test_the_traffic_shows_everything() -> None:
     assert set(kinds) == {"request", "query", "reply"}
     assert links == {ETHERNET, SLL, RAW}
     assert versions == {4, 6}
+
+
+@pytest.mark.parametrize("seed", range(1, 40, 3))
+def test_what_is_broken_is_read_all_the_same(seed: int) -> None:
+    frames = visu_traffic(seed)
+    visu = observed(frames)
+    assert visu.number == len(frames)
+    assert all(1 <= number <= len(frames) for one in visu.findings() for number in one["frames"])
 
 
 @pytest.mark.parametrize("seed", range(0, 96, 4))

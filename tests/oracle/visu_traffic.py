@@ -13,7 +13,7 @@ from tests.oracle.capture_faults import Faults, captured
 from tests.oracle.frame import ETHERNET, RAW, SLL, Frame
 from tests.oracle.tcp import ACK, FIN, RST, SYN
 from tests.oracle.tcp_line import End, Line
-from tests.oracle.traffic import disturb_clock
+from tests.oracle.traffic import disturb_clock, generate, mutate
 from tests.oracle.visu_exchanges import (
     GARBAGE,
     Chance,
@@ -63,6 +63,18 @@ def conversations(seed: int, *, talks: int | None = None, link: int | None = Non
     if rng.random() < 0.3:
         frames = disturb_clock(rng, {"clock_back": 0.05, "clock_forward": 0.05, "equal_time": 0.05}, frames)
     return frames
+
+
+def visu_traffic(seed: int) -> list[Frame]:
+    """Return the same; with some seeds with data of lists between, and with some with bytes that are broken."""
+    frames = conversations(seed)
+    if seed % 3 == 1:
+        others = generate(seed, frames=80)
+        begin = START - others[0].ts_ns if others else 0
+        frames = sorted(
+            [*frames, *(frame._replace(ts_ns=frame.ts_ns + begin) for frame in others)], key=lambda one: one.ts_ns
+        )
+    return mutate(seed, frames) if seed % 5 == 1 else frames
 
 
 def ends(rng: random.Random) -> tuple[End, End]:

@@ -294,6 +294,16 @@ def test_a_connection_that_began_before_the_capture() -> None:
     assert figures(line) == {"connections": 1, "reads": 1, "entries": 1, "variables": 1, "replies": 1}
 
 
+def test_a_direction_is_in_step_whenever_its_syn_came() -> None:
+    """What is foreign breaks the pairing of one that is; one that began before the capture never was."""
+    line = Line()
+    line.segment(True, post(READ), SYN, seq=1000).lose(True, len(post(READ)))
+    line.segment(False, flags=SYN | ACK, seq=5000).answer(b"foreign\r\n" + reply(b"|1|"))
+    assert "replies" not in figures(line)
+    line.frames.pop(1)
+    assert figures(line)["replies"] == 1
+
+
 def test_gaps_count_from_the_begin_of_a_connection_with_a_request() -> None:
     line = Line().open().lose(True, 9).ask(get(b"/")).lose(False, 7).answer(b"x").segment(True).segment(False)
     assert seen(line.frames).rows() == []

@@ -90,10 +90,15 @@ class Talk:
         self.gap_bytes = 0
         self.forgotten = False
         """Whether the response that is being received answers nobody."""
-        self.readers = {
-            from_client: Reader(not from_client, direction.began_with_syn, self.first_is_head, happened)
-            for from_client, direction in connection.directions.items()
-        }
+        self.readers: dict[bool, Reader] = {}
+        self.happened = happened
+
+    def reader(self, from_client: bool) -> Reader:
+        """Return the reader of a direction; it is there from the first that the direction delivers."""
+        if from_client not in self.readers:
+            in_step = self.connection.directions[from_client].began_with_syn
+            self.readers[from_client] = Reader(not from_client, in_step, self.first_is_head, self.happened)
+        return self.readers[from_client]
 
     def first_is_head(self) -> bool:
         return bool(self.waiting) and not self.forgotten and self.waiting[0].message.method == b"HEAD"
@@ -121,7 +126,7 @@ class Visu:
             talk = self.talks.get(event.connection)
             if talk is None:
                 talk = self.talks[event.connection] = Talk(event.connection, self.happened)
-            reader = talk.readers[event.from_client]
+            reader = talk.reader(event.from_client)
             if isinstance(event, Delivery):
                 talk.gap_bytes += event.missing
                 heard = reader.hole(event.missing) if event.missing else reader.feed(event.data, event.time)
@@ -143,7 +148,7 @@ class Visu:
         if from_client:
             if what.dropped:
                 self.cut_request(talk, what.dropped)
-            talk.forgotten = talk.readers[False].receiving
+            talk.forgotten = False in talk.readers and talk.readers[False].receiving
         else:
             if what.dropped:
                 self.response(talk, what.dropped)
