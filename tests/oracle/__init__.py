@@ -7,6 +7,8 @@ It shares no code with the product: plain integers, one frame after the other, n
 - ``reference``      ``reference_report``: what the rules make of a capture
 - ``builders``       telegrams, packets and frames, one at a time
 - ``traffic``        ``generate`` and ``mutate``: many of them, drawn from a seed, with what is in ``plant``
+- ``tcp``            the TCP segment of a frame; ``tcp_line`` writes those of a connection down
+- ``visu_traffic``   ``conversations``: random WebVisus, with ``visu_exchanges`` and ``capture_faults``
 - ``pcap``           ``write_pcap``
 - ``compare``        ``differences`` between a reference report and a report of the product
 - ``can_reference``  the rules on CAN

@@ -1,0 +1,344 @@
+"""HTTP in one direction of a connection: messages found in bytes and holes.
+
+What is there of a message is read anew from its first byte whenever more of it comes: slow, and easy to follow.
+
+Readings, where the rules leave a choice:
+
+- from the client only requests are understood, from the server only responses
+- a line is judged when its end has come, or when 64 KiB have come without one
+- 2048 bytes of target are the limit where a start line is searched for; in step it is that of the head
+- behind three digits of a status comes the line's end, or a space and anything
+- a search goes on behind what was understood of the foreign message: behind the start line of a head that is too long,
+  behind the head where Content-Length is wrong, at the line of a chunk that is malformed
+- header lines without a colon, and those that begin with a space, mean nothing; a name ends where its colon stands
+- whether a response has no body (1xx, 204, 304, to HEAD) is looked at first, then chunked, then Content-Length: what is
+  not needed is not wrong
+- a response is one to HEAD where the first request that waits when its head is whole is one
+- the size of a chunk is 1 to 8 digits, at most 2^30, with nothing between it and `;` or the line's end; its line, and
+  the trailers, have at most 64 KiB
+- Content-Encoding: identity, and nothing, are none; all that is neither those nor known cannot be decoded. What follows
+  a whole stream of gzip or deflate is ignored. An empty body that is said to be encoded is not decoded either
+- a hole while the direction searches breaks the pairing once more
+- a response is being received where its status line is whole
+"""
+
+from __future__ import annotations
+
+import re
+import zlib
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+MOST_HEAD, MOST_LENGTH, MOST_BODY = 64 * 1024, 2**30, 2**20
+METHODS = rb"GET|HEAD|POST|PUT|DELETE|OPTIONS|PATCH|CONNECT|TRACE"
+REQUEST_LINE = re.compile(rb"(%s) ([^ \r\n]+) HTTP/1\.[01]" % METHODS)
+STATUS_LINE = re.compile(rb"HTTP/1\.[01] (\d\d\d)(?: .*)?", re.DOTALL)
+REQUEST_SOMEWHERE = re.compile(rb"(?:%s) [^ \r\n]{1,2048} HTTP/1\.[01]\r?\n" % METHODS)
+STATUS_SOMEWHERE = re.compile(rb"HTTP/1\.[01] \d\d\d(?: [^\n]*)?\r?\n")
+CHUNK_LINE = re.compile(rb"([0-9A-Fa-f]{1,8})(?:;.*)?", re.DOTALL)
+
+
+@dataclass
+class Message:
+    """A request or a response, or what was seen of one.
+
+    ``body`` is decoded; None where it is not known: cut, longer than its limit, or not to be decoded. ``seen`` is what
+    came of it before the first missing byte, as it came. ``whole`` tells whether it came to its end, cut or not.
+    """
+
+    method: bytes = b""
+    target: bytes = b""
+    status: int = 0
+    body: bytes | None = None
+    seen: bytes = b""
+    cut: bool = False
+    whole: bool = True
+    arrival: int = 0
+
+
+@dataclass
+class Lost:
+    """The direction has lost step; ``dropped`` is the message that a hole touched."""
+
+    dropped: Message | None = None
+
+
+class Foreign(Exception):
+    """What begins at ``at`` is not HTTP."""
+
+    def __init__(self, at: int) -> None:
+        self.at = at
+
+
+@dataclass
+class Head:
+    """A start line, the fields by lower-case name, and where the body begins."""
+
+    message: Message
+    fields: dict[bytes, list[bytes]]
+    end: int
+
+
+def line_end(buffer: bytes, begin: int, foreign_at: int) -> int | None:
+    """Return where the line's end ends; None where it has not come."""
+    end = buffer.find(b"\n", begin)
+    if end < 0 and len(buffer) - foreign_at >= MOST_HEAD:
+        raise Foreign(foreign_at)
+    return end + 1 if end >= 0 else None
+
+
+def line(buffer: bytes, begin: int, end: int) -> bytes:
+    return buffer[begin : end - 1].removesuffix(b"\r")
+
+
+def start_line(buffer: bytes, response: bool) -> tuple[Message, int] | None:
+    """Return what the start line says, and where it ends."""
+    end = line_end(buffer, 0, 0)
+    if end is None:
+        return None
+    found = (STATUS_LINE if response else REQUEST_LINE).fullmatch(line(buffer, 0, end))
+    if found is None:
+        raise Foreign(0)
+    return (Message(status=int(found[1])) if response else Message(method=found[1], target=found[2])), end
+
+
+def head_of(buffer: bytes, response: bool) -> Head | None:
+    """Return the head; None where it has not come whole."""
+    started = start_line(buffer, response)
+    if started is None:
+        return None
+    message, first = started
+    fields: dict[bytes, list[bytes]] = {}
+    at = first
+    while True:
+        end = buffer.find(b"\n", at) + 1
+        if (end or len(buffer) + 1) > MOST_HEAD:
+            raise Foreign(first)
+        if not end:
+            return None
+        text = line(buffer, at, end)
+        if not text:
+            return Head(message, fields, end)
+        name, colon, value = text.partition(b":")
+        if colon:
+            fields.setdefault(name.lower(), []).append(value.strip(b" \t"))
+        at = end
+
+
+NO_BODY, TO_THE_END, CHUNKED = "none", "to the end", "chunked"
+
+
+def framing(head: Head, response: bool, to_head: bool) -> int | str:
+    """Return the length of the body, or how its end is found."""
+    status = head.message.status
+    if response and (status < 200 or status in (204, 304) or to_head):
+        return NO_BODY
+    codings = [one.strip().lower() for value in head.fields.get(b"transfer-encoding", []) for one in value.split(b",")]
+    if codings and codings[-1] == b"chunked":
+        return CHUNKED
+    lengths = head.fields.get(b"content-length")
+    if lengths:
+        if not all(re.fullmatch(rb"\d+", length) for length in lengths):
+            raise Foreign(head.end)
+        numbers = {int(length.lstrip(b"0")[:20] or b"0") for length in lengths}
+        if len(numbers) > 1 or max(numbers) > MOST_LENGTH:
+            raise Foreign(head.end)
+        return numbers.pop()
+    return TO_THE_END if response or head.message.method in (b"POST", b"PUT") else NO_BODY
+
+
+def chunks(buffer: bytes, at: int) -> tuple[bytes, int | None]:
+    """Return the bytes of the chunks that came, and where the message ends if it has."""
+    content = b""
+    while True:
+        end = line_end(buffer, at, at)
+        if end is None:
+            return content, None
+        found = CHUNK_LINE.fullmatch(line(buffer, at, end))
+        if found is None or int(found[1], 16) > MOST_LENGTH:
+            raise Foreign(at)
+        size = int(found[1], 16)
+        if size == 0:
+            return content, trailers(buffer, end)
+        content += buffer[end : end + size]
+        rest = buffer[end + size : end + size + 2]
+        if rest[:1] == b"\n":
+            at = end + size + 1
+        elif rest == b"\r\n":
+            at = end + size + 2
+        elif rest in (b"", b"\r"):
+            return content, None
+        else:
+            raise Foreign(end + size)
+
+
+def trailers(buffer: bytes, begin: int) -> int | None:
+    at = begin
+    while (end := line_end(buffer, at, begin)) is not None:
+        if not line(buffer, at, end):
+            return end
+        at = end
+    return None
+
+
+def decoded(head: Head, content: bytes) -> bytes | None:
+    """Return a body as it was before it was compressed; None where that is not known."""
+    encoding = b",".join(head.fields.get(b"content-encoding", [])).lower()
+    if len(content) > MOST_BODY:
+        return None
+    if encoding in (b"", b"identity"):
+        return content
+    for wbits in {b"gzip": (31,), b"x-gzip": (31,), b"deflate": (15, -15)}.get(encoding, ()):
+        stream = zlib.decompressobj(wbits)
+        try:
+            found = stream.decompress(content, MOST_BODY + 1)
+        except zlib.error:
+            continue
+        if stream.eof and len(found) <= MOST_BODY:
+            return found
+    return None
+
+
+class Reader:
+    """One direction of a connection; ``first_is_head`` tells whether the first request that waits is HEAD."""
+
+    def __init__(
+        self, response: bool, in_step: bool, first_is_head: Callable[[], bool], happened: Counter[str] | None = None
+    ) -> None:
+        self.response = response
+        self.in_step = in_step
+        self.first_is_head = first_is_head
+        self.happened: Counter[str] = Counter() if happened is None else happened
+        self.buffer = b""
+        self.missing_at: int | None = None
+        """Where in the buffer the first missing byte is; missing ones are there as zeros."""
+        self.head: Head | None = None
+        self.framing: int | str = NO_BODY
+        self.latest: int | None = None
+
+    @property
+    def receiving(self) -> bool:
+        """Whether a message has begun and not ended."""
+        return self.in_step and self.buffer != b""
+
+    def feed(self, data: bytes, time: int) -> Iterator[Message | Lost]:
+        self.latest = time if self.latest is None else max(self.latest, time)
+        self.buffer += data
+        yield from self.advance()
+
+    def hole(self, size: int) -> Iterator[Message | Lost]:
+        head, length = self.head, self.framing
+        if head is not None and isinstance(length, int) and len(self.buffer) + size <= head.end + length:
+            self.happened["hole in a body of known length"] += 1
+            self.missing_at = len(self.buffer) if self.missing_at is None else self.missing_at
+            self.buffer += bytes(size)
+            yield from self.advance()
+            return
+        dropped = self.so_far()
+        if head is not None:
+            self.happened["hole over the end of a body" if isinstance(length, int) else f"hole in a body {length}"] += 1
+        elif self.receiving:
+            self.happened["hole in a head"] += 1
+        else:
+            self.happened["hole between messages" if self.in_step else "hole while searching"] += 1
+        self.next_message(b"")
+        self.in_step = False
+        yield Lost(dropped)
+
+    def end(self, reset: bool, time: int) -> Iterator[Message | Lost]:
+        """End the direction: a message may end with it; a response that is not whole is told, as cut."""
+        self.latest = time if self.latest is None else max(self.latest, time)
+        message = self.so_far()
+        if self.head is not None and message is not None:
+            if self.framing == TO_THE_END and (self.response or not reset):
+                self.happened["body to the end"] += 1
+                yield self.whole(len(self.buffer), self.buffer[self.head.end :])
+            elif self.response:
+                self.happened["response not whole at the end"] += 1
+                yield message
+        self.next_message(b"")
+
+    def so_far(self) -> Message | None:
+        """Return what was seen of the message that is being received, as cut."""
+        if not self.receiving:
+            return None
+        if self.head is not None:
+            known = self.head.message
+            end = len(self.buffer) if self.missing_at is None else self.missing_at
+            seen = self.buffer[self.head.end : end]
+            if self.framing == CHUNKED:
+                seen, _ = chunks(self.buffer, self.head.end)
+            return Message(known.method, known.target, known.status, None, seen, True, False, self.latest or 0)
+        started = start_line(self.buffer, self.response)
+        if started is not None:
+            message = started[0]
+        elif not self.response and self.buffer.split(b" ")[0] == b"POST":
+            message = Message(method=b"POST")
+        else:
+            return None
+        message.cut, message.whole = True, False
+        return message
+
+    def advance(self) -> Iterator[Message | Lost]:
+        """Yield what has become whole."""
+        while True:
+            if not self.in_step:
+                found = (STATUS_SOMEWHERE if self.response else REQUEST_SOMEWHERE).search(self.buffer)
+                if found is None:
+                    return
+                self.happened["found by searching"] += 1
+                self.buffer = self.buffer[found.start() :]
+                self.in_step = True
+            if self.head is None:
+                self.buffer = self.buffer.lstrip(b"\r\n")
+            try:
+                message = self.message()
+            except Foreign as foreign:
+                self.happened["foreign"] += 1
+                self.next_message(self.buffer[foreign.at :])
+                self.in_step = False
+                yield Lost()
+                continue
+            if message is None:
+                return
+            yield message
+
+    def message(self) -> Message | None:
+        """Return the message in the buffer if it is whole, and take it out."""
+        if self.head is None:
+            self.head = head_of(self.buffer, self.response)
+            if self.head is None:
+                return None
+            self.framing = framing(self.head, self.response, self.response and self.first_is_head())
+        begin = self.head.end
+        if self.framing == NO_BODY:
+            return self.whole(begin, None)
+        if self.framing == TO_THE_END:
+            return None
+        if self.framing == CHUNKED:
+            content, end = chunks(self.buffer, begin)
+            self.happened["chunked"] += end is not None
+            return None if end is None else self.whole(end, content)
+        assert isinstance(self.framing, int)
+        end = begin + self.framing
+        return self.whole(end, self.buffer[begin:end]) if len(self.buffer) >= end else None
+
+    def whole(self, end: int, content: bytes | None) -> Message:
+        """Take the message, up to ``end``, out of the buffer; ``content`` None says that it has no body."""
+        assert self.head is not None
+        message = self.head.message
+        message.cut = self.missing_at is not None
+        if message.cut:
+            message.seen = self.buffer[self.head.end : self.missing_at]
+        else:
+            message.seen = content or b""
+            message.body = b"" if content is None else decoded(self.head, content)
+            self.happened["body not known"] += message.body is None
+            self.happened["body decoded"] += message.body not in (None, message.seen)
+        message.arrival = self.latest or 0
+        self.next_message(self.buffer[end:])
+        return message
+
+    def next_message(self, buffer: bytes) -> None:
+        self.buffer, self.missing_at, self.head, self.framing = buffer, None, None, NO_BODY

@@ -1,0 +1,259 @@
+"""TCP put together again: what each direction of each connection delivers, frame by frame.
+
+Every byte that came and was not delivered yet is kept by itself, so that there is nothing to get wrong about overlaps.
+
+Readings, where the rules leave a choice:
+
+- the first segment seen of a connection is the one that creates it; an acknowledgement before it was nobody's
+- a SYN seen again begins nothing; else it is a segment like any other (its acknowledgement, its data)
+- a SYN of a direction that began without one is seen again where it fits what came first (data overtook it)
+- bytes that came first count wherever they are kept: also where a segment that is next in order covers them later.
+  Bytes that the snap length cut came, as missing ones: a whole copy that comes later is late
+- of a segment too far away (2^30) data and FIN are ignored, its acknowledgement counts
+- a FIN that waits behind a hole is something kept, its place the first kept byte
+- what the snap length cut counts where it is kept (256 KiB), and in `gap_bytes` when it is delivered
+- what was kept first is what came first by frame; its time is that of its frame
+- bytes in an RST are no data; its acknowledgement counts, before it ends the connection
+- the acknowledgement of a segment that begins a new connection is one of the new connection
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from tests.oracle.frame import Address, Frame
+from tests.oracle.tcp import ACK, FIN, RST, SYN, Segment, peel_tcp
+
+SECOND = 1_000_000_000
+FARTHEST, MOST_KEPT, LONGEST_NS = 2**30, 256 * 1024, 10 * SECOND
+
+End = tuple[Address, int]
+"""Address and port."""
+
+
+def distance(a: int, b: int) -> int:
+    """Return how far sequence number ``a`` is behind ``b``, from −2^31 to 2^31 − 1."""
+    return (a - b + 2**31) % 2**32 - 2**31
+
+
+class Carried(NamedTuple):
+    """A byte, None where it was not captured, and the frame that brought it; of a FIN just the latter."""
+
+    byte: int | None
+    frame: int
+    time: int
+
+
+@dataclass
+class Direction:
+    """One direction of a connection; places are counted from its first byte."""
+
+    begin: int | None = None
+    """The sequence number of its first byte."""
+    began_with_syn: bool = False
+    next: int = 0
+    """The place of the byte that is delivered next."""
+    kept: dict[int, Carried] = field(default_factory=dict)
+    fins: dict[int, Carried] = field(default_factory=dict)
+    acknowledged: int | None = None
+    """The highest acknowledgement that the other direction sent."""
+    ended: bool = False
+
+    def place(self, seq: int) -> int:
+        """Return the place that a sequence number is meant for: the one nearest to the next."""
+        assert self.begin is not None
+        return self.next + distance(seq, self.begin + self.next)
+
+    def first_kept(self) -> int | None:
+        return min([*self.kept, *self.fins], default=None)
+
+
+@dataclass(eq=False)
+class Connection:
+    """Two ends and what goes between them; ``directions`` by whether the client speaks."""
+
+    client: End
+    server: End
+    directions: dict[bool, Direction] = field(default_factory=lambda: {True: Direction(), False: Direction()})
+
+
+class Delivery(NamedTuple):
+    """Bytes in order, all brought by one frame at ``time``; or ``missing`` ones."""
+
+    connection: Connection
+    from_client: bool
+    data: bytes
+    missing: int
+    time: int
+
+
+class Ending(NamedTuple):
+    """A direction has ended, in order or not, by what came at ``time``."""
+
+    connection: Connection
+    from_client: bool
+    reset: bool
+    time: int
+
+
+Event = Delivery | Ending
+
+
+class Streams:
+    """All connections of which one end has a claimed port."""
+
+    def __init__(self, ports: Collection[int], happened: Counter[str] | None = None) -> None:
+        self.ports = ports
+        self.connections: dict[frozenset[End], Connection] = {}
+        self.happened: Counter[str] = Counter() if happened is None else happened
+
+    def observe(self, number: int, frame: Frame) -> Iterator[Event]:
+        """Yield what a frame delivers and ends, in order."""
+        segment = peel_tcp(frame)
+        if segment is None or not {segment.source_port, segment.destination_port} & set(self.ports):
+            return
+        source, destination = (segment.source, segment.source_port), (segment.destination, segment.destination_port)
+        pair = frozenset((source, destination))
+        connection = self.connections.get(pair)
+        if connection is not None and begins_another(segment, connection.directions[source == connection.client]):
+            self.happened["new connection in place of another"] += 1
+            yield from self.reset(connection, frame.ts_ns)
+            connection = None
+        if connection is None:
+            if segment.flags & RST or not (segment.flags & (SYN | FIN) or segment.length):
+                return
+            connection = self.connections[pair] = self.connect(segment, source, destination)
+        from_client = source == connection.client
+        own, other = connection.directions[from_client], connection.directions[not from_client]
+        if segment.flags & ACK:
+            if other.acknowledged is None or distance(segment.ack, other.acknowledged) > 0:
+                other.acknowledged = segment.ack
+            yield from self.acknowledged(connection, not from_client)
+        for speaker in (True, False):
+            yield from self.waited(connection, speaker, frame.ts_ns)
+        if segment.flags & RST:
+            yield from self.reset(connection, frame.ts_ns)
+            del self.connections[pair]
+            return
+        if not own.ended:
+            self.keep(own, segment, number, frame.ts_ns)
+            yield from self.deliver(connection, from_client)
+            yield from self.acknowledged(connection, from_client)
+            yield from self.overfull(connection, from_client)
+        if own.ended and other.ended:
+            del self.connections[pair]
+
+    def connect(self, segment: Segment, source: End, destination: End) -> Connection:
+        claimed = [end for end in (source, destination) if end[1] in self.ports]
+        if len(claimed) == 1:
+            (server,) = claimed
+        else:
+            self.happened["both ports claimed"] += 1
+            server = source if segment.flags & SYN and segment.flags & ACK else destination
+        return Connection(source if server == destination else destination, server)
+
+    def keep(self, own: Direction, segment: Segment, number: int, time: int) -> None:
+        """Keep what a segment brings that had not come before."""
+        syn, fin = bool(segment.flags & SYN), bool(segment.flags & FIN)
+        if not (syn or fin or segment.length):
+            return
+        seq = (segment.seq + syn) % 2**32
+        if own.begin is None:
+            own.begin, own.began_with_syn = seq, syn
+            self.happened["began with SYN" if syn else "began before the capture"] += 1
+        begin = own.place(seq)
+        if abs(begin - own.next) > FARTHEST:
+            self.happened["too far away"] += 1
+            return
+        late = 0
+        for offset in range(segment.length):
+            if begin + offset < own.next or begin + offset in own.kept:
+                late += 1
+                continue
+            byte = segment.payload[offset] if offset < len(segment.payload) else None
+            own.kept[begin + offset] = Carried(byte, number, time)
+        end = begin + segment.length
+        if fin and end >= own.next:
+            own.fins.setdefault(end, Carried(None, number, time))
+        self.happened["in part late"] += 0 < late < segment.length
+        self.happened["late"] += 0 < late == segment.length
+        self.happened["kept behind a hole"] += begin > own.next
+        self.happened["cut by the snap length"] += len(segment.payload) < segment.length
+        self.happened["wrapped"] += own.begin + end >= 2**32 and segment.length > 0
+
+    def deliver(self, connection: Connection, from_client: bool) -> Iterator[Event]:
+        """Yield what is next in order, as far as there is no hole."""
+        own = connection.directions[from_client]
+        run: list[Carried] = []
+        while True:
+            found = None if own.next in own.fins else own.kept.pop(own.next, None)
+            if run and (found is None or (found.byte is None, found.frame) != (run[0].byte is None, run[0].frame)):
+                data = bytes(carried.byte for carried in run if carried.byte is not None)
+                yield Delivery(connection, from_client, data, len(run) - len(data), run[0].time)
+                run = []
+            if found is None:
+                break
+            run.append(found)
+            own.next += 1
+        fin = own.fins.get(own.next)
+        if fin is not None:
+            self.end(own)
+            yield Ending(connection, from_client, False, fin.time)
+
+    def end(self, own: Direction) -> None:
+        own.ended = True
+        own.kept.clear()
+        own.fins.clear()
+
+    def holes(
+        self, connection: Connection, from_client: bool, final: Callable[[int], bool], why: str
+    ) -> Iterator[Event]:
+        """Yield holes, as long as they are final, and what is kept behind each."""
+        own = connection.directions[from_client]
+        while (first := own.first_kept()) is not None and final(first):
+            self.happened[f"hole final by {why}"] += 1
+            missing, own.next = first - own.next, first
+            yield Delivery(connection, from_client, b"", missing, 0)
+            yield from self.deliver(connection, from_client)
+
+    def acknowledged(self, connection: Connection, from_client: bool) -> Iterator[Event]:
+        own = connection.directions[from_client]
+
+        def final(first: int) -> bool:
+            assert own.begin is not None
+            return own.acknowledged is not None and distance(own.acknowledged, own.begin + first) >= 0
+
+        yield from self.holes(connection, from_client, final, "acknowledgement")
+
+    def overfull(self, connection: Connection, from_client: bool) -> Iterator[Event]:
+        kept = connection.directions[from_client].kept
+        yield from self.holes(connection, from_client, lambda _: len(kept) > MOST_KEPT, "what is kept")
+
+    def waited(self, connection: Connection, from_client: bool, now: int) -> Iterator[Event]:
+        own = connection.directions[from_client]
+
+        def final(_: int) -> bool:
+            first = min([*own.kept.values(), *own.fins.values()], key=lambda carried: carried.frame)
+            return now - first.time > LONGEST_NS
+
+        yield from self.holes(connection, from_client, final, "time")
+
+    def reset(self, connection: Connection, now: int) -> Iterator[Event]:
+        """End a connection out of order: what is kept first, the client's direction first."""
+        for from_client in (True, False):
+            yield from self.holes(connection, from_client, lambda _: True, "reset")
+        for from_client in (True, False):
+            self.end(connection.directions[from_client])
+            yield Ending(connection, from_client, True, now)
+
+
+def begins_another(segment: Segment, own: Direction) -> bool:
+    """Whether a segment of a known connection, in this direction, begins another in its place."""
+    if segment.flags & RST or not segment.flags & SYN:
+        return False
+    if segment.flags & ACK and own.begin is None:
+        return False
+    return own.begin != (segment.seq + 1) % 2**32

@@ -1,0 +1,224 @@
+"""HTTP in one direction: each rule by a few bytes. Numbers among the parts are holes."""
+
+from __future__ import annotations
+
+import gzip
+import zlib
+
+import pytest
+
+from tests.oracle.rules.http import MOST_BODY, Lost, Message, Reader
+
+GET, OK = b"GET /a HTTP/1.1\r\n\r\n", b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\nok"
+POST = b"POST /b HTTP/1.0\r\nContent-Length: 3\r\n\r\n"
+END = "end"
+RESET = "reset"
+
+
+def read(
+    *parts: bytes | int | str, response: bool = False, in_step: bool = True, to_head: bool = False
+) -> list[Message | Lost]:  # fmt: skip
+    reader = Reader(response, in_step, lambda: to_head)
+    found: list[Message | Lost] = []
+    for time, part in enumerate(parts):
+        if isinstance(part, bytes):
+            found += reader.feed(part, time)
+        elif isinstance(part, int):
+            found += reader.hole(part)
+        else:
+            found += reader.end(part == RESET, time)
+    return found
+
+
+def told(*parts: bytes | int | str, response: bool = False, in_step: bool = True, to_head: bool = False) -> list[str]:
+    """Return what was read: a method or status and the body, `cut` with what is seen of it, `lost`."""
+    lines = []
+    for one in read(*parts, response=response, in_step=in_step, to_head=to_head):
+        if isinstance(one, Lost):
+            lines.append("lost")
+            one_dropped = one.dropped
+            if one_dropped is None:
+                continue
+            lines[-1] += " with"
+            message = one_dropped
+        else:
+            lines.append("")
+            message = one
+        body = "cut " + message.seen.decode() if message.cut else "?" if message.body is None else message.body.decode()
+        lines[-1] = f"{lines[-1]} {message.method.decode() or message.status} {body}".strip()
+    return lines
+
+
+def answer(head: str, body: bytes = b"") -> bytes:
+    return f"HTTP/1.1 200 OK\r\n{head}\r\n\r\n".encode() + body
+
+
+def test_requests_and_responses() -> None:
+    assert told(GET + POST + b"abcGET /x HTTP/1.1\n\n") == ["GET", "POST abc", "GET"]
+    assert told(OK + OK, response=True) == ["200 ok", "200 ok"]
+
+
+def test_it_may_come_byte_by_byte() -> None:
+    data = b"\r\n" + GET + POST + b"abc"
+    assert told(*(data[at : at + 1] for at in range(len(data)))) == ["GET", "POST abc"]
+
+
+@pytest.mark.parametrize(
+    ("head", "body"),
+    [
+        ("CONTENT-length:3", "abc"),
+        ("content-length: \t 3 ", "abc"),
+        ("Content-Length: 3\nX: y", "abc"),
+        ("Content-Length: 03\r\nContent-Length: 3", "abc"),
+        ("Transfer-Encoding: chunked\r\nContent-Length: x", ""),
+        ("No colon\r\n Content-Length: 9\r\nContent-Length: 3", "abc"),
+    ],
+)
+def test_heads(head: str, body: str) -> None:
+    assert told(answer(head, b"abc" if body else b"0\r\n\r\n"), response=True) == [f"200 {body}".strip()]
+
+
+@pytest.mark.parametrize("length", ["x", "", "-1", "5, 5", str(2**30 + 1), "1\r\nContent-Length: 2"])
+def test_a_wrong_length_is_foreign_and_the_next_message_is_searched(length: str) -> None:
+    assert told(answer(f"Content-Length: {length}", b"abc" + OK), response=True) == ["lost", "200 ok"]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [b"get /a HTTP/1.1", b"GET  /a HTTP/1.1", b"GET /a HTTP/2.0", b"GET /a b HTTP/1.1", b"GET /a", b"BREW /a HTTP/1.1",
+     b"GET /a HTTP/1.1 ", b"\x16\x03\x01"],
+)  # fmt: skip
+def test_what_is_foreign(line: bytes) -> None:
+    assert told(line + b"\r\n\r\n" + GET) == ["lost", "GET"]
+    assert told(line) == []
+    assert told(b"HTTP/1.1 2000\r\n" + OK, response=True) == ["lost", "200 ok"]
+
+
+def test_a_search_finds_a_start_line_anywhere_when_it_is_complete() -> None:
+    assert told(b"...GET /a", b" HTTP/1.1\r", b"\n\r\n", in_step=False) == ["GET"]
+    assert told(b"...GET /a HTTP/1.1\r\n\r\n", in_step=False) == ["GET"]
+    assert told(b"...GET /a HTTP/1.1\r\n\r\n") == ["lost", "GET"]
+    long = b"/" + b"a" * 2047
+    assert told(b"GET " + long + b" HTTP/1.1\n\n", in_step=False) == ["GET"]
+    assert told(b"GET " + long + b"a HTTP/1.1\n\n", in_step=False) == []
+    assert told(b"GET " + long + b"a HTTP/1.1\n\n") == ["GET"]
+
+
+def test_a_head_has_a_limit() -> None:
+    most = 65536 - len(b"GET /a HTTP/1.1\r\nX: \r\n\r\n")
+    for more, outcome in ((0, ["GET", "GET"]), (1, ["lost", "GET"])):
+        assert told(b"GET /a HTTP/1.1\r\nX: " + b"x" * (most + more) + b"\r\n\r\n" + GET) == outcome
+    assert told(b"x" * 65535) == []
+    assert told(b"x" * 65536) == ["lost"]
+
+
+def test_bodies_up_to_the_end() -> None:
+    post, response = b"POST /a HTTP/1.0\r\n\r\nabc", b"HTTP/1.0 200 OK\r\n\r\nabc"
+    assert told(post, END) == ["POST abc"]
+    assert told(post, RESET) == []
+    assert told(response, END, response=True) == told(response, RESET, response=True) == ["200 abc"]
+    assert told(GET) == ["GET"]
+    (message,) = read(response, END, response=True)
+    assert isinstance(message, Message)
+    assert message.arrival == 1
+
+
+def test_what_is_not_whole_at_the_end() -> None:
+    assert told(POST + b"ab", END) == []
+    assert told(OK[:-1], END, response=True) == ["200 cut o"]
+    assert told(answer("Transfer-Encoding: chunked", b"3\r\nab"), END, response=True) == ["200 cut ab"]
+    assert told(OK[:20], END, response=True) == []
+
+
+@pytest.mark.parametrize("status", [100, 101, 204, 304])
+def test_responses_without_a_body(status: int) -> None:
+    assert told(b"HTTP/1.1 %d\r\nContent-Length: 9\r\n\r\n" % status + OK, response=True) == [str(status), "200 ok"]
+
+
+def test_the_response_to_head_has_no_body() -> None:
+    assert told(OK[:-2], response=True, to_head=True) == ["200"]
+
+
+CHUNKED = b"POST /b HTTP/1.1\r\nTransfer-Encoding: gzip , Chunked\r\n\r\n"
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b"3\r\nabc\r\n0\r\n\r\n",
+        b"1;x=y\r\na\r\n02\r\nbc\r\n000\r\n\r\n",
+        b"3\nabc\n0\n\n",
+        b"3\r\nabc\r\n0\r\nX: y\r\nZ\r\n\r\n",
+    ],
+)
+def test_chunks(body: bytes) -> None:
+    assert told(CHUNKED + body + GET) == ["POST abc", "GET"]
+    assert told(CHUNKED, *(body[at : at + 1] for at in range(len(body)))) == ["POST abc"]
+
+
+@pytest.mark.parametrize(
+    "body",
+    [b"x\r\n", b"\r\n", b"3 \r\nabc\r\n", b"3\r\nabcd\r\n", b"3\r\nabc\rx", b"40000001\r\n", b"000000003\r\nabc"],
+)
+def test_a_malformed_chunk_is_foreign(body: bytes) -> None:
+    assert told(CHUNKED + body + b"0\r\n\r\n" + GET) == ["lost", "GET"]
+
+
+@pytest.mark.parametrize(
+    ("coding", "body"),
+    [("gzip", gzip.compress(b"abc")), ("X-Gzip", gzip.compress(b"abc")), ("deflate", zlib.compress(b"abc")),
+     ("deflate", zlib.compress(b"abc")[2:-4]), ("identity", b"abc")],
+)  # fmt: skip
+def test_bodies_are_decoded(coding: str, body: bytes) -> None:
+    assert told(answer(f"Content-Encoding: {coding}\r\nContent-Length: {len(body)}", body), response=True) == [
+        "200 abc"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("coding", "body"),
+    [("gzip", b"abc"), ("gzip", gzip.compress(b"abc")[:-1]), ("deflate", b"\xff"), ("br", b"abc"),
+     ("gzip, gzip", b"abc"), ("gzip", gzip.compress(bytes(MOST_BODY + 1))), ("gzip", b"")],
+)  # fmt: skip
+def test_bodies_that_are_not_known(coding: str, body: bytes) -> None:
+    assert told(answer(f"Content-Encoding: {coding}\r\nContent-Length: {len(body)}", body), response=True) == ["200 ?"]
+
+
+def test_a_body_has_a_limit() -> None:
+    for length, known in ((MOST_BODY, True), (MOST_BODY + 1, False)):
+        for head, body in (
+            (f"Content-Length: {length}", bytes(length)),
+            (
+                f"Content-Encoding: gzip\r\nContent-Length: {len(gzip.compress(bytes(length)))}",
+                gzip.compress(bytes(length)),
+            ),
+        ):
+            (message,) = read(answer(head, body), response=True)
+            assert isinstance(message, Message)
+            assert (message.body is not None) is known
+
+
+def test_a_hole_inside_a_body_of_known_length_cuts_the_message_and_no_more() -> None:
+    assert told(POST, 3, GET) == ["POST cut", "GET"]
+    assert told(POST + b"a", 1, b"c" + GET) == ["POST cut a", "GET"]
+    assert told(POST + b"a", 1, 1, GET) == ["POST cut a", "GET"]
+
+
+def test_any_other_hole_loses_step() -> None:
+    assert told(POST + b"a", 3, b"c" + GET) == ["lost with POST cut a", "GET"]
+    assert told(POST[:-2], 5, b"c" + GET) == ["lost with POST cut", "GET"]
+    assert told(b"POST /x", 5, GET) == ["lost with POST cut", "GET"]
+    assert told(b"POST", 5, GET) == ["lost with POST cut", "GET"]
+    assert told(b"POS", 5, GET) == ["lost", "GET"]
+    assert told(GET, 5, GET) == ["GET", "lost", "GET"]
+    assert told(b"...", 5, b"T / HTTP/1.1\r\n" + GET, in_step=False) == ["lost", "GET"]
+    assert told(CHUNKED + b"3\r\nabc\r\n2\r\nd", 1, GET) == ["lost with POST cut abcd", "GET"]
+    assert told(OK[:17], 1, OK, response=True) == ["lost with 200 cut", "200 ok"]
+    assert told(OK[:16], 1, OK, response=True) == ["lost", "200 ok"]
+    assert told(b"HTTP/1.0 200 OK\r\n\r\nab", 1, b"c", END, response=True) == ["lost with 200 cut ab"]
+
+
+def test_the_arrival_is_the_latest_time_up_to_the_end() -> None:
+    reader = Reader(False, True, lambda: False)
+    found = [*reader.feed(GET[:5], 9), *reader.feed(GET[5:], 3), *reader.feed(GET, 4), *reader.feed(GET, 10)]
+    assert [message.arrival for message in found if isinstance(message, Message)] == [9, 9, 10]

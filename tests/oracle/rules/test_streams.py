@@ -1,0 +1,194 @@
+"""TCP put together: each rule by a few segments; what is heard was worked out by hand.
+
+``heard`` says it as a person would: `>` is from the client, then what was delivered, `[n]` for a hole, `.` for an end
+in order, `!` for one by a reset; and the number of the frame that did it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import pytest
+
+from tests.oracle.frame import Frame
+from tests.oracle.rules.streams import MOST_KEPT, SECOND, Delivery, Streams
+from tests.oracle.tcp import ACK, FIN, RST, SYN
+from tests.oracle.tcp_line import CLIENT, SERVER, Line, tcp_frame
+
+
+def heard(frames: Iterable[Frame], ports: tuple[int, ...] = (80, 8080)) -> list[tuple[int, str]]:
+    streams = Streams(ports)
+    found = []
+    for number, frame in enumerate(frames, 1):
+        for event in streams.observe(number, frame):
+            said = ">" if event.from_client else "<"
+            if isinstance(event, Delivery):
+                said += f"[{event.missing}]" if event.missing else event.data.decode()
+            else:
+                said += "!" if event.reset else "."
+            found.append((number, said))
+    return found
+
+
+def said(frames: Iterable[Frame]) -> str:
+    return " ".join(what for _, what in heard(frames))
+
+
+def test_both_directions_from_the_first_byte_to_the_end() -> None:
+    line = Line().open().ask(b"ab").answer(b"xy").ask(b"c").close(False).close(True)
+    assert heard(line.frames) == [(4, ">ab"), (5, "<xy"), (6, ">c"), (7, "<."), (8, ">.")]
+
+
+def test_other_ports_and_other_frames_are_nothing() -> None:
+    assert heard(Line(server=("10.0.0.5", 81)).open().ask(b"a").frames) == []
+    assert heard(Line(server=("10.0.0.5", 81)).open().ask(b"a").frames, (81,)) == [(4, ">a")]
+
+
+def test_where_both_ports_are_claimed_the_first_segment_says_who_serves() -> None:
+    both = Line(("10.0.0.1", 8080), ("10.0.0.5", 80)).open().ask(b"a")
+    assert said(both.frames) == ">a"
+    # A SYN+ACK is a server's; and where nothing says it, whom the first data is for.
+    assert said(both.frames[1:]) == ">a"
+    assert said(Line(("10.0.0.1", 8080), ("10.0.0.5", 80)).answer(b"x").frames) == ">x"
+
+
+def test_a_connection_begins_with_data_or_fin_too() -> None:
+    assert heard(Line().ask(b"a").frames) == [(1, ">a")]
+    assert heard(Line().close(False).frames) == [(1, "<.")]
+    assert heard(Line().segment(True).segment(False, flags=RST).frames) == []
+
+
+def test_a_syn_seen_again_begins_nothing_and_another_one_does() -> None:
+    line = Line().open().ask(b"a")
+    again = line.frames[0]
+    assert heard([*line.frames, again]) == [(4, ">a")]
+    other = tcp_frame(9, CLIENT, SERVER, seq=77, flags=SYN)
+    assert heard([*line.frames, other]) == [(4, ">a"), (5, ">!"), (5, "<!")]
+    answer = tcp_frame(9, SERVER, CLIENT, seq=77, flags=SYN | ACK)
+    assert heard([*line.frames, line.frames[1], answer]) == [(4, ">a"), (6, ">!"), (6, "<!")]
+
+
+def test_a_syn_that_its_data_overtook_begins_nothing() -> None:
+    line = Line().open().ask(b"a")
+    assert heard([line.frames[3], line.frames[0]]) == [(1, ">a")]
+
+
+def test_data_in_a_syn_is_data() -> None:
+    line = Line().segment(True, b"ab", SYN, seq=1000).lose(True, 2).ask(b"c")
+    assert heard([*line.frames, line.frames[0]]) == [(1, ">ab"), (2, ">c")]
+
+
+def test_sequence_numbers_wrap() -> None:
+    line = Line(isn=(2**32 - 3, 2**32 - 1)).open().ask(b"abcd").answer(b"x").ask(b"e")
+    assert said(line.frames) == ">abcd <x >e"
+
+
+def test_old_bytes_are_ignored_and_new_ones_behind_them_delivered() -> None:
+    line = Line().open().ask(b"abc").segment(True, b"ABC", seq=1001).segment(True, b"BCde", seq=1002)
+    assert heard(line.frames) == [(4, ">abc"), (6, ">de")]
+
+
+def test_what_came_first_counts() -> None:
+    """The bytes 3 to 5 come before the hole is filled; what fills it covers them with others."""
+    line = Line().open().segment(True, b"def", seq=1004).segment(True, b"DEFG", seq=1004)
+    line.segment(True, b"abcXYZ", seq=1001)
+    assert heard(line.frames) == [(6, ">abc"), (6, ">def"), (6, ">G")]
+
+
+def test_what_is_too_far_away_is_ignored() -> None:
+    line = Line().open()
+    for seq in (1001 + 2**30 + 1, 1001 - 2**30 - 1):
+        line.segment(True, b"far", seq=seq)
+    line.segment(True, b"near", seq=1001 + 2**30).segment(False, ack=1001 + 2**30)
+    assert heard(line.frames) == [(7, f">[{2**30}]"), (7, ">near")]
+
+
+def test_what_the_snap_length_cut_is_missing_at_once() -> None:
+    line = Line().open().say(True, b"abcde", captured=2).ask(b"f").segment(True, b"abcde", seq=1001)
+    assert heard(line.frames) == [(4, ">ab"), (4, ">[3]"), (5, ">f")]
+    # Where it is kept, a whole copy behind it comes late.
+    kept = Line().open().segment(True, b"cde", seq=1003, captured=1).segment(True, b"cde", seq=1003)
+    assert said(kept.segment(True, b"ab", seq=1001).frames) == ">ab >c >[2]"
+
+
+def test_a_hole_is_final_with_an_acknowledgement_of_what_is_missing() -> None:
+    line = Line().open().segment(True, b"de", seq=1004)
+    assert heard(line.segment(False, ack=1003).frames) == []
+    assert heard(line.segment(False, ack=1004).frames) == [(6, ">[3]"), (6, ">de")]
+
+
+def test_an_acknowledgement_seen_before_counts_too() -> None:
+    line = Line().open().segment(False, ack=1010).segment(True, b"de", seq=1004).segment(True, b"z", seq=1012)
+    assert heard(line.frames) == [(5, ">[3]"), (5, ">de")]
+
+
+def test_one_acknowledgement_may_make_several_holes_final() -> None:
+    line = Line().open().segment(True, b"b", seq=1002).segment(True, b"d", seq=1004).segment(True, b"f", seq=1006)
+    assert said(line.segment(False, ack=1005).frames) == ">[1] >b >[1] >d"
+
+
+def test_in_one_frame_the_acknowledgement_comes_first() -> None:
+    line = Line().open().segment(True, b"b", seq=1002).segment(False, b"x", ack=1003)
+    assert heard(line.frames) == [(5, ">[1]"), (5, ">b"), (5, "<x")]
+
+
+def test_a_hole_is_final_where_too_much_is_kept() -> None:
+    line = Line().open()
+    for place in range(0, MOST_KEPT, 32_768):
+        line.segment(True, b"a" * 32_768, seq=1002 + place)
+    assert heard(line.frames) == []
+    line.segment(True, b"b", seq=1002 + MOST_KEPT)
+    assert [(number, what[:4]) for number, what in heard(line.frames)][:2] == [(12, ">[1]"), (12, ">aaa")]
+
+
+def test_a_hole_is_final_with_what_comes_ten_seconds_later() -> None:
+    line = Line().open().segment(True, b"b", seq=1002, ack=0)
+    begin = line.frames[-1].ts_ns
+    line.now = begin + 10 * SECOND
+    line.segment(False, ack=0)
+    assert heard(line.frames) == []
+    line.now = begin + 10 * SECOND + 1
+    line.segment(False, ack=0)
+    assert heard(line.frames) == [(6, ">[1]"), (6, ">b")]
+
+
+def test_ten_seconds_run_from_what_is_kept_now() -> None:
+    """The first hole is filled; behind it is another, and what is kept there came 6 s later."""
+    line = Line().open().segment(True, b"b", seq=1002).wait(6 * SECOND).segment(True, b"d", seq=1004)
+    line.segment(True, b"a", seq=1001).wait(6 * SECOND)
+    assert said(line.segment(True).frames) == ">a >b"
+    assert said(line.wait(5 * SECOND).segment(True).frames) == ">a >b >[1] >d"
+
+
+def test_a_reset_delivers_what_is_kept_and_ends_both_directions() -> None:
+    line = Line().open().segment(False, b"y", seq=5002, ack=0).segment(True, b"b", seq=1002, ack=0)
+    line.segment(False, flags=RST)
+    assert heard(line.frames) == [(6, what) for what in (">[1]", ">b", "<[1]", "<y", ">!", "<!")]
+
+
+def test_a_fin_has_its_place() -> None:
+    line = Line().open().lose(True, 1)
+    line.segment(True, b"b", FIN | ACK)
+    assert heard(line.frames) == []
+    line.segment(True, b"a", seq=1001).segment(True, b"later", seq=1003)
+    assert heard(line.frames) == [(5, ">a"), (5, ">b"), (5, ">.")]
+
+
+def test_a_fin_alone_is_kept_behind_a_hole() -> None:
+    line = Line().open().lose(True, 3).close(True).segment(False, ack=1005)
+    assert heard(line.frames) == [(5, ">[3]"), (5, ">.")]
+
+
+def test_what_has_ended_is_forgotten() -> None:
+    line = Line().open().close(True).close(False)
+    assert said(line.frames) == ">. <."
+    # What comes again is another connection, that began before the capture.
+    assert said([*line.frames, line.frames[3]]) == ">. <. >."
+
+
+@pytest.mark.parametrize("link", [1, 113, 101])
+def test_bytes_are_told_by_the_frame_that_brought_them(link: int) -> None:
+    line = Line(link=link).open().segment(True, b"b", seq=1002).segment(True, b"a", seq=1001)
+    streams = Streams((80,))
+    events = [event for number, frame in enumerate(line.frames, 1) for event in streams.observe(number, frame)]
+    assert [event.time for event in events] == [line.frames[4].ts_ns, line.frames[3].ts_ns]

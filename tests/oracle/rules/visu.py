@@ -1,0 +1,311 @@
+"""WebVisu: requests and replies brought together, counted and judged: section 9.
+
+Readings, where the rules leave a choice:
+
+- a direction whose SYN was not seen began before the capture, whether that of the other was seen or not
+- a response answers the first request that waits when the response is whole, or is dropped as cut
+- where the client's direction loses step, a response that is being received then answers nobody; it stays in step.
+  Where the server's does, a request that is being received then stays what it is
+- a response that comes to nothing (a malformed chunk) takes no request with it but by the step that is lost
+- of a response that is dropped, the status line had to be seen whole; one of unknown end (chunked) is as one of known
+  length
+- a cut request counts in `cut` and makes its connection count, and that is all: its reply, or that it has none, counts
+  nowhere
+- a request whose body is not known is none, whatever its target says; a reply of which it is not known is a cut one,
+  whatever its status says
+- requests that become whole after the server's direction has ended are unanswered where the connection ends by RST or a
+  new one; where it ends in order, nothing happens
+- the frame that ended a connection is the one with which the last byte of the direction was there, not the one that
+  brought the FIN
+- the same body is the same decoded bytes; a poll runs from the last read with this body, whatever came between
+- names are known by the server's address alone, its ports aside; an ADR has no name
+- events of a finding are in order of what happened: first and last are the times of the first and the last one, and the
+  first ten are their frames (the same one several times where several entries came with it)
+- values written are seen, whatever they are; an empty value read is one
+"""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Collection
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from tests.oracle.frame import Address as Node
+from tests.oracle.frame import Frame
+from tests.oracle.rules import visu_body
+from tests.oracle.rules.http import Lost, Message, Reader
+from tests.oracle.rules.keys import node_order
+from tests.oracle.rules.streams import Connection, Delivery, End, Streams
+from tests.oracle.rules.timing import nearest_rank
+from tests.oracle.rules.visu_body import Answered, Asked
+
+SECOND = 1_000_000_000
+FRAMES_KEPT = 10
+COUNTED = ("reads", "writes", "entries", "replies", "refused", "unanswered", "cut", "miscounted", "ambiguous")
+
+Pair = tuple[Node, Node, int]
+"""Client, server, port."""
+
+
+class Told(NamedTuple):
+    """A whole request or reply of WebVisu, and the frame with which it was there."""
+
+    frame: int
+    source: End
+    destination: End
+    kind: str
+    body: bytes
+
+
+@dataclass
+class Row:
+    """What became of the requests of one pair."""
+
+    counts: Counter[str] = field(default_factory=Counter)
+    variables: set[visu_body.Address] = field(default_factory=set)
+    latencies: list[int] = field(default_factory=list)
+    pollings: list[int] = field(default_factory=list)
+    last_reads: dict[bytes, int] = field(default_factory=dict)
+
+
+@dataclass
+class Waiting:
+    """A request that waits for its response: what it asks for, None where it is cut or none of WebVisu's."""
+
+    asked: Asked | None
+    message: Message
+    frame: int
+
+
+class Talk:
+    """What is known of one connection."""
+
+    def __init__(self, connection: Connection, happened: Counter[str]) -> None:
+        (client, _), (server, port) = connection.client, connection.server
+        self.pair: Pair = (client, server, port)
+        self.connection = connection
+        self.waiting: list[Waiting] = []
+        self.had_request = False
+        self.gap_bytes = 0
+        self.forgotten = False
+        """Whether the response that is being received answers nobody."""
+        self.readers: dict[bool, Reader] = {}
+        self.happened = happened
+
+    def reader(self, from_client: bool) -> Reader:
+        """Return the reader of a direction; it is there from the first that the direction delivers."""
+        if from_client not in self.readers:
+            in_step = self.connection.directions[from_client].began_with_syn
+            self.readers[from_client] = Reader(not from_client, in_step, self.first_is_head, self.happened)
+        return self.readers[from_client]
+
+    def first_is_head(self) -> bool:
+        return bool(self.waiting) and not self.forgotten and self.waiting[0].message.method == b"HEAD"
+
+
+class Visu:
+    """All of WebVisu in a capture, one frame after the other."""
+
+    def __init__(self, ports: Collection[int] = (80, 8080)) -> None:
+        self.happened: Counter[str] = Counter()
+        """How often each thing happened that traffic should show."""
+        self.messages: list[Told] = []
+        self.streams = Streams(ports, self.happened)
+        self.talks: dict[Connection, Talk] = {}
+        self.known: dict[Pair, Row] = defaultdict(Row)
+        self.found: dict[tuple[str, Node, str], list[tuple[int, int]]] = defaultdict(list)
+        self.names: dict[Node, dict[visu_body.Address, str]] = defaultdict(dict)
+        self.number = 0
+        self.now = 0
+
+    def observe(self, frame: Frame) -> None:
+        self.number += 1
+        self.now = frame.ts_ns
+        for event in self.streams.observe(self.number, frame):
+            talk = self.talks.get(event.connection)
+            if talk is None:
+                talk = self.talks[event.connection] = Talk(event.connection, self.happened)
+            reader = talk.reader(event.from_client)
+            if isinstance(event, Delivery):
+                talk.gap_bytes += event.missing
+                heard = reader.hole(event.missing) if event.missing else reader.feed(event.data, event.time)
+            else:
+                heard = reader.end(event.reset, event.time)
+            for one in heard:
+                if isinstance(one, Lost):
+                    self.lost(talk, event.from_client, one)
+                elif event.from_client:
+                    self.request(talk, one)
+                else:
+                    self.response(talk, one)
+            if not isinstance(event, Delivery) and not event.from_client:
+                self.nobody_answers(talk)
+
+    def lost(self, talk: Talk, from_client: bool, what: Lost) -> None:
+        self.happened["client lost step" if from_client else "server lost step"] += 1
+        self.happened["waiting forgotten"] += len(talk.waiting)
+        if from_client:
+            if what.dropped:
+                self.cut_request(talk, what.dropped)
+            talk.forgotten = False in talk.readers and talk.readers[False].receiving
+        else:
+            if what.dropped:
+                self.response(talk, what.dropped)
+            talk.forgotten = False
+        talk.waiting.clear()
+
+    def cut_request(self, talk: Talk, message: Message) -> None:
+        if message.method == b"POST" and visu_body.may_be_asked(message.seen):
+            self.happened["cut request"] += 1
+            talk.had_request = True
+            self.known[talk.pair].counts["cut"] += 1
+
+    def request(self, talk: Talk, message: Message) -> None:
+        asked = None
+        if message.cut:
+            self.cut_request(talk, message)
+        elif message.body is not None:
+            asked = visu_body.asked(message.method, message.target, message.body)
+        talk.waiting.append(Waiting(asked, message, self.number))
+        if asked is None or message.body is None:
+            self.happened["other request"] += 1
+            return
+        talk.had_request = True
+        connection = talk.connection
+        kind = "request" if not asked.query else "query"
+        self.messages.append(Told(self.number, connection.client, connection.server, kind, message.body))
+        row = self.known[talk.pair]
+        row.counts["writes" if asked.write else "reads"] += 1
+        row.counts["entries"] += len(asked.entries)
+        row.variables |= {entry.address for entry in asked.entries}
+        if asked.miscounted:
+            row.counts["miscounted"] += 1
+            self.find("NV804", talk)
+        if asked.write:
+            for entry in asked.entries:
+                self.find("NV801", talk, entry.address)
+                if entry.value is not None and self.is_password(talk, entry.address):
+                    self.happened["password written"] += 1
+                    self.find("NV803", talk, entry.address)
+        else:
+            same = b"?" + message.target if asked.query else b"|" + message.body
+            if same in row.last_reads:
+                row.pollings.append(self.now - row.last_reads[same])
+            row.last_reads[same] = self.now
+
+    def response(self, talk: Talk, message: Message) -> None:
+        """Take a response that is whole, or dropped as cut; one of 1xx answers nothing."""
+        forgotten, talk.forgotten = talk.forgotten, False
+        if 100 <= message.status < 200:
+            self.happened["1xx"] += 1
+            return
+        if forgotten or not talk.waiting:
+            self.happened["response to a forgotten request" if forgotten else "response to nobody"] += 1
+            return
+        waiting = talk.waiting.pop(0)
+        page = visu_body.is_page(waiting.message.method, waiting.message.target)
+        if page and message.body is not None and message.status == 200:
+            names = visu_body.names_in(message.body)
+            self.happened["names"] += len(names)
+            self.names[talk.pair[1]] |= names
+        if waiting.asked is None:
+            return
+        row = self.known[talk.pair]
+        if message.body is None:
+            self.happened["cut reply"] += 1
+            row.counts["cut"] += 1
+            return
+        connection = talk.connection
+        self.messages.append(Told(self.number, connection.server, connection.client, "reply", message.body))
+        row.counts["replies"] += 1
+        latency = message.arrival - waiting.message.arrival
+        row.latencies.append(latency)
+        if latency > SECOND:
+            self.happened["slow"] += 1
+            self.find("NV805", talk)
+        self.judge(talk, row, waiting.asked, message, visu_body.answered(waiting.asked, message.status, message.body))
+
+    def judge(self, talk: Talk, row: Row, asked: Asked, message: Message, answer: Answered) -> None:
+        row.counts.update(refused=answer.refused, miscounted=answer.miscounted, ambiguous=answer.ambiguous)
+        if answer.refused:
+            for entry in asked.entries:
+                self.find("NV802", talk, entry.address)
+        if not asked.write and message.status != 200:
+            self.happened["read with an HTTP error"] += 1
+            self.find("NV802", talk)
+        if answer.miscounted or answer.ambiguous:
+            self.find("NV804", talk)
+        self.happened["no value"] += None in answer.values
+        for entry, value in zip(asked.entries, answer.values, strict=False):
+            if value is not None and self.is_password(talk, entry.address):
+                self.happened["password read"] += 1
+                self.find("NV803", talk, entry.address)
+
+    def nobody_answers(self, talk: Talk) -> None:
+        for waiting in talk.waiting:
+            if waiting.asked is not None:
+                self.known[talk.pair].counts["unanswered"] += 1
+                self.find("NV805", talk, frame=waiting.frame)
+        talk.waiting.clear()
+
+    def is_password(self, talk: Talk, address: visu_body.Address) -> bool:
+        return visu_body.is_password(self.names[talk.pair[1]].get(address))
+
+    def find(
+        self, code: str, talk: Talk, address: visu_body.Address | None = None, frame: int | None = None
+    ) -> None:  # fmt: skip
+        client, server, _ = talk.pair
+        variable = f"visu/{server}"
+        if address is not None:
+            text = address if isinstance(address, str) else ",".join(map(str, address))
+            variable += "/" + self.names[server].get(address, text)
+        self.found[code, client, variable].append((self.now, self.number if frame is None else frame))
+
+    def latencies(self, row: dict[str, Any]) -> list[int]:
+        """Return the latencies of a row, in order."""
+        return sorted(self.row_of(row).latencies)
+
+    def pollings(self, row: dict[str, Any]) -> list[int]:
+        """Return the times between reads of a row, in order."""
+        return sorted(self.row_of(row).pollings)
+
+    def row_of(self, row: dict[str, Any]) -> Row:
+        (found,) = [
+            known for (client, server, port), known in self.known.items()
+            if (str(client), str(server), port) == (row["client"], row["server"], row["port"])
+        ]  # fmt: skip
+        return found
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return the rows of the report."""
+        talks = [talk for talk in self.talks.values() if talk.had_request]
+        rows = []
+        for pair in sorted(self.known, key=lambda pair: (node_order(pair[0]), node_order(pair[1]), pair[2])):
+            known, own = self.known[pair], [talk for talk in talks if talk.pair == pair]
+            latencies, pollings = sorted(known.latencies), sorted(known.pollings)
+            rows.append({
+                "client": str(pair[0]), "server": str(pair[1]), "port": pair[2], "connections": len(own),
+                **{name: known.counts[name] for name in COUNTED},
+                "variables": len(known.variables), "gap_bytes": sum(talk.gap_bytes for talk in own),
+                "latency_ns": {"count": len(latencies), **percentiles(latencies),
+                               "max": latencies[-1] if latencies else None},
+                "polling_ns": percentiles(pollings),
+            })  # fmt: skip
+        return rows
+
+    def findings(self) -> list[dict[str, Any]]:
+        """Return the findings, sorted by code, client and variable."""
+        return [
+            {
+                "code": code, "client": client, "variable": variable, "count": len(events), "first_ns": events[0][0],
+                "last_ns": events[-1][0], "frames": sorted(frame for _, frame in events[:FRAMES_KEPT]),
+            }
+            for (code, client, variable), events in sorted(
+                ((code, str(client), variable), events) for (code, client, variable), events in self.found.items()
+            )
+        ]  # fmt: skip
+
+
+def percentiles(ordered: list[int]) -> dict[str, int | None]:
+    return {f"p{percent}": nearest_rank(ordered, percent) if ordered else None for percent in (50, 99)}

@@ -1,0 +1,172 @@
+"""What WebVisu says: bodies of requests and replies, queries of older pages, names in pages.
+
+Readings, where the rules leave a choice:
+
+- where a target has both READPI? and WRITEPI?, the first one counts
+- parameters of a query have names in any case, are taken in their order, as often as they are there; of several VALUEs
+  of one number the last one counts; a `+` is a plus
+- a body to the grammar of a request may have more behind its entries: only the number of these is compared
+- numbers are compared as numbers: 07 is 7; what a body declares may have any number of digits
+- of a write of one STRING without a trailing `|`, the last field belongs to the value
+- CR and LF beside a `|` are taken out of requests, and only at the ends of replies
+- a cut body that was compressed is looked at as it came
+"""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+from urllib.parse import unquote_to_bytes
+from xml.etree import ElementTree
+
+MOST_ENTRIES = 10_000
+STRING = 8
+
+REQUEST = re.compile(rb"\|[01]\|\d+\|")
+BEGIN_OF_REQUEST = re.compile(rb"(\|([01](\|(\d+(\|.*)?)?)?)?)?", re.DOTALL)
+QUERY = re.compile(rb"(READ|WRITE)PI\?", re.IGNORECASE)
+NUMBER = re.compile(rb"\d{1,10}")
+PASSWORD = re.compile(r"(?:.*\.)?(?:currentpassword|currentpasswords\[[0-9]+\])", re.IGNORECASE | re.DOTALL)
+
+Address = tuple[int, int, int, int] | str
+"""Ref, offset, size, type; or the text of an ADR."""
+
+
+class Entry(NamedTuple):
+    address: Address
+    value: bytes | None
+    """What is to be written."""
+
+
+class Asked(NamedTuple):
+    """What a request asks for; ``declared`` is None in queries."""
+
+    write: bool
+    query: bool
+    declared: int | None
+    entries: tuple[Entry, ...]
+
+    @property
+    def miscounted(self) -> bool:
+        return self.declared is not None and self.declared != len(self.entries)
+
+
+class Answered(NamedTuple):
+    """What a reply says: one value for each of the first entries, None where there is none."""
+
+    values: tuple[bytes | None, ...] = ()
+    refused: bool = False
+    miscounted: bool = False
+    ambiguous: bool = False
+
+
+def straight(body: bytes) -> bytes:
+    """Return a body without the CR and LF that stand beside a `|` and at its ends."""
+    return re.sub(rb"[\r\n]*\|[\r\n]*", b"|", body.strip(b"\r\n"))
+
+
+def asked(method: bytes, target: bytes, body: bytes) -> Asked | None:
+    """Return what a whole request asks for; None where it is none of WebVisu's."""
+    if method == b"POST" and REQUEST.match(straight(body)):
+        return asked_by_body(straight(body))
+    query = QUERY.search(target)
+    if method == b"GET" and query:
+        return asked_by_query(query[1].upper() == b"WRITE", target[query.end() :])
+    return None
+
+
+def may_be_asked(seen: bytes) -> bool:
+    """Whether what is seen of a body is how a request begins, or the begin of that."""
+    return BEGIN_OF_REQUEST.fullmatch(straight(seen)) is not None
+
+
+def fields_of(body: bytes) -> list[bytes]:
+    """Return what stands behind each `|`; behind a trailing one stands nothing."""
+    fields = body.split(b"|")[1:]
+    return fields[:-1] if fields and fields[-1] == b"" else fields
+
+
+def asked_by_body(body: bytes) -> Asked:
+    command, count, *rest = fields_of(body)
+    write = command == b"1"
+    size = 6 if write else 5
+    entries: list[Entry] = []
+    while len(entries) < MOST_ENTRIES and len(rest) >= size and all(NUMBER.fullmatch(field) for field in rest[:5]):
+        _, ref, offset, bytes_, type_ = map(int, rest[:5])
+        value = rest[5] if write else None
+        declared_one = count.lstrip(b"0") == b"1"
+        if write and declared_one and not entries and type_ == STRING:
+            value, size = b"|".join(rest[5:]), len(rest)
+        entries.append(Entry((ref, offset, bytes_, type_), value))
+        rest = rest[size:]
+    return Asked(write, False, number(count), tuple(entries))
+
+
+def number(digits: bytes) -> int:
+    """Return a number; of one so long that Python would not read it, its first digits."""
+    return int(digits.lstrip(b"0")[:30] or b"0")
+
+
+def asked_by_query(write: bool, query: bytes) -> Asked:
+    addresses: list[tuple[str, str]] = []
+    values: dict[str, bytes] = {}
+    for part in query.split(b"&"):
+        name, _, content = part.partition(b"=")
+        found = re.fullmatch(rb"(ADR|VALUE)(\d*)", name, re.IGNORECASE)
+        if found is None:
+            continue
+        place = found[2].decode()
+        if found[1].upper() == b"ADR":
+            addresses.append((place, unquote_to_bytes(content).decode("latin-1")))
+        else:
+            values[place] = unquote_to_bytes(content)
+    entries = [Entry(address, values.get(place) if write else None) for place, address in addresses[:MOST_ENTRIES]]
+    return Asked(write, True, None, tuple(entries))
+
+
+def answered(request: Asked, status: int, body: bytes) -> Answered:
+    """Return what a whole reply says."""
+    if request.query:
+        return Answered(refused=request.write and status != 200)
+    if request.write:
+        return Answered(refused=status != 200 or body.strip() != b"|0|")
+    if status != 200:
+        return Answered()
+    body = body.strip(b"\r\n")
+    fields = fields_of(body) if body.startswith(b"|") else []
+    strings = [place for place, entry in enumerate(request.entries) if entry.address[3] == STRING]
+    surplus = len(fields) - len(request.entries)
+    if surplus > 0 and len(strings) > 1:
+        return Answered(ambiguous=True)
+    if surplus > 0 and strings:
+        at = strings[0]
+        fields[at : at + surplus + 1] = [b"|".join(fields[at : at + surplus + 1])]
+        surplus = 0
+    values = tuple(None if field == b"???" else field for field in fields[: len(request.entries)])
+    return Answered(values, miscounted=surplus != 0)
+
+
+def is_password(name: str | None) -> bool:
+    return name is not None and PASSWORD.fullmatch(name) is not None
+
+
+def is_page(method: bytes, target: bytes) -> bool:
+    """Whether a request is for a page that may name variables."""
+    return method == b"GET" and target.split(b"?")[0].lower().endswith(b".xml")
+
+
+def names_in(page: bytes) -> dict[Address, str]:
+    """Return the names that a page gives to addresses; nothing where it is not XML."""
+    try:
+        root = ElementTree.fromstring(page)
+    except (ElementTree.ParseError, ValueError, LookupError):
+        return {}
+    names: dict[Address, str] = {}
+    for variables in root.iter("variablelist"):
+        for variable in variables.findall("variable"):
+            name = variable.get("name")
+            parts = (variable.text or "").strip().split(",")
+            if name is not None and len(parts) == 4 and all(re.fullmatch("[0-9]{1,10}", part) for part in parts):
+                ref, offset, size, type_ = map(int, parts)
+                names[ref, offset, size, type_] = name
+    return names

@@ -1,0 +1,152 @@
+"""Random traffic of WebVisus: everything happens in it; and tshark, where nothing is missing, reads the same bodies."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from collections import Counter
+from itertools import pairwise
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from tests.oracle.frame import ETHERNET, RAW, SLL, Frame
+from tests.oracle.pcap import write_pcap
+from tests.oracle.rules.visu import Visu
+from tests.oracle.tcp import peel_tcp
+from tests.oracle.visu_traffic import conversations, visu_traffic
+
+needs_tshark = pytest.mark.skipif(shutil.which("tshark") is None, reason="needs tshark")
+SEEDS = range(96)
+PORTS = (80, 8080, 8888)
+
+HAPPENINGS = {
+    # TCP
+    "began with SYN", "began before the capture", "both ports claimed", "new connection in place of another",
+    "cut by the snap length", "in part late", "kept behind a hole", "late", "too far away", "wrapped",
+    "hole final by acknowledgement", "hole final by reset", "hole final by time", "hole final by what is kept",
+    # HTTP
+    "1xx", "body decoded", "body not known", "body to the end", "chunked", "foreign", "found by searching",
+    "hole between messages", "hole in a body chunked", "hole in a body of known length", "hole in a body to the end",
+    "hole in a head", "hole over the end of a body", "hole while searching", "response not whole at the end",
+    # WebVisu
+    "client lost step", "cut reply", "cut request", "names", "no value", "other request", "password read",
+    "password written", "read with an HTTP error", "response to a forgotten request", "response to nobody",
+    "server lost step", "slow", "waiting forgotten",
+}  # fmt: skip
+FIGURES = {
+    "connections", "reads", "writes", "entries", "variables", "replies", "refused", "unanswered", "cut", "gap_bytes",
+    "miscounted", "ambiguous", "latency_ns.count", "latency_ns.p50", "latency_ns.p99", "latency_ns.max",
+    "polling_ns.p50", "polling_ns.p99",
+}  # fmt: skip
+
+
+def observed(frames: list[Frame], ports: tuple[int, ...] = (80, 8080)) -> Visu:
+    visu = Visu(ports)
+    for frame in frames:
+        visu.observe(frame)
+    return visu
+
+
+def test_a_seed_gives_the_same_frames() -> None:
+    assert conversations(5) == conversations(5)
+    assert conversations(5) != conversations(6)
+
+
+def test_the_traffic_shows_everything() -> None:
+    happened: Counter[str] = Counter()
+    figures: Counter[str] = Counter()
+    codes: Counter[str] = Counter()
+    kinds: Counter[str] = Counter()
+    links: set[int] = set()
+    versions: set[int] = set()
+    for seed in SEEDS:
+        frames = conversations(seed)
+        visu = observed(frames)
+        happened += visu.happened
+        for row in visu.rows():
+            nested = {f"{name}.{part}": row[name][part] for name in ("latency_ns", "polling_ns") for part in row[name]}
+            figures.update(name for name, value in (row | nested).items() if value and isinstance(value, int))
+            versions.add(6 if ":" in row["client"] else 4)
+        codes.update(one["code"] for one in visu.findings())
+        kinds.update(told.kind for told in visu.messages)
+        links |= {frame.link for frame in frames}
+    assert {name for name, count in happened.items() if count} == HAPPENINGS
+    assert {name for name in figures if name != "port"} == FIGURES
+    assert min(figures.values()) >= 10
+    assert {code for code, count in codes.items() if count >= 10} == {"NV801", "NV802", "NV803", "NV804", "NV805"}
+    assert set(kinds) == {"request", "query", "reply"}
+    assert links == {ETHERNET, SLL, RAW}
+    assert versions == {4, 6}
+
+
+@pytest.mark.parametrize("seed", range(1, 40, 3))
+def test_what_is_broken_is_read_all_the_same(seed: int) -> None:
+    frames = visu_traffic(seed)
+    visu = observed(frames)
+    assert visu.number == len(frames)
+    assert all(1 <= number <= len(frames) for one in visu.findings() for number in one["frames"])
+
+
+@pytest.mark.parametrize("seed", range(0, 96, 4))
+def test_mild_traffic_has_no_holes(seed: int) -> None:
+    visu = observed(conversations(seed), PORTS)
+    assert not any(
+        "hole" in name or "lost" in name or name == "foreign" for name, count in visu.happened.items() if count
+    )
+    for row in visu.rows():
+        assert (row["cut"], row["gap_bytes"]) == (0, 0)
+
+
+def test_the_clock_steps_and_frames_are_cut_in_some() -> None:
+    steps = short = 0
+    for seed in SEEDS:
+        frames = conversations(seed)
+        steps += any(after.ts_ns < before.ts_ns for before, after in pairwise(frames))
+        short += any(len(frame.data) < frame.original for frame in frames)
+        assert all(peel_tcp(frame) is not None for frame in frames)
+    assert steps
+    assert short
+
+
+@needs_tshark
+def test_tshark_reads_the_same_bodies(tmp_path: Path) -> None:
+    """Plain traffic: each body, and the frame with which it is whole, as tshark's own reassembly has them."""
+    together = 0
+    for seed in range(16):
+        frames = conversations(seed, link=ETHERNET, plain=True)
+        path = tmp_path / f"{seed}.pcap"
+        write_pcap(frames, path)
+        ours = Counter((told.frame, spaced(told.body)) for told in observed(frames, PORTS).messages)
+        theirs = Counter(bodies_by_tshark(path))
+        assert ours - theirs == Counter()
+        assert not [one for one in (theirs - ours) if one[1].startswith(b"|")]
+        together += ours.total()
+    assert together > 200
+
+
+def bodies_by_tshark(path: Path) -> list[tuple[int, bytes]]:
+    """Return frame and body of every message that tshark sees, those without a body too."""
+    claimed = [part for port in PORTS for part in ("-d", f"tcp.port=={port},http")]
+    command = ["tshark", "-n", "-r", str(path), "-o", "tcp.desegment_tcp_streams:TRUE", *claimed, "-Y", "http"]
+    done = subprocess.run([*command, "-T", "pdml"], capture_output=True, check=True)
+    found = []
+    for packet in ElementTree.fromstring(done.stdout).iter("packet"):
+        (number,) = [int(one.get("show", "")) for one in packet.iter("field") if one.get("name") == "frame.number"]
+        for proto in packet.iter("proto"):
+            if proto.get("name") == "http":
+                bodies = [one for one in proto.iter("field") if one.get("name") == "http.file_data"]
+                found.append((number, spaced(body_of(bodies[0])) if bodies else b""))
+    return found
+
+
+def body_of(field: ElementTree.Element) -> bytes:
+    """Return the bytes of a field; of what was compressed, tshark 4.0 tells the text alone."""
+    return bytes.fromhex(field.get("value", "")) or field.get("show", "").encode("latin-1", "replace")
+
+
+def spaced(body: bytes) -> bytes:
+    """Return a body with its line ends as XML passes them on."""
+    return re.sub(rb"\s+", b" ", body)
