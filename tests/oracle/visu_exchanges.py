@@ -138,7 +138,7 @@ def visu_exchange(rng: Chance, last: bool) -> Exchange:
     """Return a read or a write by POST."""
     # The same few reads again and again, as polls are.
     some = random.Random(rng.randrange(4)) if rng.random() < 0.7 else rng
-    addresses = [some.choice(ADDRESSES) for _ in range(some.choice((1, 1, 2, 5, 9)))]
+    addresses = [some.choice(ADDRESSES) for _ in range(some.choice((1, 1, 2, 5, 9, 9 if rng.random() < 0.7 else 150)))]
     write = rng.random() < 0.35
     declared = len(addresses) if rng.random() > rng.wild / 10 else rng.choice((0, 1, 3, 100))
     body = f"|{int(write)}|{declared}"

@@ -109,19 +109,20 @@ class Talk:
             self.speak(False, rng.choice(GARBAGE))
         count = rng.randint(1, 12) if self.keep_alive else 1
         while count > 0:
-            together = rng.randint(2, 3) if rng.random() < 0.1 and count > 3 else 1
+            together = rng.randint(2, 3) if rng.random() < 0.15 and count > 3 else 1
             count -= together
             exchanges = [self.exchange(last=count <= 0 and place == together - 1) for place in range(together)]
-            for exchange in exchanges:
-                self.speak(True, exchange.request)
-                if exchange.closes_request:
-                    line.close(True)
+            at_once = rng.random() < 0.5 and not rng.plain
+            for said in joined([exchange.request for exchange in exchanges], at_once):
+                self.speak(True, said)
+            if exchanges[-1].closes_request:
+                line.close(True)
             if count <= 0 and rng.random() < 0.1 + self.rng.wild / 6:
                 self.nobody_answers(exchanges[-1])
                 return
-            for exchange in exchanges:
-                line.wait(exchange.pause_ns)
-                self.speak(False, exchange.response)
+            for said in joined([exchange.response for exchange in exchanges], at_once):
+                line.wait(exchanges[-1].pause_ns)
+                self.speak(False, said)
             if rng.random() < self.rng.wild / 30:
                 self.speak(rng.random() < 0.5, rng.choice(GARBAGE))
             line.wait(rng.choice((50, 200, 200, 1000, 12_000 if rng.random() < self.rng.wild else 200)) * MILLISECOND)
@@ -201,6 +202,11 @@ class Talk:
         if not exchange.closes_request:
             line.close(True)
         line.segment(False)
+
+
+def joined(messages: list[bytes], at_once: bool) -> list[bytes]:
+    """Return messages as they are handed to TCP: one by one, or at once, so that segments have the ends of some."""
+    return [b"".join(messages)] if at_once else messages
 
 
 def big_download(rng: random.Random, now: int) -> list[Frame]:

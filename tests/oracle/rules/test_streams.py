@@ -6,10 +6,13 @@ in order, `!` for one by a reset; and the number of the frame that did it.
 
 from __future__ import annotations
 
+import random
 from collections.abc import Iterable
+from dataclasses import replace
 
 import pytest
 
+from tests.oracle.capture_faults import Faults, captured
 from tests.oracle.frame import Frame
 from tests.oracle.rules.streams import MOST_KEPT, SECOND, Delivery, Streams
 from tests.oracle.tcp import ACK, FIN, RST, SYN
@@ -184,6 +187,41 @@ def test_what_has_ended_is_forgotten() -> None:
     assert said(line.frames) == ">. <."
     # What comes again is another connection, that began before the capture.
     assert said([*line.frames, line.frames[3]]) == ">. <. >."
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_what_is_delivered_is_what_was_sent_with_holes(seed: int) -> None:
+    """Whatever is lost, late, twice there or cut: each byte is in its place, and missing ones are counted."""
+    rng = random.Random(seed)
+    said = {True: rng.randbytes(3000), False: rng.randbytes(3000)}
+    line = Line(isn=(2**32 - 1000, rng.randrange(2**32))).open()
+    at = {True: 0, False: 0}
+    while any(at[who] < len(said[who]) for who in at):
+        who = rng.random() < 0.5
+        back, size = min(at[who], rng.choice((0, 0, 0, 30))), rng.randint(0, 200)
+        data = said[who][at[who] - back : at[who] + size]
+        seq = line.begin[who] + at[who] - back
+        line.segment(who, data, seq=seq, ack=line.begin[not who] + at[not who])
+        at[who] = min(at[who] + size, len(said[who]))
+        line.sent[who] = line.begin[who] + at[who]
+    line.close(True).close(False)
+    frames, line.frames = line.frames[:3], line.frames[3:]
+    frames += captured(rng, replace(Faults.drawn(rng), begun_before=0), line)
+    frames.append(tcp_frame(line.now, CLIENT, SERVER, flags=RST))
+    heard_of = {True: 0, False: 0}
+    streams = Streams((80,))
+    only = None
+    for number, frame in enumerate(frames, 1):
+        for event in streams.observe(number, frame):
+            only = only or event.connection
+            # What comes late, behind both ends, is another connection.
+            if isinstance(event, Delivery) and event.connection is only:
+                place = heard_of[event.from_client]
+                assert event.data == said[event.from_client][place : place + len(event.data)]
+                heard_of[event.from_client] += len(event.data) + event.missing
+    assert all(heard_of[who] <= len(said[who]) for who in said)
+    if {frame.data for frame in line.frames} <= {frame.data for frame in frames}:
+        assert heard_of == {True: 3000, False: 3000}
 
 
 @pytest.mark.parametrize("link", [1, 113, 101])

@@ -168,6 +168,7 @@ class Visu:
         elif message.body is not None:
             asked = visu_body.asked(message.method, message.target, message.body)
         talk.waiting.append(Waiting(asked, message, self.number))
+        self.happened["several wait"] += len(talk.waiting) > 1
         if asked is None or message.body is None:
             self.happened["other request"] += 1
             return
