@@ -24,8 +24,7 @@ _RESPONSE = rb"HTTP/1\.[01] (?P<status>\d{3})(?:[ \t][^\r\n]{0,%d})?\r?\n" % _MO
 _END_OF_HEAD = re.compile(rb"\n\r?\n")
 _BLANKS = re.compile(rb"[\r\n]*")
 _HEADER = re.compile(rb"^([^:\s]+)[ \t]*:[ \t]*([^\r\n]*?)[ \t]*\r?$", re.MULTILINE)
-_CHUNK = re.compile(rb"[ \t]*([0-9a-fA-F]{1,8})[ \t]*(?:;[^\r\n]*)?\r?\n")
-_LONGEST_CHUNK_HEAD = 1024
+_CHUNK = re.compile(rb"[ \t]*([0-9a-fA-F]{1,8})[ \t]*(?:;[^\n]*)?\r?\n")
 _NO_BODY = (204, 304)
 
 
@@ -112,7 +111,7 @@ def read_head(head: bytes, side: Side) -> Head | None:
     for name, value in _HEADER.findall(head, line.end()):
         headers.setdefault(name.lower(), []).append(value)
     chunked = headers.get(b"transfer-encoding", [b""])[-1].rpartition(b",")[2].strip().lower() == b"chunked"
-    coding = headers.get(b"content-encoding", [b""])[-1].strip().lower().decode("latin-1")
+    coding = b",".join(headers.get(b"content-encoding", [])).lower().decode("latin-1")
     length = _length(headers.get(b"content-length", []))
     if length is None and not chunked:
         return None
@@ -134,11 +133,14 @@ _UNTOLD = -1
 
 def _length(values: list[bytes]) -> int | None:
     """Return what Content-Length says, ``_UNTOLD`` without one, None where it is wrong."""
-    told = {part.strip() for value in values for part in value.split(b",")}
-    if not told:
+    parts = [part.strip() for value in values for part in value.split(b",")]
+    if not parts:
         return _UNTOLD
+    if not all(map(bytes.isdigit, parts)):
+        return None
+    told = {part.lstrip(b"0") or b"0" for part in parts}
     text = told.pop()
-    if told or not text.isdigit() or len(text) > len(str(_MOST_LENGTH)) or int(text) > _MOST_LENGTH:
+    if told or len(text) > len(str(_MOST_LENGTH)) or int(text) > _MOST_LENGTH:
         return None
     return int(text)
 
@@ -151,7 +153,7 @@ def _coding(told: str) -> str:
 class Chunked:
     """What was found of a body in chunks: where it ends, and what is in it.
 
-    ``stop`` is -1 where that is not there yet. ``wrong_at`` is up to where one has to read to know that these are no
+    ``stop`` is -1 where that is not there yet; ``content`` is what there is. ``wrong_at`` is up to where one has to read to know that these are no
     chunks, -1 where they are.
     """
 
@@ -160,16 +162,13 @@ class Chunked:
     wrong_at: int = -1
 
 
-_UNFINISHED = Chunked()
-
-
 def read_chunks(data: bytes, start: int, stop: int) -> Chunked:
     """Read a body in chunks."""
     parts: list[bytes] = []
     while True:
-        line = _line(data, start, stop, _LONGEST_CHUNK_HEAD)
+        line = _line(data, start, stop, MOST_HEAD_BYTES)
         if line <= 0:
-            return Chunked(wrong_at=-line) if line else _UNFINISHED
+            return Chunked(content=b"".join(parts), wrong_at=-line or -1)
         head = _CHUNK.match(data, start, line)
         if head is None or head.end() != line:
             return Chunked(wrong_at=line)
@@ -180,20 +179,19 @@ def read_chunks(data: bytes, start: int, stop: int) -> Chunked:
         if size > _MOST_LENGTH:
             return Chunked(wrong_at=line)
         behind = start + size
-        if behind >= stop:
-            return _UNFINISHED
-        parts.append(data[start:behind])
-        if data[behind] == ord("\r"):
+        parts.append(data[start : min(behind, stop)])
+        if behind < stop and data[behind] == ord("\r"):
             behind += 1
-            if behind >= stop:
-                return _UNFINISHED
+        if behind >= stop:
+            return Chunked(content=b"".join(parts))
         if data[behind] != ord("\n"):
             return Chunked(wrong_at=behind + 1)
         start = behind + 1
+    first = start
     while True:
-        line = _line(data, start, stop, MOST_HEAD_BYTES)
+        line = _line(data, start, stop, MOST_HEAD_BYTES - (start - first))
         if line <= 0:
-            return Chunked(wrong_at=-line) if line else _UNFINISHED
+            return Chunked(content=b"".join(parts), wrong_at=-line or -1)
         if not data[start:line].strip(b"\r\n"):
             return Chunked(line, b"".join(parts))
         start = line

@@ -32,9 +32,9 @@ IN_STEP, ANEW = 1, 2
 class Order(IntEnum):
     """What comes first of that which happens with one frame."""
 
-    OLD_CLIENT = 0
-    OLD_SERVER = 1
-    ACKNOWLEDGED = 2
+    ACKNOWLEDGED = 0
+    OLD_CLIENT = 1
+    OLD_SERVER = 2
     OWN = 3
     END_CLIENT = 4
     END_SERVER = 5

@@ -37,8 +37,8 @@ _WRAP, _HALF = 1 << 32, 1 << 31
 class StreamColumns(KeyedColumns):
     """One row a stream: where it is.
 
-    ``next`` is the sequence number of its next byte, ``first`` that with which it began, -1 where its begin was not
-    seen; ``acknowledged`` the highest one that the other end has acknowledged, -1 before it has. ``waits``: something
+    ``next`` is the sequence number of its next byte, ``first`` that of its first one, -1 before it has begun;
+    ``acknowledged`` the highest one that the other end has acknowledged, -1 before it has. ``waits``: something
     is kept of it. ``latest_ns`` is the latest time of what came of it.
     """
 
@@ -91,6 +91,7 @@ class _Kept:
     size: int
     kind: PieceKind
     source: int | bytes | None
+    frame: int
     time_ns: int
 
     @property
@@ -105,10 +106,10 @@ class _Kept:
             source += skipped
         elif isinstance(source, bytes):
             source = source[skipped : skipped + end - begin]
-        return _Kept(begin, end - begin, self.kind, source, self.time_ns)
+        return _Kept(begin, end - begin, self.kind, source, self.frame, self.time_ns)
 
 
-_BEGIN = attrgetter("begin")
+_BEGIN, _FRAME = attrgetter("begin"), attrgetter("frame")
 
 
 @dataclass(slots=True)
@@ -137,7 +138,7 @@ class _Stream:
 
     def waits_longer_than(self, time_ns: int) -> bool:
         """Whether the first of what is kept came so long before a time."""
-        return time_ns - min(one.time_ns for one in self.kept) > PATIENCE_NS
+        return time_ns - min(self.kept, key=_FRAME).time_ns > PATIENCE_NS
 
 
 class SegmentsInTurn:
@@ -205,33 +206,32 @@ class SegmentsInTurn:
         payload_bytes: int, captured_bytes: int, frame: int, time_ns: int,
     ) -> None:  # fmt: skip
         own, other = ends[side], ends[1 - side]
-        if flags & RST:
-            self._break_off(ends, frame, time_ns, (Order.END_CLIENT, Order.END_SERVER))
-            return
-        if flags & SYN:
+        if flags & SYN and not flags & RST:
             answers = flags & ACK
-            is_new = own.first != sequence and (not answers or own.first >= 0)
+            is_new = own.first != (sequence + 1) % _WRAP and (not answers or own.first >= 0)
             if is_new and (own.begun or other.begun):
                 self._break_off(ends, frame, time_ns, (Order.OLD_CLIENT, Order.OLD_SERVER))
                 for stream in ends:
                     stream.begun = stream.ended = False
                     stream.first = stream.acknowledged = -1
                     stream.latest_ns = 0
-        elif not (own.begun or other.begun or payload_bytes or flags & FIN):
+        elif not (own.begun or other.begun) and (flags & RST or not (payload_bytes or flags & FIN)):
             return
         if flags & ACK and (other.acknowledged < 0 or _ahead(acknowledgement, other.acknowledged) > 0):
             other.acknowledged = acknowledgement
+        while other.kept and other.hole_is_acknowledged:
+            self._give_up_hole(other, frame, Order.ACKNOWLEDGED)
         for stream, order in zip(ends, (Order.OLD_CLIENT, Order.OLD_SERVER), strict=True):
             while stream.kept and stream.waits_longer_than(time_ns):
                 self._give_up_hole(stream, frame, order)
-        while other.kept and other.hole_is_acknowledged:
-            self._give_up_hole(other, frame, Order.ACKNOWLEDGED)
+        if flags & RST:
+            self._break_off(ends, frame, time_ns, (Order.END_CLIENT, Order.END_SERVER))
+            return
         if not (payload_bytes or flags & (SYN | FIN)):
             return
         if not own.begun:
             own.begun, own.next = True, sequence
-            if flags & SYN:
-                own.first = sequence
+            own.first = (sequence + (flags & SYN) // SYN) % _WRAP
             size = (IN_STEP if flags & SYN else 0) | (0 if other.begun else ANEW)
             self._tell(own, PieceKind.BEGIN, 0, size, frame, Order.OWN)
         begin = own.at + own.distance(sequence)
@@ -243,7 +243,7 @@ class SegmentsInTurn:
             (payload_bytes - captured_bytes, PieceKind.HOLE, None), (flags & FIN, PieceKind.END, None),
         ):  # fmt: skip
             if size and begin + size > own.at:
-                part = _Kept(begin, size, kind, source, time_ns)
+                part = _Kept(begin, size, kind, source, frame, time_ns)
                 parts.append(part.part(own.at, part.end) if begin < own.at else part)
             begin += size
         if not parts:
@@ -284,7 +284,7 @@ class SegmentsInTurn:
         """Take the bytes in front of what is kept for missing."""
         first = stream.kept[0]
         self._pass_on(
-            stream, _Kept(stream.at, first.begin - stream.at, PieceKind.HOLE, None, stream.latest_ns), frame, order
+            stream, _Kept(stream.at, first.begin - stream.at, PieceKind.HOLE, None, frame, stream.latest_ns), frame, order
         )
         self._pass_on_kept(stream, frame, order)
 
@@ -317,11 +317,9 @@ class SegmentsInTurn:
         for stream, order in zip(ends, orders, strict=True):
             while stream.kept:
                 self._give_up_hole(stream, frame, order)
-            stream.begun = True
-            if not stream.ended:
-                stream.ended = True
-                stream.latest_ns = max(stream.latest_ns, time_ns)
-                self._tell(stream, PieceKind.END, 0, 1, frame, order)
+            stream.begun = stream.ended = True
+            stream.latest_ns = max(stream.latest_ns, time_ns)
+            self._tell(stream, PieceKind.END, 0, 1, frame, order)
 
 
 def _ahead(sequence: int, known: int) -> int:

@@ -211,7 +211,7 @@ class Streams:
         mine = own[start]
         moved = stream[mine]
         begins_at = whole.sequence[start[new_run]]
-        streams.first[stream[new_run]] = np.where(syn[start[new_run]] > 0, begins_at, -1)
+        streams.first[stream[new_run]] = (begins_at + syn[start[new_run]]) % _WRAP
         streams.next[moved] = (base[mine] + reached[mine]) % _WRAP
         streams.begun[moved] = True
         streams.latest_ns[moved] = latest[stop[mine] - 1]

@@ -22,6 +22,7 @@ class Waiting(NamedTuple):
     asked: Ask
     order: int
     arrival_ns: int
+    is_head: bool = False
 
 
 class Happened(NamedTuple):
@@ -55,7 +56,8 @@ class Conversation:
             if form.touched or asked.request is not None:
                 kind = Kind.CUT if form.what is What.CUT else Kind.READ
                 self._tell_request(kind, asked, order, message, tell)
-            self.waiting.append(Waiting(NOTHING if form.what is What.CUT else asked, order, arrival_ns))
+            is_head = form.head is not None and form.head.method == "HEAD"
+            self.waiting.append(Waiting(NOTHING if form.what is What.CUT else asked, order, arrival_ns, is_head))
         elif form.what is What.BROKEN:
             if form.touched:
                 self._tell_request(Kind.CUT, NOTHING, order, message, tell)
@@ -79,7 +81,7 @@ class Conversation:
                 is_whole = form.what is What.WHOLE and not (form.is_coded and form.content is None)
                 self._tell_answer(Kind.REPLY if is_whole else Kind.CUT, asked, order, arrival_ns, message, tell)
         elif form.what is What.BROKEN:
-            if self.waiting:
+            if self.waiting and form.touched:
                 self._tell_answer(Kind.CUT, self.waiting[0], order, arrival_ns, message, tell)
             self.waiting.clear()
         elif form.what is What.END:

@@ -44,6 +44,11 @@ class Exchanges:
         self._conversations.clear()
         self._read_ns.clear()
 
+    def heads_that_wait(self, connection: int) -> list[bool]:
+        """Return of the requests of a connection that wait for a reply whether they are HEAD."""
+        conversation = self._conversations.get(connection)
+        return [] if conversation is None else [one.is_head for one in conversation.waiting]
+
     def take(
         self, http: HttpMessages, packets: PacketBatch, segments: SegmentBatch, first_frame: int
     ) -> VisuBatch:  # fmt: skip
@@ -65,11 +70,11 @@ class Exchanges:
             form = forms[place]
             if form.what is not What.WHOLE or form.head is None:
                 continue
-            if form.head.method != "POST":
-                asked[row] = asking.by_target(form.head)
-                continue
             body = form.content if form.is_coded else data[start : start + form.body_bytes]
             if body is None:
+                continue
+            if form.head.method != "POST":
+                asked[row] = asking.by_target(form.head)
                 continue
             if body != last:
                 last, ask = body, asking.by_body(body)

@@ -23,7 +23,8 @@ class VisuFollower:
     def follow(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> VisuBatch:
         """Return what the segments of a batch bring, which follows those before; its row 0 is frame ``first_frame``."""
         brought = self._streams.observe(packets, segments, first_frame)
-        return self._exchanges.take(self._http.read(packets.data, brought), packets, segments, first_frame)
+        messages = self._http.read(packets.data, brought, self._exchanges.heads_that_wait)
+        return self._exchanges.take(messages, packets, segments, first_frame)
 
     def forget(self) -> None:
         """Forget where all connections are: what comes next of them begins in the middle."""

@@ -5,7 +5,7 @@ A message may lie in any number of segments and batches, and a segment may hold 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,7 @@ from dissectors.batch import I64, U8
 from dissectors.http import Side
 from nvscope.engine.runs import runs_of
 from nvscope.tracker.pieces import ANEW, IN_STEP, Brought, PieceKind
+from nvscope.tracker.visu.head_requests import HeadRequests
 from nvscope.tracker.visu.http_reader import Form, Forms, HttpReader
 
 
@@ -51,13 +52,19 @@ class HttpStreams:
     def __init__(self) -> None:
         self._readers: dict[int, HttpReader] = {}
         self._found = Forms()
+        # Connections in which the client has sent HEAD.
+        self._with_head: set[int] = set()
 
     def forget(self) -> None:
         """Forget where all streams are."""
         self._readers.clear()
+        self._with_head.clear()
 
-    def read(self, buffer: U8, brought: Brought) -> HttpMessages:
-        """Return what happens in the streams by the pieces of a batch; ``buffer`` is that of its packets."""
+    def read(self, buffer: U8, brought: Brought, waiting_of: Callable[[int], Iterable[bool]]) -> HttpMessages:
+        """Return what happens in the streams by the pieces of a batch; ``buffer`` is that of its packets.
+
+        ``waiting_of`` tells of the requests of a connection that wait before the batch whether they are HEAD.
+        """
         pieces, found = brought.pieces, self._found
         found.renew()
         data, ends = self._joined(buffer, brought)
@@ -66,16 +73,23 @@ class HttpStreams:
         is_control = pieces.kind != int(PieceKind.DATA)
         controls = np.add.reduceat(is_control, run_start, dtype=np.int64).tolist() if len(run_start) else []
         behind = [0, *ends[run_stop - 1].tolist()]
-        counts = []
+        counts: list[int] = []
+        asking = -1
         for place, (stream, start, stop) in enumerate(zip(pieces.stream[run_start].tolist(), *runs, strict=True)):
             before = len(found.at)
             reader = self._readers.get(stream)
             if reader is None:
                 reader = self._readers[stream] = HttpReader(Side(stream & 1))
+            if stream & 1 and stream >> 1 in self._with_head:
+                first = before if asking != stream >> 1 else before - counts[-1]
+                reader.requests = self._requests(brought, ends, slice(first, before), waiting_of(stream >> 1))
+            asking = stream >> 1
             if controls[place]:
                 self._follow(stream, reader, data, brought, ends, (start, stop, behind[place]))
             else:
                 reader.read(data, behind[place], behind[place + 1], found)
+            if reader.asks_head:
+                self._with_head.add(stream >> 1)
             counts.append(len(found.at) - before)
         return self._told(data, brought, ends, np.repeat(pieces.stream[run_start], counts))
 
@@ -122,6 +136,9 @@ class HttpStreams:
             elif kind == PieceKind.BEGIN:
                 reader.begin(in_step=size & IN_STEP > 0)
                 anew = size & ANEW > 0
+                if anew and reader.side is Side.CLIENT:
+                    reader.asks_head = False
+                    self._with_head.discard(stream >> 1)
                 found.at.append(~place)
                 found.form.append(Forms.ANEW if anew else Forms.BEGIN)
             else:
@@ -131,9 +148,21 @@ class HttpStreams:
         elif kinds[-1] == PieceKind.END:
             del self._readers[stream]
 
+    def _requests(self, brought: Brought, ends: I64, asked: slice, waiting: Iterable[bool]) -> HeadRequests:
+        """Return the requests of a connection, of which some were found in this batch."""
+        found, orders = self._found, brought.pieces.order
+        places = self._places(ends, np.array(found.at[asked], np.int64), np.array(found.form[asked], np.int64))
+        forms = (found.forms[number] for number in found.form[asked])
+        return HeadRequests(waiting, zip(orders[places].tolist(), forms, strict=True), ends, orders)
+
+    def _places(self, ends: I64, at: I64, form: I64) -> I64:
+        """Return the pieces with which what was found was there."""
+        reached = at + np.array(self._found.body_bytes, np.int64)[form]
+        places: I64 = np.where(at >= 0, np.searchsorted(ends, reached), ~at)
+        return places
+
     def _told(self, data: bytes, brought: Brought, ends: I64, stream: I64) -> HttpMessages:
         found, pieces = self._found, brought.pieces
         at, form = np.array(found.at, np.int64), np.array(found.form, np.int64)
-        reached = at + np.array(found.body_bytes, np.int64)[form]
-        piece = np.where(at >= 0, np.searchsorted(ends, reached), ~at)
+        piece = self._places(ends, at, form)
         return HttpMessages(data, found.forms, stream, form, at, pieces.order[piece], pieces.arrival_ns[piece])

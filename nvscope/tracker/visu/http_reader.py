@@ -5,13 +5,16 @@ What is found, and up to which byte one has to read to find it, does not depend 
 
 from __future__ import annotations
 
-from collections.abc import Container
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from typing import TYPE_CHECKING
 
 from dissectors import http
 from dissectors.http import MOST_BODY_BYTES, MOST_HEAD_BYTES, Body, Head, Side
 from dissectors.webvisu import may_become_request
+
+if TYPE_CHECKING:
+    from nvscope.tracker.visu.head_requests import HeadRequests
 
 _MOST_FORMS = 4096
 _MOST_CHUNKED_BYTES = 2 * MOST_BODY_BYTES
@@ -42,7 +45,8 @@ class Form:
     """What messages of one form have in common; or what else happens.
 
     ``body_bytes`` is how long the body is as it came. ``content`` is what is in it where ``is_coded``, None where that
-    is not known. ``touched``: what is not whole may be a request of a WebVisu page. ``missing_bytes`` are those of a
+    is not known. ``touched``: what is not whole may be a request of a WebVisu page, or is in the response to the first
+    request that waits. ``missing_bytes`` are those of a
     gap.
     """
 
@@ -96,17 +100,19 @@ class Forms:
 class HttpReader:
     """One direction of a connection.
 
-    ``rest`` are the bytes of the message that has begun; they stand in front of what is read next.
-    ``without_body`` are the responses, counted from 0 since the connection began or lost step, that answer HEAD.
+    ``rest`` are the bytes of the message that has begun; they stand in front of what is read next. ``asks_head``: the
+    client has sent HEAD; then ``requests`` of the server's reader has to tell which responses answer that.
     """
 
-    __slots__ = ("_passed", "_passes", "_seeks", "messages", "rest", "side", "without_body")
+    __slots__ = ("_answers_head", "_passed", "_passes", "_seeks", "asks_head", "requests", "rest", "side")
 
     def __init__(self, side: Side) -> None:
         self.side = side
         self.rest = b""
-        self.messages = 0
-        self.without_body: Container[int] = ()
+        self.asks_head = False
+        self.requests: HeadRequests | None = None
+        # Of the response that has begun, None before its head is there.
+        self._answers_head: bool | None = None
         self._seeks = True
         # Bytes that are still to come of a body that is not kept, and what is to be told behind them.
         self._passes = 0
@@ -116,7 +122,7 @@ class HttpReader:
         """Take the begin of a connection; its first bytes begin a message where it is ``in_step``."""
         self.rest, self._passes, self._passed = b"", 0, None
         self._seeks = not in_step
-        self.messages = 0
+        self._answers_head = None
 
     def read(self, data: bytes, begin: int, end: int, found: Forms) -> None:
         """Read ``data`` from ``begin``, where its rest is, to ``end``."""
@@ -128,7 +134,7 @@ class HttpReader:
             self._tell_passed(begin, found)
         known, body_bytes, find = found.known[self.side], found.body_bytes, data.find
         tell_at, tell_form = found.at.append, found.form.append
-        plain = not self.without_body
+        plain = self.requests is None
         while begin < end:
             if self._seeks:
                 start = http.start_of_message(data, begin, end, self.side)
@@ -139,6 +145,7 @@ class HttpReader:
             head_end = find(_END_OF_HEAD, begin, end) + len(_END_OF_HEAD)
             number = known.get(data[begin:head_end]) if plain else None
             if number is None:
+                begin = http.behind_blank_lines(data, begin, end)
                 behind = self._read_one(data, begin, end, found)
                 if behind < 0:
                     break
@@ -149,13 +156,11 @@ class HttpReader:
                 break
             tell_at(head_end)
             tell_form(number)
-            self.messages += 1
             begin = behind
         self.rest = data[begin:end] if not self._passes else b""
 
-    def _read_one(self, data: bytes, begin: int, end: int, found: Forms) -> int:
+    def _read_one(self, data: bytes, start: int, end: int, found: Forms) -> int:
         """Read a message; return where it ends, -1 where it is not there whole."""
-        start = http.behind_blank_lines(data, begin, end)
         longest = http.LONGEST_LINE[self.side]
         line_end = data.find(b"\n", start, min(end, start + longest)) + 1
         if not line_end:
@@ -169,8 +174,10 @@ class HttpReader:
         head = http.read_head(data[start:head_end], self.side)
         if head is None:
             return self._lose_step(data, start, head_end, found)
-        if self.side is Side.SERVER and not head.is_interim and self.messages in self.without_body:
-            head = replace(head, body=Body.LENGTH, length=0)
+        if self.side is Side.CLIENT:
+            self.asks_head |= head.method == "HEAD"
+        elif self.requests is not None and not head.is_interim and self._is_to_head(head_end, self.requests):
+            head = replace(head, body=Body.LENGTH, length=0, coding="")
         if head.body is Body.LENGTH:
             return self._read_length(data, start, head_end, end, head, found)
         if head.body is Body.CHUNKS:
@@ -179,6 +186,21 @@ class HttpReader:
             return -1
         self._passes, self._passed = _ENDLESS, Form(What.WHOLE, head, is_coded=True)
         return end
+
+    def _is_to_head(self, at: int, requests: HeadRequests) -> bool:
+        """Tell whether the response whose head ends at a place answers HEAD: what waited then says so, not later."""
+        if self._answers_head is None:
+            self._answers_head = requests.answers_head(at)
+        return self._answers_head
+
+    def _answered(self, at: int, head: Head | None) -> None:
+        self._answers_head = None
+        if self.requests is not None and not (head is not None and head.is_interim):
+            self.requests.answered(at)
+
+    def _may_be_known(self, head: Head) -> bool:
+        """Tell whether all messages with such a head are read alike."""
+        return self.requests is None and head.method != "HEAD" and not head.is_interim
 
     def _read_length(self, data: bytes, start: int, head_end: int, end: int, head: Head, found: Forms) -> int:
         behind = head_end + head.length
@@ -191,7 +213,7 @@ class HttpReader:
             return behind
         if behind > end:
             return -1
-        self.messages += not head.is_interim
+        self._answered(behind, head)
         if head.coding:
             content = http.decoded(data[head_end:behind], head.coding)
             found.tell(head_end, Form(What.WHOLE, head, head.length, content, is_coded=True))
@@ -200,7 +222,7 @@ class HttpReader:
         found.at.append(head_end)
         found.form.append(number)
         text = data[start:head_end]
-        if text.find(_END_OF_HEAD) == len(text) - len(_END_OF_HEAD) and not head.is_interim and not self.without_body:
+        if text.find(_END_OF_HEAD) == len(text) - len(_END_OF_HEAD) and self._may_be_known(head):
             found.known[self.side][text] = number
         return behind
 
@@ -211,48 +233,62 @@ class HttpReader:
             return self._lose_step(data, start, chunks.wrong_at, found)
         if chunks.stop < 0:
             return self._lose_step(data, start, most, found) if end >= most else -1
-        self.messages += not head.is_interim
+        self._answered(chunks.stop, head)
         content = http.decoded(chunks.content, head.coding)
         found.tell(head_end, Form(What.WHOLE, head, chunks.stop - head_end, content, is_coded=True))
         return chunks.stop
 
     def _lose_step(self, data: bytes, start: int, at: int, found: Forms) -> int:
         """Give up what begins at ``start``, as is known when ``at`` is reached; look for a message behind its begin."""
-        self._seeks, self.messages, self.without_body = True, 0, ()
-        found.tell(at, Form(What.BROKEN, touched=self._is_touched(data[start:at])))
+        self._out_of_step(at)
+        found.tell(at, Form(What.BROKEN))
         return start + 1
 
-    def _is_touched(self, rest: bytes) -> bool:
-        """Tell whether what is there of a message may be a request of a WebVisu page."""
-        if self.side is not Side.CLIENT or not rest.startswith(_POST):
+    def _is_touched(self, rest: bytes, head_end: int, head: Head | None) -> bool:
+        """Tell whether what there is of a message, up to a hole, may be a request of a WebVisu page."""
+        if self.side is not Side.CLIENT or not (rest == _POST[:-1] or rest.startswith(_POST)):
             return False
-        head_end = http.end_of_head(rest, 0, len(rest))
-        return head_end < 0 or may_become_request(rest[head_end:])
+        if head is None:
+            return True
+        content = rest[head_end:]
+        if head.body is Body.CHUNKS:
+            content = http.read_chunks(rest, head_end, len(rest)).content
+        return may_become_request(content)
 
     def miss(self, size: int, at: int, found: Forms) -> None:
         """Take a hole of so many bytes."""
         found.tell(at, Form(What.GAP, missing_bytes=size))
         rest, self.rest = self.rest, b""
-        if not self._seeks and not self._passes:
+        in_step = not self._seeks
+        touched = False
+        if in_step and not self._passes and rest:
             head_end = http.end_of_head(rest, 0, len(rest))
             head = http.read_head(rest[:head_end], self.side) if head_end >= 0 else None
+            touched = self._is_touched(rest, head_end, head)
             if head is not None and head.body is Body.LENGTH:
-                self._passes = head.length - (len(rest) - head_end)
-                self._passed = Form(What.CUT, head, is_coded=True, touched=self._is_touched(rest))
-        if self._passes >= size and self._passed is not None and self._passes < _ENDLESS:
+                length = 0 if self._answers_head else head.length
+                self._passes = length - (len(rest) - head_end)
+                self._passed = Form(What.CUT, head, is_coded=True, touched=touched)
+        if self._passed is not None and size <= self._passes < _ENDLESS:
             self._passes -= size
             self._passed = replace(self._passed, what=What.CUT)
             if not self._passes:
                 self._tell_passed(at, found)
             return
-        touched = self._passed.touched if self._passed is not None else not self._seeks and self._is_touched(rest)
+        if self._passed is not None:
+            touched = self._passed.touched
         self._passes, self._passed = 0, None
-        self._seeks, self.messages, self.without_body = True, 0, ()
-        found.tell(at, Form(What.BROKEN, touched=touched))
+        self._out_of_step(at)
+        found.tell(at, Form(What.BROKEN, touched=touched or (in_step and self.side is Side.SERVER)))
+
+    def _out_of_step(self, at: int) -> None:
+        self._seeks, self._answers_head = True, None
+        if self.requests is not None:
+            self.requests.forget(at)
 
     def _tell_passed(self, at: int, found: Forms) -> None:
         assert self._passed is not None
-        self.messages += not (self._passed.head is not None and self._passed.head.is_interim)
+        self._answered(at, self._passed.head)
         found.tell(at, self._passed)
         self._passes, self._passed = 0, None
 
@@ -270,7 +306,7 @@ class HttpReader:
                 if not dropped:
                     content = http.decoded(rest[head_end:], head.coding)
                     found.tell(at, Form(What.WHOLE, head, 0, content, is_coded=True))
-            elif self.side is Side.SERVER:
+            elif self.side is Side.SERVER and (head is not None or self._passes):
                 found.tell(at, Form(What.CUT))
         self.begin(in_step=False)
         found.at.append(at)

@@ -5,8 +5,8 @@ What is there of a message is read anew from its first byte whenever more of it 
 Readings, where the rules leave a choice:
 
 - from the client only requests are understood, from the server only responses
-- a line is judged when its end has come, or when 64 KiB have come without one
-- 2048 bytes of target are the limit where a start line is searched for; in step it is that of the head
+- a start line is judged when its end has come, or when more has come than the longest one has; other lines when 64 KiB
+  have come without an end
 - behind three digits of a status comes the line's end, or a space and anything
 - a search goes on behind what was understood of the foreign message: behind the start line of a head that is too long,
   behind the head where Content-Length is wrong, at the line of a chunk that is malformed
@@ -14,11 +14,12 @@ Readings, where the rules leave a choice:
 - whether a response has no body (1xx, 204, 304, to HEAD) is looked at first, then chunked, then Content-Length: what is
   not needed is not wrong
 - a response is one to HEAD where the first request that waits when its head is whole is one
-- the size of a chunk is 1 to 8 digits, at most 2^30, with nothing between it and `;` or the line's end; its line, and
-  the trailers, have at most 64 KiB
+- the size of a chunk is 1 to 8 digits, at most 2^30, with blanks at most around it; its line, and the trailers, have at
+  most 64 KiB
 - Content-Encoding: identity, and nothing, are none; all that is neither those nor known cannot be decoded. What follows
   a whole stream of gzip or deflate is ignored. An empty body that is said to be encoded is not decoded either
-- a hole while the direction searches breaks the pairing once more
+- a hole while the direction searches breaks the pairing once more; in step, one from the server is where the response
+  is to the first request that waits
 - a response is being received where its status line is whole
 """
 
@@ -32,11 +33,12 @@ from dataclasses import dataclass
 
 MOST_HEAD, MOST_LENGTH, MOST_BODY = 64 * 1024, 2**30, 2**20
 METHODS = rb"GET|HEAD|POST|PUT|DELETE|OPTIONS|PATCH|CONNECT|TRACE"
-REQUEST_LINE = re.compile(rb"(%s) ([^ \r\n]+) HTTP/1\.[01]" % METHODS)
-STATUS_LINE = re.compile(rb"HTTP/1\.[01] (\d\d\d)(?: .*)?", re.DOTALL)
-REQUEST_SOMEWHERE = re.compile(rb"(?:%s) [^ \r\n]{1,2048} HTTP/1\.[01]\r?\n" % METHODS)
-STATUS_SOMEWHERE = re.compile(rb"HTTP/1\.[01] \d\d\d(?: [^\n]*)?\r?\n")
-CHUNK_LINE = re.compile(rb"([0-9A-Fa-f]{1,8})(?:;.*)?", re.DOTALL)
+REQUEST_LINE = re.compile(rb"(%s) (\S{1,2048}) HTTP/1\.[01]" % METHODS)
+STATUS_LINE = re.compile(rb"HTTP/1\.[01] (\d\d\d)(?:[ \t][^\r\n]{0,1000})?")
+REQUEST_SOMEWHERE = re.compile(rb"(?:%s) \S{1,2048} HTTP/1\.[01]\r?\n" % METHODS)
+STATUS_SOMEWHERE = re.compile(rb"HTTP/1\.[01] \d\d\d(?:[ \t][^\r\n]{0,1000})?\r?\n")
+LONGEST_REQUEST_LINE, LONGEST_STATUS_LINE = 2048 + len("CONNECT  HTTP/1.1\r\n"), 1000 + len("HTTP/1.1 200 \r\n")
+CHUNK_LINE = re.compile(rb"[ \t]*([0-9A-Fa-f]{1,8})[ \t]*(?:;.*)?", re.DOTALL)
 
 
 @dataclass
@@ -59,9 +61,10 @@ class Message:
 
 @dataclass
 class Lost:
-    """The direction has lost step; ``dropped`` is the message that a hole touched."""
+    """The direction has lost step; ``dropped`` is the message that a hole touched, if it was ``in_step`` before."""
 
     dropped: Message | None = None
+    in_step: bool = False
 
 
 class Foreign(Exception):
@@ -80,10 +83,10 @@ class Head:
     end: int
 
 
-def line_end(buffer: bytes, begin: int, foreign_at: int) -> int | None:
+def line_end(buffer: bytes, begin: int, foreign_at: int, most: int = MOST_HEAD) -> int | None:
     """Return where the line's end ends; None where it has not come."""
     end = buffer.find(b"\n", begin)
-    if end < 0 and len(buffer) - foreign_at >= MOST_HEAD:
+    if (end < 0 and len(buffer) - foreign_at >= most) or end >= foreign_at + most:
         raise Foreign(foreign_at)
     return end + 1 if end >= 0 else None
 
@@ -94,7 +97,7 @@ def line(buffer: bytes, begin: int, end: int) -> bytes:
 
 def start_line(buffer: bytes, response: bool) -> tuple[Message, int] | None:
     """Return what the start line says, and where it ends."""
-    end = line_end(buffer, 0, 0)
+    end = line_end(buffer, 0, 0, LONGEST_STATUS_LINE if response else LONGEST_REQUEST_LINE)
     if end is None:
         return None
     found = (STATUS_LINE if response else REQUEST_LINE).fullmatch(line(buffer, 0, end))
@@ -139,9 +142,10 @@ def framing(head: Head, response: bool, to_head: bool) -> int | str:
         return CHUNKED
     lengths = head.fields.get(b"content-length")
     if lengths:
-        if not all(re.fullmatch(rb"\d+", length) for length in lengths):
+        told = [one.strip() for value in lengths for one in value.split(b",")]
+        if not all(re.fullmatch(rb"\d+", length) for length in told):
             raise Foreign(head.end)
-        numbers = {int(length.lstrip(b"0")[:20] or b"0") for length in lengths}
+        numbers = {int(length.lstrip(b"0")[:20] or b"0") for length in told}
         if len(numbers) > 1 or max(numbers) > MOST_LENGTH:
             raise Foreign(head.end)
         return numbers.pop()
@@ -243,8 +247,8 @@ class Reader:
         else:
             self.happened["hole between messages" if self.in_step else "hole while searching"] += 1
         self.next_message(b"")
-        self.in_step = False
-        yield Lost(dropped)
+        in_step, self.in_step = self.in_step, False
+        yield Lost(dropped, in_step)
 
     def end(self, reset: bool, time: int) -> Iterator[Message | Lost]:
         """End the direction: a message may end with it; a response that is not whole is told, as cut."""

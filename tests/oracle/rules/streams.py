@@ -14,6 +14,7 @@ Readings, where the rules leave a choice:
 - what the snap length cut counts where it is kept (256 KiB), and in `gap_bytes` when it is delivered
 - what was kept first is what came first by frame; its time is that of its frame
 - bytes in an RST are no data; its acknowledgement counts, before it ends the connection
+- what has ended stays so until another connection begins between these ends
 - the acknowledgement of a segment that begins a new connection is one of the new connection
 """
 
@@ -136,15 +137,12 @@ class Streams:
             yield from self.waited(connection, speaker, frame.ts_ns)
         if segment.flags & RST:
             yield from self.reset(connection, frame.ts_ns)
-            del self.connections[pair]
             return
         if not own.ended:
             self.keep(own, segment, number, frame.ts_ns)
             yield from self.deliver(connection, from_client)
             yield from self.acknowledged(connection, from_client)
             yield from self.overfull(connection, from_client)
-        if own.ended and other.ended:
-            del self.connections[pair]
 
     def connect(self, segment: Segment, source: End, destination: End) -> Connection:
         claimed = [end for end in (source, destination) if end[1] in self.ports]

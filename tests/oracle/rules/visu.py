@@ -4,11 +4,10 @@ Readings, where the rules leave a choice:
 
 - a direction whose SYN was not seen began before the capture, whether that of the other was seen or not
 - a response answers the first request that waits when the response is whole, or is dropped as cut
-- where the client's direction loses step, a response that is being received then answers nobody; it stays in step.
-  Where the server's does, a request that is being received then stays what it is
+- where a direction loses step, what is being received in the other one stays what it is
 - a response that comes to nothing (a malformed chunk) takes no request with it but by the step that is lost
-- of a response that is dropped, the status line had to be seen whole; one of unknown end (chunked) is as one of known
-  length
+- a hole in the server's direction, while that is in step, is in the response to the first request that waits, whatever
+  of it was seen. At the end, its head had to be seen whole; one of unknown end (chunked) is as one of known length
 - a cut request counts in `cut` and makes its connection count, and that is all: its reply, or that it has none, counts
   nowhere
 - a request whose body is not known is none, whatever its target says; a reply of which it is not known is a cut one,
@@ -88,8 +87,6 @@ class Talk:
         self.waiting: list[Waiting] = []
         self.had_request = False
         self.gap_bytes = 0
-        self.forgotten = False
-        """Whether the response that is being received answers nobody."""
         self.readers: dict[bool, Reader] = {}
         self.happened = happened
 
@@ -101,7 +98,7 @@ class Talk:
         return self.readers[from_client]
 
     def first_is_head(self) -> bool:
-        return bool(self.waiting) and not self.forgotten and self.waiting[0].message.method == b"HEAD"
+        return bool(self.waiting) and self.waiting[0].message.method == b"HEAD"
 
 
 class Visu:
@@ -148,11 +145,8 @@ class Visu:
         if from_client:
             if what.dropped:
                 self.cut_request(talk, what.dropped)
-            talk.forgotten = False in talk.readers and talk.readers[False].receiving
-        else:
-            if what.dropped:
-                self.response(talk, what.dropped)
-            talk.forgotten = False
+        elif what.in_step:
+            self.response(talk, Message(cut=True, whole=False))
         talk.waiting.clear()
 
     def cut_request(self, talk: Talk, message: Message) -> None:
@@ -192,17 +186,16 @@ class Visu:
         else:
             same = b"?" + message.target if asked.query else b"|" + message.body
             if same in row.last_reads:
-                row.pollings.append(self.now - row.last_reads[same])
+                row.pollings.append(max(self.now - row.last_reads[same], 0))
             row.last_reads[same] = self.now
 
     def response(self, talk: Talk, message: Message) -> None:
         """Take a response that is whole, or dropped as cut; one of 1xx answers nothing."""
-        forgotten, talk.forgotten = talk.forgotten, False
         if 100 <= message.status < 200:
             self.happened["1xx"] += 1
             return
-        if forgotten or not talk.waiting:
-            self.happened["response to a forgotten request" if forgotten else "response to nobody"] += 1
+        if not talk.waiting:
+            self.happened["response to nobody"] += 1
             return
         waiting = talk.waiting.pop(0)
         page = visu_body.is_page(waiting.message.method, waiting.message.target)
