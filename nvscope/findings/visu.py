@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from nvscope.findings.finding import Events, Finding, all_events
@@ -96,7 +96,7 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
     kinds = {
         VisuEvent.WRITTEN: VISU_WRITE, VisuEvent.REFUSED: VISU_ERROR, VisuEvent.STATUS: VISU_ERROR,
         VisuEvent.PASSWORD_SEEN: VISU_PASSWORD_IN_CLEAR, VisuEvent.MISCOUNTED: VISU_COUNT_MISMATCH,
-        VisuEvent.SLOW: VISU_SLOW, VisuEvent.UNANSWERED: VISU_SLOW,
+        VisuEvent.SLOW: VISU_SLOW, VisuEvent.UNANSWERED: VISU_SLOW, VisuEvent.LATE: VISU_SLOW,
     }  # fmt: skip
     subjects = list(counts.subjects)
     found: dict[tuple[FindingKind, Subject], dict[VisuEvent, Events]] = defaultdict(dict)
@@ -105,15 +105,19 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
         found[kinds[VisuEvent(event)], subjects[number]][VisuEvent(event)] = events
     nodes = {text: number for number, text in enumerate(facts.summary.addresses)}
     for (kind, subject), parts in found.items():
-        first, *others = parts.values()
-        together = first
-        for other in others:
-            together = together.among(other)
+        together = parts[VisuEvent.LATE] if kind is VISU_SLOW else _together(parts.values())
         variable = f"visu/{subject.server}/{subject.variable}" if subject.variable else f"visu/{subject.server}"
         yield Finding(
             kind, _sentence(kind, subject, parts), together.count, together.first_ns, together.last_ns, together.frames,
             node=nodes.get(subject.client), variable=variable,
         )  # fmt: skip
+
+
+def _together(parts: Iterable[Events]) -> Events:
+    first, *others = parts
+    for other in others:
+        first = first.among(other)
+    return first
 
 
 def _sentence(kind: FindingKind, subject: Subject, parts: Mapping[VisuEvent, Events]) -> str:

@@ -292,7 +292,8 @@ class SegmentsInTurn:
         ended = stream.ended
         stream.at += part.size
         stream.next = (stream.next + part.size) % _WRAP
-        stream.latest_ns = max(stream.latest_ns, part.time_ns)
+        if part.kind in (PieceKind.DATA, PieceKind.END):
+            stream.latest_ns = max(stream.latest_ns, part.time_ns)
         if ended:
             return
         start, size = 0, part.size

@@ -114,12 +114,13 @@ class Streams:
         rest = np.flatnonzero(~carrying)
         number[rest] = self.connections.find(*(word[rest] for word in words))
         self._name_servers(segments, is_low, np.where(carrying, number, -1), known)
-        stream = 2 * number + (is_low == self._ends.low_serves[np.maximum(number, 0)])
-        order = np.flatnonzero(number >= 0)
-        order = order[stable_order(stream[order], 2 * len(self.connections) + 1)]
+        own = np.flatnonzero(number >= 0)
+        stream = 2 * number[own] + (is_low[own] == self._ends.low_serves[number[own]])
+        in_order = stable_order(stream, 2 * len(self.connections) + 1)
+        order = own[in_order]
         row = segments.row[order]
         rows = Segments(
-            stream[order], segments.sequence[order].astype(np.int64), segments.acknowledgement[order].astype(np.int64),
+            stream[in_order], segments.sequence[order].astype(np.int64), segments.acknowledgement[order].astype(np.int64),
             segments.flags[order].astype(np.int64), segments.payload[order], segments.payload_bytes[order],
             segments.captured_bytes[order], row + first_frame, packets.ts_ns[row],
         )  # fmt: skip
@@ -187,7 +188,8 @@ class Streams:
         partner = stream[new_run] ^ 1
         anew = ~streams.begun[partner] & (first_frame[partner] > whole.frame[start[new_run]])
         ended = ends[own[ends] & (end[ends] > before[ends])]
-        latest = self._latest(whole, start, stop)
+        brings = (end > before) & ((whole.payload_bytes > 0) | (fin > 0))
+        latest = self._latest(whole.stream, np.where(brings, whole.time_ns, 0), start, stop)
         begin = np.maximum(along + syn, before)
         size = along + syn + whole.payload_bytes - begin
         data = np.flatnonzero(own & (size > 0))
@@ -228,11 +230,10 @@ class Streams:
         good = is_first & (by_server == answers) & (answers | alone)
         peculiar[stream[~good] >> 1] = True
 
-    def _latest(self, rows: Segments, start: I64, stop: I64) -> I64:
-        """Return the latest time of the segments of a stream up to each."""
-        time_ns = rows.time_ns
-        known = np.where(self._streams.begun[rows.stream[start]], self._streams.latest_ns[rows.stream[start]], 0)
-        falls = np.zeros(len(rows), np.bool_)
+    def _latest(self, stream: I64, time_ns: I64, start: I64, stop: I64) -> I64:
+        """Return the latest time of what streams bring, up to each of their segments; 0 is the time of no such one."""
+        known = np.where(self._streams.begun[stream[start]], self._streams.latest_ns[stream[start]], 0)
+        falls = np.zeros(len(stream), np.bool_)
         falls[1:] = time_ns[1:] < time_ns[:-1]
         falls[start] = time_ns[start] < known
         if not falls.any():

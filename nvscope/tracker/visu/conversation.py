@@ -76,7 +76,8 @@ class Conversation:
     ) -> None:  # fmt: skip
         """Take what happens in the server's direction."""
         if form.what in (What.WHOLE, What.CUT):
-            if self.waiting and not (form.head is not None and form.head.is_interim):
+            is_interim = form.head is not None and form.head.is_interim
+            if self.waiting and not is_interim and not form.answers_nobody:
                 asked = self.waiting.popleft()
                 is_whole = form.what is What.WHOLE and not (form.is_coded and form.content is None)
                 self._tell_answer(Kind.REPLY if is_whole else Kind.CUT, asked, order, arrival_ns, message, tell)

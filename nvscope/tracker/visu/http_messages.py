@@ -5,6 +5,7 @@ A message may lie in any number of segments and batches, and a segment may hold 
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -52,7 +53,7 @@ class HttpStreams:
     def __init__(self) -> None:
         self._readers: dict[int, HttpReader] = {}
         self._found = Forms()
-        # Connections in which the client has sent HEAD.
+        # Connections, and those between the same ends before, in which the client has sent HEAD.
         self._with_head: set[int] = set()
 
     def forget(self) -> None:
@@ -74,9 +75,12 @@ class HttpStreams:
         controls = np.add.reduceat(is_control, run_start, dtype=np.int64).tolist() if len(run_start) else []
         behind = [0, *ends[run_stop - 1].tolist()]
         counts: list[int] = []
-        asking = -1
+        asking, breaks = -1, list[int]()
         for place, (stream, start, stop) in enumerate(zip(pieces.stream[run_start].tolist(), *runs, strict=True)):
             before = len(found.at)
+            if stream >> 1 != asking:
+                self._forget_requests(asking, breaks)
+                breaks = []
             reader = self._readers.get(stream)
             if reader is None:
                 reader = self._readers[stream] = HttpReader(Side(stream & 1))
@@ -84,14 +88,33 @@ class HttpStreams:
                 first = before if asking != stream >> 1 else before - counts[-1]
                 reader.requests = self._requests(brought, ends, slice(first, before), waiting_of(stream >> 1))
             asking = stream >> 1
-            if controls[place]:
-                self._follow(stream, reader, data, brought, ends, (start, stop, behind[place]))
+            if controls[place] or breaks:
+                self._follow(stream, reader, data, brought, ends, (start, stop, behind[place]), breaks)
+                breaks = []
             else:
                 reader.read(data, behind[place], behind[place + 1], found)
-            if reader.asks_head:
-                self._with_head.add(stream >> 1)
+            if reader.side is Side.CLIENT:
+                if reader.asks_head:
+                    self._with_head.add(stream >> 1)
+                if reader.breaks:
+                    breaks = self._orders(brought, ends, reader.breaks)
+            reader.breaks = []
             counts.append(len(found.at) - before)
+        self._forget_requests(asking, breaks)
         return self._told(data, brought, ends, np.repeat(pieces.stream[run_start], counts))
+
+    def _forget_requests(self, connection: int, breaks: Sequence[int]) -> None:
+        """Take that the client's direction lost step while nothing came of the server's."""
+        server = self._readers.get(2 * connection + 1)
+        if breaks and server is not None:
+            server.forget_request()
+
+    def _orders(self, brought: Brought, ends: I64, places: Sequence[int]) -> list[int]:
+        """Return the orders of what was found at places of ``Forms.at``."""
+        found = self._found
+        at, form = (np.array([column[place] for place in places], np.int64) for column in (found.at, found.form))
+        orders: list[int] = brought.pieces.order[self._places(ends, at, form)].tolist()
+        return orders
 
     def _joined(self, buffer: U8, brought: Brought) -> tuple[bytes, I64]:
         """Return the data of all pieces, behind what their streams had left, and where each ends in it."""
@@ -117,14 +140,25 @@ class HttpStreams:
         return b"".join(parts), np.cumsum(size)
 
     def _follow(
-        self, stream: int, reader: HttpReader, data: bytes, brought: Brought, ends: I64, run: tuple[int, int, int]
+        self, stream: int, reader: HttpReader, data: bytes, brought: Brought, ends: I64, run: tuple[int, int, int],
+        breaks: Sequence[int],
     ) -> None:  # fmt: skip
-        """Read the pieces of a stream of which some are no data."""
+        """Read the pieces of a stream of which some are no data.
+
+        ``breaks`` are the orders in which the direction of the client lost step, where it is the server's.
+        """
         start, stop, begin = run
         pieces, found = brought.pieces, self._found
         kinds, sizes = pieces.kind[start:stop].tolist(), pieces.size[start:stop].tolist()
         end = begin + len(reader.rest)
+        waiting = deque(breaks)
         for place, (kind, size) in enumerate(zip(kinds, sizes, strict=True), start):
+            while waiting and pieces.order[place] > waiting[0]:
+                waiting.popleft()
+                if end > begin:
+                    reader.read(data, begin, end, found)
+                    begin = end - len(reader.rest)
+                reader.forget_request()
             if kind == PieceKind.DATA:
                 end = int(ends[place])
                 continue
@@ -136,16 +170,15 @@ class HttpStreams:
             elif kind == PieceKind.BEGIN:
                 reader.begin(in_step=size & IN_STEP > 0)
                 anew = size & ANEW > 0
-                if anew and reader.side is Side.CLIENT:
-                    reader.asks_head = False
-                    self._with_head.discard(stream >> 1)
                 found.at.append(~place)
                 found.form.append(Forms.ANEW if anew else Forms.BEGIN)
             else:
                 reader.end(~place, found, broken_off=size > 0)
         if end > begin:
             reader.read(data, begin, end, found)
-        elif kinds[-1] == PieceKind.END:
+        if waiting:
+            reader.forget_request()
+        if end == begin and kinds[-1] == PieceKind.END:
             del self._readers[stream]
 
     def _requests(self, brought: Brought, ends: I64, asked: slice, waiting: Iterable[bool]) -> HeadRequests:

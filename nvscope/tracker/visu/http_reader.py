@@ -46,7 +46,7 @@ class Form:
 
     ``body_bytes`` is how long the body is as it came. ``content`` is what is in it where ``is_coded``, None where that
     is not known. ``touched``: what is not whole may be a request of a WebVisu page, or is in the response to the first
-    request that waits. ``missing_bytes`` are those of a
+    request that waits. ``answers_nobody``: what it answers was forgotten meanwhile. ``missing_bytes`` are those of a
     gap.
     """
 
@@ -56,6 +56,7 @@ class Form:
     content: bytes | None = None
     is_coded: bool = False
     touched: bool = False
+    answers_nobody: bool = False
     missing_bytes: int = 0
 
 
@@ -101,10 +102,14 @@ class HttpReader:
     """One direction of a connection.
 
     ``rest`` are the bytes of the message that has begun; they stand in front of what is read next. ``asks_head``: the
-    client has sent HEAD; then ``requests`` of the server's reader has to tell which responses answer that.
+    client has sent HEAD; then ``requests`` of the server's reader has to tell which responses answer that. ``breaks``
+    are the places in ``Forms.at`` at which it lost step.
     """
 
-    __slots__ = ("_answers_head", "_passed", "_passes", "_seeks", "asks_head", "requests", "rest", "side")
+    __slots__ = (
+        "_answers_head", "_answers_nobody", "_passed", "_passes", "_seeks", "asks_head", "breaks", "requests", "rest",
+        "side",
+    )  # fmt: skip
 
     def __init__(self, side: Side) -> None:
         self.side = side
@@ -113,6 +118,8 @@ class HttpReader:
         self.requests: HeadRequests | None = None
         # Of the response that has begun, None before its head is there.
         self._answers_head: bool | None = None
+        self._answers_nobody = False
+        self.breaks: list[int] = []
         self._seeks = True
         # Bytes that are still to come of a body that is not kept, and what is to be told behind them.
         self._passes = 0
@@ -122,7 +129,7 @@ class HttpReader:
         """Take the begin of a connection; its first bytes begin a message where it is ``in_step``."""
         self.rest, self._passes, self._passed = b"", 0, None
         self._seeks = not in_step
-        self._answers_head = None
+        self._answers_head, self._answers_nobody = None, False
 
     def read(self, data: bytes, begin: int, end: int, found: Forms) -> None:
         """Read ``data`` from ``begin``, where its rest is, to ``end``."""
@@ -134,7 +141,7 @@ class HttpReader:
             self._tell_passed(begin, found)
         known, body_bytes, find = found.known[self.side], found.body_bytes, data.find
         tell_at, tell_form = found.at.append, found.form.append
-        plain = self.requests is None
+        plain = self.requests is None and not self._answers_nobody
         while begin < end:
             if self._seeks:
                 start = http.start_of_message(data, begin, end, self.side)
@@ -150,14 +157,21 @@ class HttpReader:
                 if behind < 0:
                     break
                 begin = behind
+                plain = self.requests is None and not self._answers_nobody
                 continue
             behind = head_end + body_bytes[number]
             if behind > end:
+                self._answers_head = False
                 break
             tell_at(head_end)
             tell_form(number)
+            self._answers_head = None
             begin = behind
         self.rest = data[begin:end] if not self._passes else b""
+
+    def forget_request(self) -> None:
+        """Take that nobody knows any more which request the message answers that is being received, if one is."""
+        self._answers_nobody = not self._seeks and bool(self.rest or self._passes)
 
     def _read_one(self, data: bytes, start: int, end: int, found: Forms) -> int:
         """Read a message; return where it ends, -1 where it is not there whole."""
@@ -176,7 +190,7 @@ class HttpReader:
             return self._lose_step(data, start, head_end, found)
         if self.side is Side.CLIENT:
             self.asks_head |= head.method == "HEAD"
-        elif self.requests is not None and not head.is_interim and self._is_to_head(head_end, self.requests):
+        elif not head.is_interim and self._is_to_head(head_end):
             head = replace(head, body=Body.LENGTH, length=0, coding="")
         if head.body is Body.LENGTH:
             return self._read_length(data, start, head_end, end, head, found)
@@ -187,16 +201,21 @@ class HttpReader:
         self._passes, self._passed = _ENDLESS, Form(What.WHOLE, head, is_coded=True)
         return end
 
-    def _is_to_head(self, at: int, requests: HeadRequests) -> bool:
+    def _is_to_head(self, at: int) -> bool:
         """Tell whether the response whose head ends at a place answers HEAD: what waited then says so, not later."""
+        if self._answers_nobody:
+            return False
         if self._answers_head is None:
-            self._answers_head = requests.answers_head(at)
+            self._answers_head = self.requests is not None and self.requests.answers_head(at)
         return self._answers_head
 
-    def _answered(self, at: int, head: Head | None) -> None:
-        self._answers_head = None
-        if self.requests is not None and not (head is not None and head.is_interim):
+    def _answered(self, at: int, head: Head | None) -> bool:
+        """Take the end of a message; return whether it answers nobody."""
+        nobody = self._answers_nobody
+        self._answers_head, self._answers_nobody = None, False
+        if self.requests is not None and not nobody and not (head is not None and head.is_interim):
             self.requests.answered(at)
+        return nobody
 
     def _may_be_known(self, head: Head) -> bool:
         """Tell whether all messages with such a head are read alike."""
@@ -213,16 +232,17 @@ class HttpReader:
             return behind
         if behind > end:
             return -1
-        self._answered(behind, head)
+        nobody = self._answered(behind, head)
         if head.coding:
             content = http.decoded(data[head_end:behind], head.coding)
-            found.tell(head_end, Form(What.WHOLE, head, head.length, content, is_coded=True))
+            form = Form(What.WHOLE, head, head.length, content, is_coded=True, answers_nobody=nobody)
+            found.tell(head_end, form)
             return behind
-        number = found.add(Form(What.WHOLE, head, head.length))
+        number = found.add(Form(What.WHOLE, head, head.length, answers_nobody=nobody))
         found.at.append(head_end)
         found.form.append(number)
         text = data[start:head_end]
-        if text.find(_END_OF_HEAD) == len(text) - len(_END_OF_HEAD) and self._may_be_known(head):
+        if text.find(_END_OF_HEAD) == len(text) - len(_END_OF_HEAD) and self._may_be_known(head) and not nobody:
             found.known[self.side][text] = number
         return behind
 
@@ -233,14 +253,16 @@ class HttpReader:
             return self._lose_step(data, start, chunks.wrong_at, found)
         if chunks.stop < 0:
             return self._lose_step(data, start, most, found) if end >= most else -1
-        self._answered(chunks.stop, head)
+        nobody = self._answered(chunks.stop, head)
         content = http.decoded(chunks.content, head.coding)
-        found.tell(head_end, Form(What.WHOLE, head, chunks.stop - head_end, content, is_coded=True))
+        form = Form(What.WHOLE, head, chunks.stop - head_end, content, is_coded=True, answers_nobody=nobody)
+        found.tell(head_end, form)
         return chunks.stop
 
     def _lose_step(self, data: bytes, start: int, at: int, found: Forms) -> int:
         """Give up what begins at ``start``, as is known when ``at`` is reached; look for a message behind its begin."""
         self._out_of_step(at)
+        self.breaks.append(len(found.at))
         found.tell(at, Form(What.BROKEN))
         return start + 1
 
@@ -278,18 +300,20 @@ class HttpReader:
         if self._passed is not None:
             touched = self._passed.touched
         self._passes, self._passed = 0, None
+        touched |= in_step and self.side is Side.SERVER and not self._answers_nobody
         self._out_of_step(at)
-        found.tell(at, Form(What.BROKEN, touched=touched or (in_step and self.side is Side.SERVER)))
+        self.breaks.append(len(found.at))
+        found.tell(at, Form(What.BROKEN, touched=touched))
 
     def _out_of_step(self, at: int) -> None:
-        self._seeks, self._answers_head = True, None
+        self._seeks, self._answers_head, self._answers_nobody = True, None, False
         if self.requests is not None:
             self.requests.forget(at)
 
     def _tell_passed(self, at: int, found: Forms) -> None:
         assert self._passed is not None
-        self._answered(at, self._passed.head)
-        found.tell(at, self._passed)
+        nobody = self._answered(at, self._passed.head)
+        found.tell(at, replace(self._passed, answers_nobody=nobody))
         self._passes, self._passed = 0, None
 
     def end(self, at: int, found: Forms, *, broken_off: bool) -> None:
@@ -305,9 +329,12 @@ class HttpReader:
             if head is not None and head.body is Body.END:
                 if not dropped:
                     content = http.decoded(rest[head_end:], head.coding)
-                    found.tell(at, Form(What.WHOLE, head, 0, content, is_coded=True))
+                    nobody = self._answers_nobody
+                    found.tell(at, Form(What.WHOLE, head, 0, content, is_coded=True, answers_nobody=nobody))
             elif self.side is Side.SERVER and (head is not None or self._passes):
-                found.tell(at, Form(What.CUT))
+                found.tell(at, Form(What.CUT, answers_nobody=self._answers_nobody))
         self.begin(in_step=False)
+        if self.requests is not None:
+            self.requests.forget(at)
         found.at.append(at)
         found.form.append(Forms.END)

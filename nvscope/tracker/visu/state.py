@@ -25,6 +25,7 @@ SLOW_NS = 10**9
 """A reply that takes longer is worth a note."""
 
 _OK = 200
+_LATE = (VisuEvent.SLOW, VisuEvent.UNANSWERED)
 _MOST_REMEMBERED = 1 << 14
 
 
@@ -189,6 +190,8 @@ class VisuCounts:
                         if is_password(variable.variable):
                             found.append((VisuEvent.PASSWORD_SEEN, variable))
             happened += [(event, time_ns, frame, subject) for event, subject in found]
+            if any(event in _LATE for event, _ in found):
+                happened.append((VisuEvent.LATE, time_ns, frame, whole))
         self._log(told, happened)
 
     def _worth_a_look(self, part: VisuBatch, pair: I64, messages: VisuMessages) -> I64:

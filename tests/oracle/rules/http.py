@@ -8,8 +8,7 @@ Readings, where the rules leave a choice:
 - a start line is judged when its end has come, or when more has come than the longest one has; other lines when 64 KiB
   have come without an end
 - behind three digits of a status comes the line's end, or a space and anything
-- a search goes on behind what was understood of the foreign message: behind the start line of a head that is too long,
-  behind the head where Content-Length is wrong, at the line of a chunk that is malformed
+- a search goes on behind the first byte of what is foreign: what was taken for its head may be that of the next one
 - header lines without a colon, and those that begin with a space, mean nothing; a name ends where its colon stands
 - whether a response has no body (1xx, 204, 304, to HEAD) is looked at first, then chunked, then Content-Length: what is
   not needed is not wrong
@@ -298,9 +297,9 @@ class Reader:
                 self.buffer = self.buffer.lstrip(b"\r\n")
             try:
                 message = self.message()
-            except Foreign as foreign:
+            except Foreign:
                 self.happened["foreign"] += 1
-                self.next_message(self.buffer[foreign.at :])
+                self.next_message(self.buffer[1:])
                 self.in_step = False
                 yield Lost()
                 continue

@@ -10,10 +10,12 @@ Readings, where the rules leave a choice:
 - bytes that came first count wherever they are kept: also where a segment that is next in order covers them later.
   Bytes that the snap length cut came, as missing ones: a whole copy that comes later is late
 - of a segment too far away (2^30) data and FIN are ignored, its acknowledgement counts
-- a FIN that waits behind a hole is something kept, its place the first kept byte
+- a FIN that waits behind a hole is something kept, its place the first kept byte; it takes this place, and has none
+  where a byte has come before it
 - what the snap length cut counts where it is kept (256 KiB), and in `gap_bytes` when it is delivered
 - what was kept first is what came first by frame; its time is that of its frame
 - bytes in an RST are no data; its acknowledgement counts, before it ends the connection
+- who was the server of two ends is that of all connections between them
 - what has ended stays so until another connection begins between these ends
 - the acknowledgement of a segment that begins a new connection is one of the new connection
 """
@@ -109,6 +111,7 @@ class Streams:
     def __init__(self, ports: Collection[int], happened: Counter[str] | None = None) -> None:
         self.ports = ports
         self.connections: dict[frozenset[End], Connection] = {}
+        self.servers: dict[frozenset[End], End] = {}
         self.happened: Counter[str] = Counter() if happened is None else happened
 
     def observe(self, number: int, frame: Frame) -> Iterator[Event]:
@@ -151,6 +154,7 @@ class Streams:
         else:
             self.happened["both ports claimed"] += 1
             server = source if segment.flags & SYN and segment.flags & ACK else destination
+        server = self.servers.setdefault(frozenset((source, destination)), server)
         return Connection(source if server == destination else destination, server)
 
     def keep(self, own: Direction, segment: Segment, number: int, time: int) -> None:
@@ -168,13 +172,13 @@ class Streams:
             return
         late = 0
         for offset in range(segment.length):
-            if begin + offset < own.next or begin + offset in own.kept:
+            if begin + offset < own.next or begin + offset in own.kept or begin + offset in own.fins:
                 late += 1
                 continue
             byte = segment.payload[offset] if offset < len(segment.payload) else None
             own.kept[begin + offset] = Carried(byte, number, time)
         end = begin + segment.length
-        if fin and end >= own.next:
+        if fin and end >= own.next and end not in own.kept:
             own.fins.setdefault(end, Carried(None, number, time))
         self.happened["in part late"] += 0 < late < segment.length
         self.happened["late"] += 0 < late == segment.length

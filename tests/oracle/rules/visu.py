@@ -4,7 +4,8 @@ Readings, where the rules leave a choice:
 
 - a direction whose SYN was not seen began before the capture, whether that of the other was seen or not
 - a response answers the first request that waits when the response is whole, or is dropped as cut
-- where a direction loses step, what is being received in the other one stays what it is
+- where the client's direction loses step, a response that is being received then answers nobody; it stays in step.
+  Where the server's does, a request that is being received then stays what it is
 - a response that comes to nothing (a malformed chunk) takes no request with it but by the step that is lost
 - a hole in the server's direction, while that is in step, is in the response to the first request that waits, whatever
   of it was seen. At the end, its head had to be seen whole; one of unknown end (chunked) is as one of known length
@@ -87,6 +88,8 @@ class Talk:
         self.waiting: list[Waiting] = []
         self.had_request = False
         self.gap_bytes = 0
+        self.forgotten = False
+        """Whether the response that is being received answers nobody."""
         self.readers: dict[bool, Reader] = {}
         self.happened = happened
 
@@ -98,7 +101,7 @@ class Talk:
         return self.readers[from_client]
 
     def first_is_head(self) -> bool:
-        return bool(self.waiting) and self.waiting[0].message.method == b"HEAD"
+        return bool(self.waiting) and not self.forgotten and self.waiting[0].message.method == b"HEAD"
 
 
 class Visu:
@@ -145,8 +148,11 @@ class Visu:
         if from_client:
             if what.dropped:
                 self.cut_request(talk, what.dropped)
-        elif what.in_step:
-            self.response(talk, Message(cut=True, whole=False))
+            talk.forgotten = False in talk.readers and talk.readers[False].receiving
+        else:
+            if what.in_step:
+                self.response(talk, Message(cut=True, whole=False))
+            talk.forgotten = False
         talk.waiting.clear()
 
     def cut_request(self, talk: Talk, message: Message) -> None:
@@ -191,11 +197,12 @@ class Visu:
 
     def response(self, talk: Talk, message: Message) -> None:
         """Take a response that is whole, or dropped as cut; one of 1xx answers nothing."""
+        forgotten, talk.forgotten = talk.forgotten, False
         if 100 <= message.status < 200:
             self.happened["1xx"] += 1
             return
-        if not talk.waiting:
-            self.happened["response to nobody"] += 1
+        if forgotten or not talk.waiting:
+            self.happened["response to a forgotten request" if forgotten else "response to nobody"] += 1
             return
         waiting = talk.waiting.pop(0)
         page = visu_body.is_page(waiting.message.method, waiting.message.target)
