@@ -23,7 +23,6 @@ _MOST_REASON_BYTES = 1000
 _RESPONSE = rb"HTTP/1\.[01] (?P<status>\d{3})(?:[ \t][^\r\n]{0,%d})?\r?\n" % _MOST_REASON_BYTES
 _END_OF_HEAD = re.compile(rb"\n\r?\n")
 _BLANKS = re.compile(rb"[\r\n]*")
-_HEADER = re.compile(rb"^([^:\s]+)[ \t]*:[ \t]*([^\r\n]*?)[ \t]*\r?$", re.MULTILINE)
 _CHUNK = re.compile(rb"[ \t]*([0-9a-fA-F]{1,8})[ \t]*(?:;[^\n]*)?\r?\n")
 _NO_BODY = (204, 304)
 
@@ -108,8 +107,10 @@ def read_head(head: bytes, side: Side) -> Head | None:
     if line is None:
         return None
     headers: dict[bytes, list[bytes]] = {}
-    for name, value in _HEADER.findall(head, line.end()):
-        headers.setdefault(name.lower(), []).append(value)
+    for text in head[line.end() :].split(b"\n"):
+        name, colon, value = text.removesuffix(b"\r").partition(b":")
+        if colon:
+            headers.setdefault(name.lower(), []).append(value.strip(b" \t"))
     chunked = headers.get(b"transfer-encoding", [b""])[-1].rpartition(b",")[2].strip().lower() == b"chunked"
     coding = b",".join(headers.get(b"content-encoding", [])).lower().decode("latin-1")
     length = _length(headers.get(b"content-length", []))

@@ -32,7 +32,7 @@ _BREAKS = re.compile(rb"[\r\n]*\|[\r\n]*")
 _REQUEST = re.compile(rb"\|([01])\|(\d+)\|")
 _MAY_BECOME = re.compile(rb"(?:\|(?:[01](?:\|\d*)?)?)?\Z")
 _NUMBER = re.compile(r"[0-9]{1,10}")
-_QUERY = re.compile(r"(?:^|[/?])(READPI|WRITEPI)\?(.*)\Z", re.IGNORECASE | re.DOTALL)
+_QUERY = re.compile(r"(READPI|WRITEPI)\?(.*)\Z", re.IGNORECASE | re.DOTALL)
 _READ_FIELDS, _WRITE_FIELDS = 5, 6
 _FIRST = 2
 

@@ -8,6 +8,7 @@ from dissectors.batch import LinkType
 from tests.oracle.builders import MILLISECOND, data_frame
 from tests.oracle.frame import ETHERNET, Frame
 from tests.oracle.traffic import generate, mutate
+from tests.oracle.visu_traffic import conversations
 from tests.protocols import beacon
 from tests.protocols.probe import probe
 
@@ -49,6 +50,13 @@ def probes(seed: int, start_ns: int, count: int = 20) -> list[Frame]:
     return frames
 
 
+def pages(seed: int, start_ns: int) -> list[Frame]:
+    """Return some frames of web visualization, of the same time."""
+    frames = [frame for frame in conversations(seed, link=ETHERNET, talks=2) if frame.link == ETHERNET][:120]
+    first_ns = min((frame.ts_ns for frame in frames), default=0)
+    return [frame._replace(ts_ns=frame.ts_ns - first_ns + start_ns) for frame in frames]
+
+
 def can_frame(ts_ns: int, identifier: int, data: bytes) -> Frame:
     """Return a data frame of CAN."""
     content = identifier.to_bytes(4, "big") + bytes([len(data), 0, 0, 0]) + data
@@ -60,7 +68,7 @@ def mixed(seed: int) -> list[Frame]:
     chance = random.Random(seed)
     frames = generate(seed, frames=60, link=[ETHERNET, None][seed // 2 % 2])
     start_ns = min((frame.ts_ns for frame in frames), default=0)
-    others = [*beacons(seed), *probes(seed, start_ns)]
+    others = [*beacons(seed), *probes(seed, start_ns), *pages(seed, start_ns)]
     for place in range(10):
         others.append(can_frame(start_ns + place * 11 * MILLISECOND, 0x181 + place % 2, bytes([place] * (place % 9))))
     if seed % 2:

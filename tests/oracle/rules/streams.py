@@ -226,7 +226,9 @@ class Streams:
 
         def final(first: int) -> bool:
             assert own.begin is not None
-            return own.acknowledged is not None and distance(own.acknowledged, own.begin + first) >= 0
+            if own.acknowledged is None:
+                return False
+            return distance(own.acknowledged, own.begin + own.next) >= first - own.next
 
         yield from self.holes(connection, from_client, final, "acknowledgement")
 

@@ -1,0 +1,104 @@
+"""TCP connections put in order, against the rules written byte by byte."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import groupby
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dissectors import address
+from dissectors.batch import PacketBatch
+from dissectors.claims import Claims
+from dissectors.link import peel
+from nvscope.tracker.pieces import ORDER_BITS, PieceKind
+from nvscope.tracker.streams import Streams
+from tests.laws import examples, some
+from tests.oracle.frame import Frame
+from tests.oracle.rules.streams import Delivery
+from tests.oracle.rules.streams import Streams as Rules
+from tests.oracle.visu_traffic import visu_traffic
+from tests.packets import batch_of, cut
+
+PORTS = (80, 8080)
+Where = tuple[str, int, str, int, bool]
+"""Client and its port, server and its port, and whether the client speaks."""
+
+What = tuple[str, bytes | int, int]
+"""D and bytes, H and how many are missing, E and whether it was broken off; and the frame."""
+
+
+def delivered(batches: Iterable[PacketBatch]) -> dict[Where, list[What]]:
+    """Return what the product brings of each direction."""
+    streams, first_frame = Streams(PORTS), 1
+    found: dict[Where, list[What]] = defaultdict(list)
+    for packets in batches:
+        batch = packets.with_margin()
+        brought = streams.observe(batch, peel(batch, claims=Claims(tcp=PORTS)).tcp, first_frame)
+        pieces = brought.pieces
+        ends = streams.ends_of(pieces.stream >> 1)
+        for row, (stream, kind, start, size, order) in enumerate(
+            zip(*(getattr(pieces, name).tolist() for name in ("stream", "kind", "start", "size", "order")), strict=True)
+        ):
+            client, server = (address.text(int(high[row]), int(low[row])) for high, low in (ends.client, ends.server))
+            where = client, int(ends.client_port[row]), server, int(ends.server_port[row]), not stream & 1
+            frame = order >> ORDER_BITS
+            if kind == PieceKind.DATA:
+                data = batch.data[start : start + size].tobytes() if start >= 0 else brought.kept[~start]
+                found[where].append(("D", data, frame))
+            elif kind == PieceKind.HOLE:
+                found[where].append(("H", size, frame))
+            elif kind == PieceKind.END:
+                found[where].append(("E", size, frame))
+        first_frame += len(packets)
+    return joined(found)
+
+
+def by_the_rules(frames: Sequence[Frame]) -> dict[Where, list[What]]:
+    """Return the same by the rules."""
+    rules = Rules(PORTS)
+    found: dict[Where, list[What]] = defaultdict(list)
+    for number, frame in enumerate(frames, 1):
+        for event in rules.observe(number, frame):
+            (client, port), (server, server_port) = event.connection.client, event.connection.server
+            where = str(client), port, str(server), server_port, event.from_client
+            if not isinstance(event, Delivery):
+                found[where].append(("E", int(event.reset), number))
+            elif event.missing:
+                found[where].append(("H", event.missing, number))
+            else:
+                found[where].append(("D", event.data, number))
+    return joined(found)
+
+
+def joined(found: dict[Where, list[What]]) -> dict[Where, list[What]]:
+    """Return the same, with what a frame brings of one kind in one piece."""
+    return {where: list(_joined(pieces)) for where, pieces in found.items()}
+
+
+def _joined(pieces: list[What]) -> Iterator[What]:
+    for (kind, frame), group in groupby(pieces, key=lambda one: (one[0], one[2])):
+        contents = [content for _, content, _ in group]
+        if kind == "E":
+            yield from (("E", content, frame) for content in contents)
+            continue
+        whole = contents[0]
+        for content in contents[1:]:
+            whole += content  # type: ignore[operator]
+        yield kind, whole, frame
+
+
+@pytest.mark.parametrize("seed", some(range(120)))
+def test_each_byte_is_in_its_place(seed: int) -> None:
+    frames = visu_traffic(seed)
+    assert delivered([batch_of(frames)]) == by_the_rules(frames)
+
+
+@examples(60)
+@given(seed=st.integers(0, 20_000), packets=st.integers(1, 200))
+def test_so_it_is_however_a_capture_is_cut(seed: int, packets: int) -> None:
+    frames = visu_traffic(seed)
+    assert delivered(cut(batch_of(frames), packets)) == by_the_rules(frames)

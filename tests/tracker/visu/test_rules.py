@@ -1,0 +1,77 @@
+"""Requests of WebVisu pages and what becomes of them, against the rules written frame by frame."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nvscope.protocols.table import accumulators_of
+from nvscope.protocols.visu import VISU
+from nvscope.tracker.parted import PartedState
+from tests.laws import examples, some
+from tests.oracle.frame import Frame
+from tests.oracle.rules.visu import Visu
+from tests.oracle.visu_traffic import visu_traffic
+from tests.packets import batch_of, cut, recorded
+from tests.tracker.visu.followed import Rows, by_the_rules, followed, seen, told
+
+SEEDS = st.integers(0, 20_000)
+
+
+def near(row: dict[str, Any]) -> dict[str, Any]:
+    """Return a row with times as far as a histogram tells them."""
+    found = dict(row)
+    for name in ("latency_ns", "polling_ns"):
+        found[name] = {
+            part: value if value is None or part not in ("p50", "p99") else pytest.approx(value, rel=0.01)
+            for part, value in row[name].items()
+        }
+    return found
+
+
+def check(frames: list[Frame], found: tuple[Rows, Rows]) -> None:
+    rules: Visu = by_the_rules(frames)
+    rows, findings = found
+    assert rows == [near(row) for row in rules.rows()]
+    assert findings == rules.findings()
+
+
+@pytest.mark.parametrize("seed", some(range(160)))
+def test_what_becomes_of_requests_is_what_the_rules_say(seed: int) -> None:
+    frames = visu_traffic(seed)
+    check(frames, seen(frames))
+
+
+@examples(60)
+@given(seed=SEEDS)
+def test_so_it_is_of_any_traffic(seed: int) -> None:
+    frames = visu_traffic(seed)
+    check(frames, seen(frames))
+
+
+@examples(60)
+@given(seed=SEEDS, packets=st.integers(1, 90))
+def test_any_cut_gives_the_same(seed: int, packets: int) -> None:
+    frames = visu_traffic(seed)
+    assert told(followed(cut(batch_of(frames), packets))) == seen(frames)
+
+
+@examples(20)
+@given(seed=SEEDS, parts=st.integers(1, 4))
+def test_counted_in_parts_it_comes_to_the_same(seed: int, parts: int) -> None:
+    frames = visu_traffic(seed)
+    parted = PartedState(parts, others=lambda: accumulators_of([VISU]))
+    followed(cut(batch_of(frames), 50), [parted])
+    assert told(parted.join()) == seen(frames)
+
+
+def test_behind_a_hole_in_which_nobody_listened_connections_begin_in_the_middle() -> None:
+    first, second = visu_traffic(4), visu_traffic(8)
+    later = [frame._replace(ts_ns=frame.ts_ns + 10**13) for frame in second]
+    rows, _ = told(followed(recorded([batch_of(first)], [batch_of(later)])))
+    alone = [seen(first)[0], seen(second)[0]]
+    for name in ("connections", "reads", "writes", "replies", "unanswered", "cut"):
+        assert sum(row[name] for row in rows) == sum(row[name] for part in alone for row in part)
