@@ -33,6 +33,7 @@ from nvscope.tracker.parameter.matching import (
     parameter_of,
     word_of,
 )
+from nvscope.tracker.parameter.writes import Writes
 
 MOST_OPEN = 1 << 16
 """So many requests are waited for at the same time."""
@@ -44,12 +45,17 @@ _KIND_BITS = 16
 
 
 class Beyond(IntEnum):
-    """That for which there is no room: pairs of nodes, requests that wait, replies to these, findings on parameters."""
+    """That for which there is no room: pairs of nodes, requests that wait, replies to these, findings on parameters.
+
+    And writes, and the values over which they are written.
+    """
 
     PAIR = 0
     OPEN = 1
     REPLY = 2
     PARAMETER = 3
+    WRITE = 4
+    VALUE = 5
 
 
 class PairColumns(KeyedColumns):
@@ -95,9 +101,9 @@ class Transactions:
 
     ``pairs`` number requester, partner (the halves of their addresses) and port; ``parameters`` pair, Index and
     SubIndex. ``latencies`` are of pairs, from the first request to the reply. ``events`` are keyed by
-    ``ParameterEvent`` with, for error replies, their service (``event_word``), and by parameter. ``left_out`` is that
-    for which there was no room, keyed by ``Beyond``. While requests may be open that have been left out, a reply that
-    ends none may be to one of these: it is left out, too.
+    ``ParameterEvent`` with, for error replies, their service (``event_word``), and by parameter. ``writes`` are what
+    was written by whom. ``left_out`` is that for which there was no room, keyed by ``Beyond``. While requests may be
+    open that have been left out, a reply that ends none may be to one of these: it is left out, too.
     """
 
     def __init__(self) -> None:
@@ -107,6 +113,7 @@ class Transactions:
         self.parameters = KeyTable()
         self.events = EventLog()
         self.left_out = EventLog(1)
+        self.writes = Writes(self.pairs)
         self.timeout_ns = PARAMETER_TIMEOUT_NS
         self._open = NOTHING_OPEN
         self._forgot_until_ns = _NEVER_NS
@@ -161,7 +168,12 @@ class Transactions:
         )
         np.add.at(columns.requests, opened.pair, 1)
         np.add.at(columns.retransmissions, messages.pair[found.repeated], 1)
-        self._open = found.open if told.hears_answers else NOTHING_OPEN
+        if not told.hears_answers:
+            found = found._replace(closing=found.closing[:0], closed=NOTHING_OPEN, open=NOTHING_OPEN)
+        self._open = found.open
+        untold = self.writes.observe(told, opened, messages.take(found.closing), found.closed)
+        for what, left_out in zip((Beyond.WRITE, Beyond.VALUE), untold, strict=True):
+            self._leave_out(what, left_out.time_ns, left_out.packet + told.first_frame)
         if told.hears_answers:
             self._count_replies(told, messages, found)
             self._give_up(told, found.expired)
@@ -219,6 +231,7 @@ class Transactions:
         """Count requests that nobody answered in time."""
         if len(waits):
             np.add.at(self.columns.timeouts, waits.pair, 1)
+            self.writes.give_up(waits)
             time_ns = waits.last_ns + self.timeout_ns
             self._note(told, ParameterEvent.TIMEOUT, waits, time_ns, waits.frame, waits.since_ns)
 
