@@ -20,11 +20,11 @@ class ParameterValues:
     """Tells values of parameters; what their layout is is found once for all of one shape."""
 
     def __init__(self) -> None:
-        self._layouts: dict[tuple[ParameterDefinition, int, int], TelegramLayout | None] = {}
+        self._layouts: dict[tuple[str, int, int, int, int], TelegramLayout | None] = {}
 
     def layout(self, known: ParameterDefinition, items: int, size_bytes: int) -> TelegramLayout | None:
         """Return how a value of so many elements and bytes lies; None where the type of the parameter does not fit."""
-        shape = known, items, size_bytes
+        shape = known.node, known.index, known.subindex, items, size_bytes
         if shape not in self._layouts:
             from nvscope.definition.parameter_layout import parameter_layout  # noqa: PLC0415
 

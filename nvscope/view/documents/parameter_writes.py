@@ -45,7 +45,7 @@ def sdo_write_rows(
             "index": one.index,
             "subindex": one.subindex,
             "name": known.name or None if known else None,
-            "type": known.type.name if known and known.type else None,
+            "type": _type_text(known),
             "old": old,
             "new": new,
             "old_text": old_text,
@@ -58,3 +58,11 @@ def sdo_write_rows(
         }
 
     return Drawn(writes, row_of)
+
+
+def _type_text(known: ParameterDefinition | None) -> str | None:
+    if known is None or known.type is None:
+        return None
+    from nvscope.definition.variables import type_text  # noqa: PLC0415
+
+    return type_text(known.type)

@@ -9,11 +9,13 @@ import pytest
 
 from nvscope.definition.parameters import ParameterDefinition, Parameters
 from nvscope.definition.scalars import SCALARS
-from nvscope.definition.variables import String
+from nvscope.definition.variables import Array, Enumeration, Member, String, Structure
 from nvscope.tracker.parameter.values import Value
 from nvscope.tracker.parameter.writes import Outcome, Write
 from nvscope.view.documents.parameter_writes import sdo_write_rows
 
+STATE = Enumeration("E_State", SCALARS["INT"], {"eOff": 0, "eRun": 5})
+REALS = Array(((1, 2),), SCALARS["REAL"])
 KNOWN = Parameters(
     (
         ParameterDefinition(0x2000, 1, "rSpeed", SCALARS["REAL"], "10.0.0.2"),
@@ -21,8 +23,10 @@ KNOWN = Parameters(
         ParameterDefinition(0x2001, 0, "", SCALARS["INT"]),
         ParameterDefinition(0x2002, 0, "sName", String(4)),
         ParameterDefinition(0x2003, 0, "tRun", SCALARS["TIME"]),
+        ParameterDefinition(0x2004, 0, "stAxis", Structure("Axis", (Member("nState", STATE), Member("arPos", REALS)))),
     )
 )
+AXIS = struct.pack("<hff", 5, 1.5, -2)
 LONG = bytes(range(256))
 
 
@@ -51,6 +55,8 @@ def write(index: int, subindex: int, new: Value, old: Value | None = None, partn
         (write(0x2001, 0, value(LONG, 150, 300)), None, "INT", LONG.hex(), "00 01 02 03 04 05 06 07 … (300 bytes)"),
         (write(0x2002, 0, value(b"ab\x1b\0x")), "sName", "STRING(4)", "ab\x1b", "'ab\x1b'"),
         (write(0x2003, 0, value(b"\xe8\3\0\0")), "tRun", "TIME", 1_000_000_000, "T#1s"),
+        (write(0x2004, 0, value(AXIS)), "stAxis", "Axis", [5, 1.5, -2.0],
+         "nState = eRun (5), arPos[1] = 1.5, arPos[2] = -2"),
         (write(7, 0, value(bytes(9))), None, None, "00" * 9, "00 00 00 00 00 00 00 00 … (9 bytes)"),
     ],
 )  # fmt: skip
