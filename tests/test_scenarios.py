@@ -16,6 +16,7 @@ import pytest
 
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.simulate.scenario_file import load_scenario
+from tests.oracle.compare import with_near_latencies
 from tests.packets import document_of, tracked
 from tests.simulate.comparison import differences
 from tests.simulate.simulation import simulated
@@ -89,6 +90,15 @@ def test_a_loss_that_may_not_be_believed_is_unknown_and_what_is_claimed_stands_b
 def test_report_agrees_with_the_truth(path: Path) -> None:
     assert simulated(path).truth["exact"]
     assert differences(simulated(path), report_on(path), set(CATALOGUE)) == []
+
+
+@pytest.mark.parametrize("path", cases())
+def test_report_tells_of_parameters_what_was_asked_and_written(path: Path) -> None:
+    report, expected = report_on(path), simulated(path).parameters
+    assert list(report.get("sdo", ())) == [with_near_latencies(row) for row in expected.rows]
+    assert list(report.get("sdo_writes", ())) == expected.writes
+    # What is not there, nothing is said of.
+    assert ("sdo" in report, "sdo_writes" in report) == (bool(expected.rows), bool(expected.writes))
 
 
 def test_scenarios_show_every_finding_of_the_network() -> None:

@@ -21,6 +21,7 @@ from nvscope.tracker.summary import summarize
 from nvscope.view.documents.parameters import sdo_rows
 from tests.laws import examples, some
 from tests.oracle.builders import MILLISECOND, data_frame, telegram
+from tests.oracle.compare import with_near_latencies
 from tests.oracle.frame import Frame
 from tests.oracle.parameter_traffic import conversations, parameter_traffic
 from tests.oracle.rules.parameter import FRAMES_KEPT, VALUE_BYTES, parameters
@@ -42,15 +43,6 @@ def told(state: TrackerState) -> tuple[list[dict[str, Any]], list[tuple[Any, ...
     return sdo_rows(summary.parameters), sorted(found, key=str)
 
 
-def near(row: dict[str, Any]) -> dict[str, Any]:
-    """Return a row with latencies as far as a histogram tells them."""
-    latency = row["latency_ns"]
-    percentiles = {
-        name: None if latency[name] is None else pytest.approx(latency[name], rel=0.01) for name in ("p50", "p99")
-    }
-    return {**row, "latency_ns": {**latency, **percentiles}}
-
-
 def written(state: TrackerState) -> list[dict[str, Any]]:
     """Return what is known of all writes."""
     known = state.parameters.known
@@ -69,7 +61,7 @@ def written_by_rules(frames: list[Frame], timeout_ns: int = 500 * MILLISECOND) -
 def check(frames: list[Frame], state: TrackerState, timeout_ns: int = 500 * MILLISECOND) -> None:
     rows, findings = parameters(frames, timeout_ns)
     actual_rows, actual = told(state)
-    assert actual_rows == [near(row) for row in rows]
+    assert actual_rows == [with_near_latencies(row) for row in rows]
     assert written(state) == written_by_rules(frames, timeout_ns)
     # Who is asked by everybody has no number.
     named = {one[1] for one in actual}

@@ -211,7 +211,15 @@ def parameters(
 ) -> tuple[list[dict[str, Any]], list[tuple[Any, ...]]]:
     """Return the rows of the report, and the findings as code, requester, partner, Index, SubIndex and figures."""
     known = observed(frames, timeout_ns)
+    return rows_of(known), findings_of(known)
+
+
+def rows_of(known: Parameters) -> list[dict[str, Any]]:
     order = sorted(known.rows, key=lambda pair: (node_order(pair[0]), node_order(pair[1]), pair[2]))
+    return [row_of(pair, known.rows[pair]) for pair in order]
+
+
+def findings_of(known: Parameters) -> list[tuple[Any, ...]]:
     findings = []
     for (code, requester, partner, index, subindex), parts in known.findings.items():
         moments = [moment for part in parts.values() for moment in part]
@@ -220,7 +228,7 @@ def parameters(
         first, last = min(part[0][0] for part in parts.values()), max(part[-1][0] for part in parts.values())
         variable = f"sdo/{partner}/0x{index:04x}:{subindex}"
         findings.append((code, str(requester), variable, len(moments), first, last, frames_told))
-    return [row_of(pair, known.rows[pair]) for pair in order], sorted(findings)
+    return sorted(findings)
 
 
 def row_of(pair: Pair, row: Row) -> dict[str, Any]:
