@@ -14,7 +14,8 @@ from tests.laws import examples
 from tests.oracle.builders import MILLISECOND, data_frame, telegram
 from tests.oracle.frame import Frame
 from tests.oracle.parameter_traffic import parameter_traffic
-from tests.packets import batch_of, cut, tracked
+from tests.packets import batch_of, cut, recorded, tracked
+from tests.tracker.test_parameter import told as told_of_requests
 
 HMI, SERVICE, PRESS = "10.0.0.1", "10.0.0.3", "10.0.0.2"
 READ, READ_REPLY, WRITE, WRITE_REPLY, REFUSED, BUSY = 1, 2, 3, 4, 22, 100
@@ -106,6 +107,22 @@ def test_a_value_that_was_not_captured_whole_is_not_known_and_what_was_known_bef
     assert told(frames) == [(None, b"99", "confirmed"), (None, b"0000", "open")]
 
 
+def test_where_answers_are_not_to_be_seen_nobody_knows_what_became_of_a_write() -> None:
+    frames = exchange(
+        (0, READ, 1, b""), (1, READ_REPLY, 1, b"4"), (2, WRITE, 2, b"5"), (3, WRITE_REPLY, 2, b""),
+        (900, WRITE, 2, b"6"),
+    )  # fmt: skip
+    for size in (1, 2, 5):
+        found = writes(tracked(cut(batch_of(frames), size), Reading(hears_answers=False)))
+        assert [(one.old, one.new.data, one.outcome) for one in found] == [(None, b"5", "open"), (None, b"6", "open")]
+
+
+def test_what_was_open_when_nobody_listened_any_more_stays_open() -> None:
+    first, second = exchange((0, WRITE, 1, b"5")), exchange((400, WRITE_REPLY, 1, b""), (900, WRITE, 2, b"6"))
+    state = tracked(recorded([batch_of(first)], [batch_of(second)]))
+    assert [(one.old, one.outcome) for one in writes(state)] == [(None, "open"), (None, "open")]
+
+
 def limits_told(state: TrackerState) -> list[str]:
     return [one.message.partition("Left out: ")[2] for one in judge(state) if one.code == "NV906"]
 
@@ -131,12 +148,15 @@ def test_values_beyond_the_limit_are_told(size: int) -> None:
     assert limits_told(state) == ["1 value of further parameters."]
 
 
-@examples(30)
-@given(seed=st.integers(0, 10_000), packets=st.integers(1, 60), most=st.integers(0, 30))
-def test_any_cut_leaves_out_the_same(seed: int, packets: int, most: int) -> None:
+@examples(60)
+@given(
+    seed=st.integers(0, 10_000), packets=st.integers(1, 60), most=st.integers(0, 30), streams=st.integers(2, 20)
+)  # fmt: skip
+def test_any_cut_leaves_out_the_same(seed: int, packets: int, most: int, streams: int) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("nvscope.tracker.parameter.writes.MOST_WRITES", most)
-        whole, reading = batch_of(parameter_traffic(seed)), Reading(max_streams=6)
+        whole, reading = batch_of(parameter_traffic(seed)), Reading(max_streams=streams)
         at_once, in_parts = tracked([whole], reading), tracked(cut(whole, packets), reading)
         assert (writes(in_parts), limits_told(in_parts)) == (writes(at_once), limits_told(at_once))
+        assert told_of_requests(in_parts) == told_of_requests(at_once)
         assert len(writes(at_once)) <= most

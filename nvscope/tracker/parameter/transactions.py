@@ -15,7 +15,7 @@ import numpy as np
 from dissectors import address
 from dissectors.batch import I64, U64
 from dissectors.keys import KeyTable
-from dissectors.netvar import PARAMETER_ERRORS, PARAMETER_REQUESTS, PORT, Fault, Service
+from dissectors.netvar import PARAMETER_ERRORS, PARAMETER_REQUESTS, PORT, Fault, Service, TelegramBatch
 from nvscope.engine.events import EventBatch
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.reading import PARAMETER_TIMEOUT_NS
@@ -162,10 +162,13 @@ class Transactions:
         found = matched(self._open, messages, told.clock, told.first_frame, self.timeout_ns)
         columns = self.columns
         opened = messages.take(found.opened)
-        # What nobody answers has to have a number, too.
-        self.parameters.numbers_within(
-            told.max_streams, opened.pair.view(np.uint64), parameter_of(opened.word).view(np.uint64)
-        )
+        # In the order of the capture, so that the first ones have a number however it is cut; of what nobody answers,
+        # too.
+        tell = found.opened
+        if told.hears_answers and len(found.unexpected):
+            tell = np.sort(np.concatenate([tell, found.unexpected]))
+        pair, parameter = messages.pair[tell], parameter_of(messages.word[tell])
+        self.parameters.numbers_within(told.max_streams, pair.view(np.uint64), parameter.view(np.uint64))
         np.add.at(columns.requests, opened.pair, 1)
         np.add.at(columns.retransmissions, messages.pair[found.repeated], 1)
         if not told.hears_answers:
@@ -186,13 +189,10 @@ class Transactions:
 
     def _count_undeliverable(self, told: Told) -> None:
         """Count requests of which ICMP messages say that they went nowhere."""
-        quoted = told.batch.quoted
-        quoted = quoted.take(np.isin(quoted.header["id"], PARAMETER_REQUESTS))
-        if not len(quoted) or not told.hears_answers:
+        back = _undeliverable(told)
+        if not len(back):
             return
-        datagram = quoted.datagram
-        ends = datagram.source_hi, datagram.source_lo, datagram.destination_hi, datagram.destination_lo
-        pair = self.pairs.numbers_within(told.max_streams, *ends, datagram.destination_port.astype(np.uint64))
+        pair = self.pairs.numbers_within(told.max_streams, *_pair_words(back))
         self.columns.resize(len(self.pairs))
         self.latencies.columns.resize(len(self.pairs))
         np.add.at(self.columns.undeliverable, pair[pair >= 0], 1)
@@ -274,8 +274,8 @@ class Transactions:
             (datagram.source_hi, datagram.destination_hi), (datagram.source_lo, datagram.destination_lo),
             (datagram.destination_hi, datagram.source_hi), (datagram.destination_lo, datagram.source_lo),
         )  # fmt: skip
-        words = (np.where(asks, *halves) for halves in ends)
-        pair = self.pairs.numbers_within(told.max_streams, *words, port.view(np.uint64))
+        words = [np.where(asks, *halves) for halves in ends]
+        pair = self._pairs_of(told, packet, *words, port.view(np.uint64))
         carried = varieties.carried
         word = word_of(carried.identifier[variety], carried.subindex[variety], rows.counter[whole].astype(np.int64))
         sender, receiver = rows.sender[whole], rows.receiver[whole]
@@ -290,6 +290,20 @@ class Transactions:
         self.latencies.columns.resize(len(self.pairs))
         return messages
 
+    def _pairs_of(self, told: Told, packet: I64, *words: U64) -> I64:
+        """Return the numbers of pairs, those that are new in the order of the capture, also of requests that came back.
+
+        So the first ones have a number however it is cut.
+        """
+        back = _undeliverable(told)
+        if not len(back):
+            return self.pairs.numbers_within(told.max_streams, *words)
+        order = np.argsort(np.concatenate([packet, back.datagram.row]), kind="stable")
+        together = (np.concatenate(both)[order] for both in zip(words, _pair_words(back), strict=True))
+        number = np.empty(len(order), np.int64)
+        number[order] = self.pairs.numbers_within(told.max_streams, *together)
+        return number[: len(packet)]
+
     def _leave_out(self, what: Beyond, time_ns: I64, frame: I64) -> None:
         if len(time_ns):
             self.left_out.record(time_ns, frame, np.full(len(time_ns), int(what), np.uint64))
@@ -301,6 +315,19 @@ class Transactions:
         elif len(self._open):
             gone = np.isin(self._open.node, unheard.nodes) | np.isin(self._open.peer, unheard.nodes)
             self._open = self._open.take(~gone)
+
+
+def _undeliverable(told: Told) -> TelegramBatch:
+    """Return the requests that came back, as far as ICMP messages quote them; none where no answers are heard."""
+    quoted = told.batch.quoted
+    return quoted.take(np.isin(quoted.header["id"], PARAMETER_REQUESTS) & told.hears_answers)
+
+
+def _pair_words(back: TelegramBatch) -> tuple[U64, ...]:
+    """Return who asked whom, on which port, as words of keys."""
+    datagram = back.datagram
+    ends = datagram.source_hi, datagram.source_lo, datagram.destination_hi, datagram.destination_lo
+    return *ends, datagram.destination_port.astype(np.uint64)
 
 
 def event_word(event: ParameterEvent, service: I64) -> U64:
