@@ -45,14 +45,17 @@ class Value:
         return len(self.data) == min(self.size_bytes, KEPT_BYTES)
 
 
-def value_in(told: Told, packet: int) -> Value:
-    """Return the value in the telegram of a packet of a batch."""
-    carried, variety = told.varieties.carried, int(told.variety[packet])
-    at = int(told.packets.offset[packet]) + int(carried.at[variety])
-    stop = at + min(int(carried.captured_bytes[variety]), KEPT_BYTES)
-    return Value(
-        told.packets.data[at:stop].tobytes(), int(carried.size_bytes[variety]), int(carried.items[variety])
-    )  # fmt: skip
+def values_in(told: Told, packet: I64) -> list[Value]:
+    """Return the values in the telegrams of some packets of a batch."""
+    carried, variety = told.varieties.carried, told.variety[packet]
+    at = told.packets.offset[packet] + carried.at[variety]
+    stop = at + np.minimum(carried.captured_bytes[variety], KEPT_BYTES)
+    columns = at, stop, carried.size_bytes[variety], carried.items[variety]
+    data = told.packets.data.data
+    return [
+        Value(bytes(data[start:end]), size_bytes, items)
+        for start, end, size_bytes, items in zip(*(column.tolist() for column in columns), strict=True)
+    ]
 
 
 class _ValueColumns(KeyedColumns):

@@ -18,7 +18,7 @@ from dissectors.keys import KeyTable
 from dissectors.netvar import Service
 from nvscope.engine.told import Told
 from nvscope.tracker.parameter.matching import Messages, Open, parameter_of
-from nvscope.tracker.parameter.values import LastValues, Value, value_in
+from nvscope.tracker.parameter.values import LastValues, Value, values_in
 
 MOST_WRITES = 10_000
 """So many writes are kept, the first ones; from there on no values are kept either."""
@@ -89,7 +89,7 @@ class Writes:
         has_room = np.arange(len(asked)) < room
         fresh, beyond = asked.take(has_room), asked.take(~has_room)
         # Values that come behind the last write that is kept are those of nothing.
-        stop = int(fresh.packet[-1]) if len(fresh) == room and room else len(told) if room else 0
+        stop = len(told) if len(fresh) < room else int(fresh.packet[-1]) if room else 0
         own = ((closing.service == _READ) | (closing.service == _WRITTEN)) & (closing.packet < stop)
         tells, of = closing.take(own), closed.frame[own]
         number = self._values.numbers(self._words(tells), told.max_streams)
@@ -117,20 +117,22 @@ class Writes:
         before = np.searchsorted(number[order] * span + tells.packet[order], place * span + fresh.packet) - 1
         latest = np.where(before >= 0, np.append(order, -1)[before], -1)
         latest = np.where((latest >= 0) & (np.append(number, -1)[latest] == place), latest, -1)
-        columns = fresh.time_ns, fresh.packet, fresh.pair, parameter_of(fresh.word), place, latest
-        for time_ns, packet, pair, parameter, number_, told_by in zip(*map(np.ndarray.tolist, columns), strict=True):
+        told_by_read = latest[(latest >= 0) & (np.append(tells.service, 0)[latest] == _READ)]
+        was_read = dict(zip(told_by_read.tolist(), values_in(told, tells.packet[told_by_read]), strict=True))
+        columns = fresh.time_ns, fresh.packet + told.first_frame, fresh.pair, parameter_of(fresh.word), place, latest
+        rows = zip(*(column.tolist() for column in columns), values_in(told, fresh.packet), strict=True)
+        for time_ns, frame, pair, parameter, known_as, told_by, new in rows:
             if told_by < 0:
-                old = self._values.of(number_)
-            elif tells.service[told_by] == _READ:
-                old = value_in(told, int(tells.packet[told_by]))
+                old = self._values.of(known_as)
+            elif told_by in was_read:
+                old = was_read[told_by]
             else:
                 old = self.kept[self._places[int(of[told_by])]].new
-            frame = packet + told.first_frame
             self._places[frame] = len(self.kept)
             self.kept.append(
                 Write(
                     time_ns, frame, *self._ends(pair), parameter >> 16, parameter & 0xFFFF,
-                    old if old and old.is_known else None, value_in(told, packet),
+                    old if old and old.is_known else None, new,
                 )
             )  # fmt: skip
 
