@@ -15,10 +15,14 @@ from typing import Any
 import pytest
 
 from nvscope.findings.catalogue import CATALOGUE
-from nvscope.simulate.scenario_file import load_scenario
+from nvscope.simulate.scenario_file import load_scenario, read_scenario
+from tests.laws import some
+from tests.oracle.compare import with_near_latencies
 from tests.packets import document_of, tracked
 from tests.simulate.comparison import differences
-from tests.simulate.simulation import simulated
+from tests.simulate.expected.parameters import ExpectedOfParameters
+from tests.simulate.random_scenario import random_scenario
+from tests.simulate.simulation import Simulation, simulated
 
 CAPTURES = Path(__file__).parent.parent / "captures"
 SCENARIOS = sorted((Path(__file__).parent / "scenarios").glob("*.toml"))
@@ -89,6 +93,24 @@ def test_a_loss_that_may_not_be_believed_is_unknown_and_what_is_claimed_stands_b
 def test_report_agrees_with_the_truth(path: Path) -> None:
     assert simulated(path).truth["exact"]
     assert differences(simulated(path), report_on(path), set(CATALOGUE)) == []
+
+
+def check_parameters(report: dict[str, Any], expected: ExpectedOfParameters) -> None:
+    assert list(report.get("sdo", ())) == [with_near_latencies(row) for row in expected.rows]
+    assert list(report.get("sdo_writes", ())) == expected.writes
+    # What is not there, nothing is said of.
+    assert ("sdo" in report, "sdo_writes" in report) == (bool(expected.rows), bool(expected.writes))
+
+
+@pytest.mark.parametrize("path", cases())
+def test_report_tells_of_parameters_what_was_asked_and_written(path: Path) -> None:
+    check_parameters(report_on(path), simulated(path).parameters)
+
+
+@pytest.mark.parametrize("seed", some(range(24)))
+def test_report_tells_the_same_of_random_conversations(seed: int) -> None:
+    simulation = Simulation(read_scenario(random_scenario(seed)))
+    check_parameters(document_of(tracked(simulation.batches)), simulation.parameters)
 
 
 def test_scenarios_show_every_finding_of_the_network() -> None:

@@ -215,6 +215,7 @@ class Inquiry:
         return Names(
             {key: entry.name for key, entry in lists if entry.name},
             {address.halves(text): name for text, name in nodes},
+            self.project.definition.parameters,
         )
 
     @cached_property

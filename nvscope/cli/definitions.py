@@ -144,7 +144,8 @@ def tell_of_lists(inquiry: Inquiry) -> None:
 
     definition = inquiry.project.definition
     tell_of_flaws(definition, _sent(definition))
-    if inquiry.project.files and not definition.lists and not definition.left_out:
+    # Types alone may be those of parameters.
+    if inquiry.project.files and not (definition.lists or definition.left_out or definition.parameters):
         echo("nvscope: the definition files declare types, but no list: name the exported list, too.", err=True)
     layouts = inquiry.layouts
     for key, (element, is_open) in layouts.left_out.items() if layouts else ():

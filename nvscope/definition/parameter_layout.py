@@ -6,16 +6,24 @@ from nvscope.definition.model import ListDefinition
 from nvscope.definition.packing import TelegramLayout
 from nvscope.definition.parameters import ParameterDefinition
 from nvscope.definition.position import Position
-from nvscope.definition.variables import Element
+from nvscope.definition.variables import Array, Structure, Variable, elements, size_bytes_of
 
 
 def parameter_layout(known: ParameterDefinition, name: str, items: int, size_bytes: int) -> TelegramLayout | None:
     """Return how a value of so many elements and bytes lies in its telegram; None where its type does not fit these.
 
-    The elements follow each other without padding, as those of lists do.
+    The elements follow each other without padding, as those of lists do (inferred). A structure or an array that has
+    as many bytes is the value, whatever Items says of it; else Items counts what is of the type.
     """
-    if known.type is None or not items or items * known.type.size_bytes != size_bytes:
+    kind, nowhere = known.type, Position("", 0, 0)
+    own = size_bytes_of(kind) if kind else 0
+    if kind is None or not own:
         return None
-    names = [name] if items == 1 else [f"{name}[{place}]" for place in range(items)]
-    elements = tuple(Element(one, known.type) for one in names)
-    return TelegramLayout(ListDefinition(name, Position("", 0, 0), ()), known.subindex, elements)
+    if size_bytes == own and (items == 1 or isinstance(kind, Structure | Array)):
+        names = [name]
+    elif items and size_bytes == items * own:
+        names = [f"{name}[{place}]" for place in range(items)]
+    else:
+        return None
+    found = tuple(element for one in names for element in elements(Variable(one, kind, nowhere)))
+    return TelegramLayout(ListDefinition(name, nowhere, ()), known.subindex, found)

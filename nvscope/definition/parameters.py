@@ -14,22 +14,21 @@ from typing import TYPE_CHECKING
 from nvscope import units
 
 if TYPE_CHECKING:  # who knows no parameters does without
-    from nvscope.definition.variables import Scalar, String
-
-    ParameterType = Scalar | String
+    from nvscope.definition.variables import Type
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterDefinition:
     """A parameter of one node, or with ``node`` "" of each node that has no other one with this Index and SubIndex.
 
-    ``type`` is that of an element, of which a telegram carries as many as its Items says; None where nobody says it.
+    ``type`` is that of the value, or of an element, of which a telegram carries as many as its Items says; None where
+    nobody says it.
     """
 
     index: int
     subindex: int
     name: str = ""
-    type: ParameterType | None = None
+    type: Type | None = None
     node: str = ""
 
 

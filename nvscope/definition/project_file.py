@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from nvscope.definition.buses import BUS_TABLES, MAX_CHANNEL_NAME, Buses, BusSettings, is_channel_name
 from nvscope.definition.limits import Limits
@@ -32,6 +32,9 @@ from nvscope.toml_table import (
     read_toml,
     table_of,
 )
+
+if TYPE_CHECKING:
+    from nvscope.definition.syntax import FileSyntax
 
 _U16_MAX = 0xFFFF
 _USUAL = Limits()
@@ -128,23 +131,25 @@ def read_attached_project(recording: str, files: Mapping[str, bytes], project: P
 
 def _project(told: ProjectFile, path: Path | None, wanted: Sequence[DefinitionFile], place: Place) -> Project:
     ports = told.ports or (DEFAULT_PORT,)
-    files: tuple[str, ...] = ()
+    files: dict[str, FileSyntax] = {}
     definition = Definition()
     if wanted:
         # Not before it is needed: a project without definitions does without their parsers.
         from nvscope.definition.load import definition_of, read_definitions  # noqa: PLC0415
 
         read = read_definitions(wanted)
-        files, definition = tuple(read.files), definition_of(read, ports[0])
+        files, definition = read.files, definition_of(read, ports[0])
     if told.lists:
         lists = with_settings(definition.lists, told.lists, ports[0], str(path))
         definition = replace(definition, lists=lists)
     if told.parameters:
         addresses = {node.name: address for address, node in told.nodes if node.name}
-        definition = replace(definition, parameters=parameters_of(told.parameters, addresses, place))
+        definition = replace(
+            definition, parameters=parameters_of(told.parameters, addresses, place, list(files.values()))
+        )
     buses = Buses.of_project(told.buses)
     return Project(
-        path, files, definition, dict(told.nodes), ports, told.limits, buses, dict(told.keys),
+        path, tuple(files), definition, dict(told.nodes), ports, told.limits, buses, dict(told.keys),
         dict(told.channels),
     )  # fmt: skip
 

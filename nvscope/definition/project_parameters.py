@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from nvscope.definition.model import Problem
 from nvscope.definition.parameters import ParameterDefinition, Parameters
 from nvscope.definition.project_lists import NAME
 from nvscope.definition.project_nodes import canonical_address
@@ -15,29 +16,35 @@ from nvscope.definition.variables import String
 from nvscope.toml_table import TEXT, Place, ValueKind, key, mapping, read_table
 
 if TYPE_CHECKING:
-    from nvscope.definition.parameters import ParameterType
+    from nvscope.definition.syntax import FileSyntax
+    from nvscope.definition.variables import Type
 
 _U16_MAX = 0xFFFF
 _LONGEST_STRING = 1_400
 """As many characters as one telegram carries on Ethernet, or some more."""
 
+_LONGEST_TEXT = 200
+
 _PLACE = re.compile(r"(?:(?P<node>.+)/)?(?P<index>(?:0x|16#)?[0-9a-f]{1,6}):(?P<subindex>\d{1,5})", re.ASCII | re.I)
 _STRING = re.compile(r"(?P<wide>W?)STRING(?:\s*[(\[]\s*(?P<length>\d{1,5})\s*[)\]])?", re.ASCII | re.I)
 
 
-def _type(value: Any, place: Place) -> ParameterType:
+def _type(value: Any, place: Place) -> Type | str:
+    """Return an elementary type, and the text of one that has to be looked up in the definition files."""
     text = str(TEXT.read(value, place)).strip()
-    scalar = find_scalar(text)
+    scalar, match = find_scalar(text), _STRING.fullmatch(text)
     if scalar is not None and scalar.size_bytes:
         return scalar
-    match = _STRING.fullmatch(text)
     length = int(match["length"] or String().length) if match else 0
-    if match is None or not 0 < length <= _LONGEST_STRING:
+    if match and 0 < length <= _LONGEST_STRING:
+        return String(length, wide=bool(match["wide"]))
+    if scalar or match or not 0 < len(text) <= _LONGEST_TEXT:
         names = ", ".join(sorted(name for name, known in SCALARS.items() if known.size_bytes))
         raise place.error(
-            f"'{text[:60]}' is no type that a parameter can have here", f"Known are {names}, STRING(n), WSTRING(n)."
+            f"'{text[:60]}' is no type that a parameter can have here",
+            f"Known are {names}, STRING(n), WSTRING(n), arrays, and what the definition files declare.",
         )
-    return String(length, wide=bool(match["wide"]))
+    return text
 
 
 _TYPE = ValueKind("type", _type, schema={"type": "string"})
@@ -52,8 +59,11 @@ class ParameterSettings:
     """
 
     name: str = key(NAME, "what people call the parameter; reports and telegrams show it", default="")
-    type: ParameterType | None = key(  # noqa: RUF009  # a field, not a default
-        _TYPE, "an elementary type, STRING(n) or WSTRING(n): of an array, that of its elements", default=None
+    type: Type | str | None = key(  # noqa: RUF009  # a field, not a default
+        _TYPE,
+        "an elementary type, STRING(n) or WSTRING(n), of an array that of its elements; or ARRAY [0..3] OF INT, or the "
+        "name of a type that a definition file declares",
+        default=None,
     )
 
 
@@ -92,11 +102,15 @@ def _number(text: str) -> int | None:
 PARAMETER_TABLES = ValueKind('{name}."INDEX:SUBINDEX"', _parameters, ParameterSettings)
 
 
-def parameters_of(told: Sequence[Told], addresses: Mapping[str, str], place: Place) -> Parameters:
-    """Return the parameters of a project; ``addresses`` are those of nodes by their names.
+def parameters_of(
+    told: Sequence[Told], addresses: Mapping[str, str], place: Place, files: Sequence[FileSyntax] = ()
+) -> Parameters:  # fmt: skip
+    """Return the parameters of a project; ``addresses`` are those of nodes by their names, ``files`` declare types.
 
-    ConfigurationError where a node is neither an address nor the name of one, or where one is there twice by both.
+    ConfigurationError where a node is neither an address nor the name of one, or where one is there twice by both; and
+    where a type is none, or nobody declares it.
     """
+    types = _declared({one.type for *_, one in told if isinstance(one.type, str)}, files, place)
     found: dict[tuple[str, int, int], ParameterDefinition] = {}
     for text, node, index, subindex, settings in told:
         here = place.below("parameters").below(f'"{text[:60]}"')
@@ -107,5 +121,17 @@ def parameters_of(told: Sequence[Told], addresses: Mapping[str, str], place: Pla
             )
         if (address, index, subindex) in found:
             raise here.error(f"the parameter of {address} is there twice", "Leave one of the entries out.")
-        found[address, index, subindex] = ParameterDefinition(index, subindex, settings.name, settings.type, address)
+        kind = types[settings.type] if isinstance(settings.type, str) else settings.type
+        if isinstance(kind, Problem):
+            raise here.below("type").error(kind.what, kind.next_step)
+        found[address, index, subindex] = ParameterDefinition(index, subindex, settings.name, kind, address)
     return Parameters(tuple(found.values()))
+
+
+def _declared(texts: set[str], files: Sequence[FileSyntax], place: Place) -> Mapping[str, Type | Problem]:
+    if not texts:
+        return {}
+    # Not before it is needed: elementary types do without the parser of declarations.
+    from nvscope.definition.parameter_types import parameter_types  # noqa: PLC0415
+
+    return parameter_types(sorted(texts), files, place.path)

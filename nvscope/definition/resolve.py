@@ -55,13 +55,7 @@ def resolve(files: Sequence[FileSyntax], port: int = DEFAULT_PORT, left_out: Seq
     ``port`` is that of lists whose file says none, ``left_out`` what was left out of the files already.
     """
     problems = [*left_out, *(problem for file in files for problem in file.left_out)]
-    types = ResolvedTypes(_declared_types(files, problems))
-    for file in files:
-        for declaration in file.types:
-            if isinstance(declaration.type, EnumerationType):
-                types.constants.add_enumeration(declaration.type, declaration.name.text, declaration.source)
-        for entry in file.lists:
-            types.constants.add_list(entry)
+    types = types_of(files, problems)
     entries = [entry for file in files for entry in file.lists if entry.settings]
     types.resolve_reached(
         (declaration.type, entry.source.file) for entry in entries for declaration in _declarations(entry)
@@ -69,6 +63,18 @@ def resolve(files: Sequence[FileSyntax], port: int = DEFAULT_PORT, left_out: Seq
     amount = _Amount()
     lists = chain.from_iterable(_list_definitions(entry, types, port, amount) for entry in entries)
     return Definition(tuple(lists), tuple(problems))
+
+
+def types_of(files: Sequence[FileSyntax], left_out: list[Problem]) -> ResolvedTypes:
+    """Return the types and constants that files declare together; those that cannot be are added to ``left_out``."""
+    types = ResolvedTypes(_declared_types(files, left_out))
+    for file in files:
+        for declaration in file.types:
+            if isinstance(declaration.type, EnumerationType):
+                types.constants.add_enumeration(declaration.type, declaration.name.text, declaration.source)
+        for entry in file.lists:
+            types.constants.add_list(entry)
+    return types
 
 
 def _declared_types(files: Sequence[FileSyntax], left_out: list[Problem]) -> DeclaredTypes:

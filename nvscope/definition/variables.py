@@ -135,8 +135,11 @@ class Element:
     type: Elementary
 
 
-def type_text(kind: Elementary) -> str:
+def type_text(kind: Type) -> str:
     """Return what a type is called, with what is special about it: of a UNION only the bytes are known."""
+    if isinstance(kind, Array):
+        bounds = ", ".join(f"{low}..{high}" for low, high in kind.bounds)
+        return f"ARRAY [{bounds}] OF {type_text(kind.element)}"
     return f"UNION {kind.name}" if isinstance(kind, Union) else kind.name
 
 

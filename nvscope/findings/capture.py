@@ -294,12 +294,15 @@ def _parameters_left_out(facts: Facts) -> Iterator[tuple[Events, str]]:
         return
     log = known.left_out
     from nvscope.tracker.parameter.transactions import MOST_OPEN, Beyond
+    from nvscope.tracker.parameter.writes import MOST_WRITES
 
     nouns = {
         Beyond.PAIR: ("Parameter Manager message", "between further nodes"),
         Beyond.OPEN: ("Parameter Manager request", f"beyond the {count(MOST_OPEN)} that are waited for at a time"),
         Beyond.REPLY: ("Parameter Manager reply", "that may be to one of these"),
         Beyond.PARAMETER: ("event", "of further parameters"),
+        Beyond.WRITE: ("Parameter Manager write", f"beyond the {count(MOST_WRITES)} that are kept"),
+        Beyond.VALUE: ("value", "of further parameters"),
     }
     (whats,) = log.keys.words
     for what, events in sorted(zip(whats.tolist(), all_events(log.rows), strict=True), key=lambda one: one[0]):

@@ -81,6 +81,8 @@ def _lines(
         yield f"### {parameters.TITLE}"
         yield ""
         yield from _table(measures, rows)
+    if "sdo_writes" in report:
+        yield from _parameter_writes(report, clock, details=details)
     if "visu" in report:
         from nvscope.view.lines.plant import visu  # noqa: PLC0415
 
@@ -153,6 +155,17 @@ def _causes(report: content.Report) -> Iterator[str]:
         yield ""
         yield from (f"- ✓ {markdown_safe(fact)}" for fact in cause["checked"])
         yield f"- **Next:** {markdown_safe(cause['next'])}"
+
+
+def _parameter_writes(report: content.Report, clock: content.Clock, *, details: bool) -> Iterator[str]:
+    from nvscope.view.lines.plant import parameter_writes  # noqa: PLC0415
+
+    most = None if details else parameter_writes.MOST_WRITES
+    measures, rows, left = parameter_writes.writes(report, clock, most)
+    yield from ("", f"### {parameter_writes.TITLE}", "")
+    yield from _table(measures, rows)
+    if left:
+        yield from ("", markdown_safe(parameter_writes.more(left, "-v")))
 
 
 def _table(measures: Sequence[tables.Measure], rows: Sequence[content.Row]) -> Iterator[str]:

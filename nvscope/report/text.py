@@ -119,6 +119,8 @@ def _lines(
         yield from ([], *wrap([Cell(more)], text_width))
     if "sdo" in report:
         yield from _parameters(report, width, room, asked)
+    if "sdo_writes" in report:
+        yield from _parameter_writes(report, clock, width, room, asked)
     if "visu" in report:
         yield from _visu(report, width, room, asked)
     measures, rows = hops.hops(report)
@@ -228,6 +230,19 @@ def _pairs(
     if left:
         more = f"{units.count_of(left, 'pair')} more, none with anything worse: -v shows all, --json and --md too."
         yield from ([], *wrap([Cell(more)], min(width, _TEXT_WIDTH)))
+
+
+def _parameter_writes(
+    report: content.Report, clock: content.Clock, width: int, room: int | None, asked: Asked
+) -> Iterator[Line]:  # fmt: skip
+    from nvscope.view.lines.plant import parameter_writes  # noqa: PLC0415
+
+    most = None if asked.details else parameter_writes.MOST_WRITES
+    measures, rows, left = parameter_writes.writes(report, clock, most)
+    yield from _section(parameter_writes.TITLE, width)
+    yield from _table(measures, rows, room)
+    if left:
+        yield from wrap([Cell(parameter_writes.more(left, "-v"), Tone.FAINT)], min(width, _TEXT_WIDTH))
 
 
 def _section(title: str, width: int) -> list[Line]:

@@ -10,12 +10,12 @@ from nvscope.simulate.draft import ALL_NODES, Draft
 from nvscope.simulate.faults import seen_rows
 from nvscope.simulate.frames import LIMITED_BROADCAST, Host, IPAddress, Values
 from nvscope.simulate.noise import noise_key, uniform
+from nvscope.simulate.refusals import QUOTED_AFTER_NS, QUOTED_BYTES, refuse
 from nvscope.simulate.scenario import Reader, UnexpectedAcknowledgement, Unreachable
 from nvscope.simulate.schedule import FRAME_GAP_NS
-from nvscope.simulate.template import Role, Template
+from nvscope.simulate.template import Role
 
 _UNEXPECTED_AFTER_NS = 40_000
-_QUOTED_BYTES = 548
 
 
 class Answers:
@@ -111,7 +111,7 @@ class Answers:
                     zero = np.zeros(1, np.uint8)
                     counter = np.zeros(1, np.uint16)
                     request = self.draft.one(template, np.array([ordinal], np.int32), counter, zero, zero)
-                    self._refuse(sender, template, request, moment + 300_000, _QUOTED_BYTES)
+                    refuse(self.draft, sender, template, request, moment + QUOTED_AFTER_NS)
 
     def add_unexpected(self, fault: UnexpectedAcknowledgement, place: str) -> None:
         """Add acknowledgements that nobody asked for."""
@@ -127,13 +127,13 @@ class Answers:
         """Add the ICMP messages of who refuses data telegrams or acknowledgements."""
         rows = seen_rows(self.scenario, self.draft.schedule, self.draft.journey, fault, place)
         self.draft.check_room(len(rows) * (1 if fault.of == "data" else len(self.scenario.reader)))
-        quoted_bytes = _QUOTED_BYTES if fault.quote == "full" else 28
+        quoted_bytes = QUOTED_BYTES if fault.quote == "full" else 28
         if fault.of == "data":
             for row, frame in zip(rows.tolist(), self.draft.rendered(rows), strict=True):
                 template = int(self.draft.row_template[row])
                 host = self._refusing_host(fault, place, self.draft.templates[template].destination)
                 at = int(self.draft.journey.arrival_ns[row]) + fault.delay_ns
-                self._refuse(host, template, frame, at, quoted_bytes)
+                refuse(self.draft, host, template, frame, at, quoted_bytes)
             return
         for position, reader in enumerate(self.scenario.reader):
             for answered, sent_ns, template in self._sent[position] if reader.list == fault.list else ():
@@ -146,7 +146,9 @@ class Answers:
                         counter if reader.echo_counter else np.zeros(1, np.uint16), zero, zero,
                     )  # fmt: skip
                     host = self._refusing_host(fault, place, self.draft.templates[template].destination)
-                    self._refuse(host, template, frame, int(sent_ns[place_in_answers]) + fault.delay_ns, quoted_bytes)
+                    refuse(
+                        self.draft, host, template, frame, int(sent_ns[place_in_answers]) + fault.delay_ns, quoted_bytes
+                    )
 
     def _refusing_host(self, fault: Unreachable, place: str, destination: IPAddress) -> Host:
         if fault.host:
@@ -155,22 +157,3 @@ class Answers:
             if host.address == destination:
                 return host
         raise self.scenario.error(place, f"{destination} is no node that could refuse", "Name a host.")
-
-    def _refuse(self, host: Host, template: int, frame: bytes, ts_ns: int, quoted_bytes: int) -> None:
-        quoted = self.draft.templates[template]
-        message = self.draft.wire.unreachable(host, quoted.source, frame[quoted.frame.ip :][:quoted_bytes])
-        index_end = HEADER.offset_of("index") + HEADER["index"].size_bytes + quoted.frame.payload - quoted.frame.ip
-        head = len(message.data) - min(quoted_bytes, len(frame) - quoted.frame.ip)
-        number = self.draft.new_template(
-            Template(
-                message,
-                Role.UNREACHABLE,
-                host.address,
-                quoted.source,
-                False,
-                quoted.key,
-                quoted.subindex,
-                index_end=head + index_end if index_end <= quoted_bytes else 0,
-            )
-        )
-        self.draft.add(number, np.array([ts_ns], np.int64))

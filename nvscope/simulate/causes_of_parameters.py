@@ -27,7 +27,7 @@ def causes_of_parameters(plant: Plant) -> Iterator[PutIn]:
 
 def _not_answered(one: ParameterRequests, count: int) -> Bool:
     late = chosen(one.late, count) & (one.late_by_ns > PARAMETER_TIMEOUT_NS)
-    return chosen(one.unanswered, count) | late
+    return chosen(one.unanswered, count) | chosen(one.undeliverable, count) | late
 
 
 def _refused(one: ParameterRequests, count: int) -> Bool:

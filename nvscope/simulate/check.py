@@ -223,6 +223,9 @@ def _check_names(scenario: Scenario, place: Place) -> None:
                 kind = "list" if attribute == "list" else "node"
                 raise below.below(attribute).error(f"there is no {kind} '{name}'", nearest(name, names))
     versions = {node.name: ipaddress.ip_address(node.address).version for node in scenario.node}
+    for position, one in enumerate(scenario.parameter):
+        if len({versions[name] for name in (one.node, one.to, one.host) if name}) > 1:
+            raise place.below("parameter").below(position).error("its nodes need the same version of IP")
     for position, plan in enumerate(scenario.list):
         below = place.below("list").below(position)
         target = (

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from dissectors.batch import I64, Bool
+from dissectors.batch import I64, U16, Bool
 from dissectors.netvar import HEADER, Service
 from nvscope.simulate.draft import Draft
 from nvscope.simulate.frames import Values
 from nvscope.simulate.noise import noise_key, uniform
+from nvscope.simulate.refusals import QUOTED_AFTER_NS, refuse
 from nvscope.simulate.scenario import ParameterRequests, Scenario
 from nvscope.simulate.template import Role
 
@@ -24,25 +25,48 @@ def asked_ns(scenario: Scenario, position: int) -> I64:
 
 
 def add_parameters(draft: Draft) -> None:
-    """Add requests, and their replies, which carry the value that was read."""
+    """Add requests, and what comes of them: replies, which carry the value that was read, and messages of hosts."""
     for position, one in enumerate(draft.scenario.parameter):
         numbers = draft.scenario.node_numbers
         asking, asked = numbers[one.node], numbers[one.to]
         at = asked_ns(draft.scenario, position)
-        ordinal = np.arange(len(at))
-        counter = ((ordinal + one.first_value) & 0xFFFF).astype(np.uint16)
-        service = Service.ODWriteRequest if one.write else Service.ODReadRequest
-        request = _template(draft, asking, asked, one, service, one.value_bytes if one.write else 0)
-        draft.add(request, at, ordinal=ordinal, counter=counter)
-        refused, silent = chosen(one.refused, len(at)), chosen(one.unanswered, len(at))
+        every = np.ones(len(at), np.bool_)
+        back = chosen(one.undeliverable, len(at))
+        refused, silent = chosen(one.refused, len(at)), chosen(one.unanswered, len(at)) | back
         late = chosen(one.late, len(at))
-        took_ns = np.where(late, one.late_by_ns, one.latency_ns)
-        for reply, size, rows in (
-            (_REPLY_OF[service], 0 if one.write else one.value_bytes, ~refused & ~silent),
-            (Service[one.error], 0, refused & ~silent),
-        ):  # fmt: skip
-            template = _template(draft, asked, asking, one, reply, size)
-            draft.add(template, (at + took_ns)[rows], ordinal=ordinal[rows], counter=counter[rows])
+        answered_ns = at + np.where(late, one.late_by_ns, one.latency_ns)
+        service = Service.ODWriteRequest if one.write else Service.ODReadRequest
+        template = _add(draft, (asking, asked), one, service, at, every, valued=one.write)
+        _add(draft, (asked, asking), one, _REPLY_OF[service], answered_ns, ~refused & ~silent, valued=not one.write)
+        _add(draft, (asked, asking), one, Service[one.error], answered_ns, refused & ~silent, valued=False)
+        host = draft.hosts[numbers[one.host or one.to]]
+        draft.check_room(int(np.count_nonzero(back)))
+        for row in np.flatnonzero(back).tolist():
+            columns = (np.array([row], np.int32), _counter(one, np.array([row])), *np.zeros((2, 1), np.uint8))
+            frame = draft.one(int(template[row]), *columns)
+            refuse(draft, host, int(template[row]), frame, int(at[row]) + QUOTED_AFTER_NS)
+
+
+def _add(
+    draft: Draft, ends: tuple[int, int], one: ParameterRequests, service: Service, at: I64, rows: Bool, *, valued: bool
+) -> I64:  # fmt: skip
+    """Add the telegrams of a service in those rows where it is; return the templates of all rows, -1 in the others.
+
+    ``at`` are the times of all requests, or of their replies; ``valued``: telegrams carry a value, each its own.
+    """
+    found = np.full(len(at), -1)
+    values = (one.values or (0,)) if valued else (None,)
+    for place, value in enumerate(values):
+        own = np.flatnonzero(rows & (np.arange(len(at)) % len(values) == place))
+        if len(own):
+            draft.check_room(1)
+            found[own] = _template(draft, *ends, one, service, value)
+            draft.add(int(found[own[0]]), at[own], ordinal=own, counter=_counter(one, own))
+    return found
+
+
+def _counter(one: ParameterRequests, ordinal: I64) -> U16:
+    return ((ordinal + one.first_value) & 0xFFFF).astype(np.uint16)
 
 
 def chosen(numbers: tuple[int, ...], count: int) -> Bool:
@@ -51,12 +75,13 @@ def chosen(numbers: tuple[int, ...], count: int) -> Bool:
 
 
 def _template(
-    draft: Draft, source: int, target: int, one: ParameterRequests, service: Service, size: int
+    draft: Draft, source: int, target: int, one: ParameterRequests, service: Service, value: int | None
 ) -> int:  # fmt: skip
+    size = 0 if value is None else one.value_bytes
     header = HEADER.pack(
         id=service, index=one.index, subindex=one.subindex, items=1, length=HEADER.size_bytes + size
     ).tobytes()  # fmt: skip
-    payload = header + bytes(size)
+    data = ((value or 0) % (1 << 8 * size)).to_bytes(size, "little")
     return draft.telegram_template(
-        source, draft.hosts[target].address, one.port, payload, Role.PARAMETER, Values.CONSTANT
+        source, draft.hosts[target].address, one.port, header + data, Role.PARAMETER, Values.CONSTANT
     )

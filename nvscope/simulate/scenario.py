@@ -482,6 +482,11 @@ class ParameterRequests:
     subindex: int = key(integer(0, U16_MAX), "its SubIndex", default=0)
     write: bool = key(FLAG, "a value is written, not read", default=False)
     value_bytes: int = key(integer(0, 256), "size of the value", default=2, name="bytes")
+    values: tuple[int, ...] = key(
+        array(integer(-(2**63), 2**63 - 1), single=True),
+        "what is written, or read, one request after the other, again and again; 0 if none is given",
+        default=(),
+    )
     port: int = key(integer(1, U16_MAX), "UDP port", default=1202)
     first_value: int = key(integer(0, U16_MAX), "Counter of the first request", default=1)
     interval_ns: int = key(SPAN, "how often it asks", name="interval")
@@ -495,6 +500,10 @@ class ParameterRequests:
         choice(*(one.name for one in PARAMETER_ERRORS)),
         "the service with which they are", default="ODErrorReplyIdx",
     )  # fmt: skip
+    undeliverable: tuple[int, ...] = key(
+        array(integer(1, 2**31)), "requests that come back as ICMP port unreachable, without a reply", default=()
+    )
+    host: str = key(TEXT, "the node that sends them back, such as a router; who is asked if none is given", default="")
     late: tuple[int, ...] = key(array(integer(1, 2**31)), "requests whose reply takes late_by", default=())
     late_by_ns: int = key(LENGTH, "so long", default=700_000_000, name="late_by")
 
@@ -510,6 +519,12 @@ class Expect:
     )
     counters: dict[str, dict[str, int]] | None = key(  # noqa: RUF009
         mapping(mapping(integer(-(2**31), 2**31))), "counters that are not 0, by list", default=None
+    )
+    writes: tuple[str, ...] = key(
+        array(TEXT),
+        "who writes which parameter, its old and new bytes, and what comes of it, in the order of the capture: "
+        '"hmi -> press 0x2000:1: 2a 00 -> 2b 00, confirmed"; of an old value that nobody knows, ?',
+        default=(),
     )
 
 

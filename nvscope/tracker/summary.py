@@ -37,6 +37,7 @@ from nvscope.tracker.together import NOTHING_KNOWN_TOGETHER, Together, counted_t
 
 if TYPE_CHECKING:  # most plants have no such telegrams
     from nvscope.tracker.parameter.summary import PairSummary
+    from nvscope.tracker.parameter.writes import Write
 
 UNUSED_FROM_TELEGRAMS = 8
 """So many of a stream, all with one Counter, and it does not count; each recording's first one behind the first says
@@ -61,9 +62,10 @@ class Summary:
     """What follows from a state; lists by port and Index, nodes by address, streams by node and SubIndex.
 
     ``addresses`` and ``address_order`` are by number of node: those of the state, and behind them readers of which it
-    knows nothing. ``parameters`` are all that was asked of the Parameter Manager, also of a window; ``others`` what
-    follows from the state of protocols with ports of their own, by name (``Accumulator.summary``). Of a window,
-    ``window_ns`` is how long it was, and ``extremes`` says whether anybody kept its own.
+    knows nothing. ``parameters`` are all that was asked of the Parameter Manager, also of a window, and
+    ``parameter_writes`` what was written, in the order of the frames; ``others`` what follows from the state of
+    protocols with ports of their own, by name (``ProtocolAccumulator.summary``). Of a window, ``window_ns`` is how long
+    it was, and ``extremes`` says whether anybody kept its own.
     """
 
     lists: Sequence[ListSummary]
@@ -75,6 +77,7 @@ class Summary:
     can: CanSummary = field(default_factory=CanSummary)
     together: Together = field(default_factory=Together)
     parameters: Sequence[PairSummary] = ()
+    parameter_writes: Sequence[Write] = ()
     others: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     window_ns: int | None = None
     extremes: bool = True
@@ -136,7 +139,8 @@ def summarize(
     together = taken_together(state, intervals, intervals_ns)
     return Summary(
         tuple(lists), addresses, tuple(order), MappingProxyType(scopes), capture, timeout_ns, can, together,
-        _parameters(state), MappingProxyType({name: other.rows for name, other in others.items()}),
+        _parameters(state), _parameter_writes(state),
+        MappingProxyType({name: other.rows for name, other in others.items()}),
     )  # fmt: skip
 
 
@@ -146,6 +150,10 @@ def _parameters(state: TrackerState) -> Sequence[PairSummary]:
     from nvscope.tracker.parameter.summary import summarize_parameters  # noqa: PLC0415
 
     return summarize_parameters(state.parameters.known)
+
+
+def _parameter_writes(state: TrackerState) -> Sequence[Write]:
+    return () if state.parameters.known is None else tuple(state.parameters.known.writes.kept)
 
 
 def _streams(

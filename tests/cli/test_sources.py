@@ -120,6 +120,13 @@ def test_definitions_of_types_alone_say_so(verb: str, tmp_path: Path) -> None:
     assert "nvscope: the definition files declare types, but no list: name the exported list, too.\n" in done.stderr
 
 
+def test_types_alone_may_be_those_of_parameters(tmp_path: Path) -> None:
+    (tmp_path / "types.st").write_text("TYPE Axis : STRUCT pos : LREAL; END_STRUCT END_TYPE")
+    (tmp_path / "nvscope.toml").write_text('definitions = "types.st"\n[parameters]\n"1:0" = { type = "Axis" }\n')
+    done = nvscope("report", str(CAPTURE), cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 @pytest.mark.parametrize(
     "asked",
     [

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
+
 from tests.oracle.rules.findings import SEVERITIES
 
 PERCENTILES = ("p50", "p95", "p99", "nominal")
@@ -146,3 +148,12 @@ def compare_findings(expected: dict[str, Any], actual: dict[str, Any]) -> list[s
         certain(actual.get("findings", [])),
         ("code", "list", "node", "subindex"),
     )
+
+
+def with_near_latencies(row: dict[str, Any]) -> dict[str, Any]:
+    """Return a row of ``sdo`` with percentiles of latencies as far as a histogram tells them."""
+    latency = row["latency_ns"]
+    percentiles = {
+        name: None if latency[name] is None else pytest.approx(latency[name], rel=0.01) for name in ("p50", "p99")
+    }
+    return {**row, "latency_ns": {**latency, **percentiles}}

@@ -27,7 +27,7 @@ _OTHERS = "10.0.0.1", "10.0.0.2"
 
 def conversations(seed: int, requests: int = 60) -> list[Frame]:
     """Return requests and replies of some nodes, in the order of their times."""
-    rng = random.Random(seed)
+    rng, values = random.Random(seed), random.Random(~seed)
     wild = rng.random()
     found: list[Frame] = []
     at, counter = 0, 0
@@ -42,8 +42,10 @@ def conversations(seed: int, requests: int = 60) -> list[Frame]:
         service = rng.choice((READ, WRITE))
         times = 1 if rng.random() > wild / 2 else rng.randint(2, 4)
         for again in range(times):
-            payload = telegram(service, index, subindex, counter=counter, data=b"\1\2" if service == WRITE else b"",
-                               length=None if rng.random() > wild / 10 else 3)  # fmt: skip
+            payload = telegram(
+                service, index, subindex, counter=counter, items=values.choice((1, 1, 2)),
+                data=_value(values) if service == WRITE else b"", length=None if rng.random() > wild / 10 else 3,
+            )  # fmt: skip
             source_port = rng.choice((port, port, 50_000 + counter % 1000))
             found.append(
                 data_frame(
@@ -62,10 +64,25 @@ def conversations(seed: int, requests: int = 60) -> list[Frame]:
             if rng.random() < wild / 3:
                 kind = rng.choice((*ERRORS, BUSY, READ_REPLY, WRITE_REPLY))
             took = rng.choice((0, 1, 3, 249, 250, 251, 499, 500, 501, 600)) if rng.random() < wild else 3
-            reply = telegram(kind, index, subindex, counter=counter, data=b"\1\2" if kind == READ_REPLY else b"")
+            reply = telegram(kind, index, subindex, counter=counter, items=values.choice((1, 1, 2)),
+                             data=_value(values) if kind == READ_REPLY else b"")  # fmt: skip
             to_port = rng.choice((port, port, source_port))
             found.append(data_frame(at + took * MILLISECOND, partner, requester, reply, port=to_port, source_port=port))
     return sorted(found, key=lambda frame: frame.ts_ns)
+
+
+def _value(rng: random.Random) -> bytes:
+    """Return a value as short as most are, or one about as long as what is kept of them."""
+    return rng.randbytes(rng.choice((2, 2, 2, 4, 4, 0, 1, 255, 256, 257, 400)))
+
+
+def _cut(seed: int, frames: list[Frame]) -> list[Frame]:
+    """Return the frames as far as some of them were captured."""
+    rng = random.Random(seed)
+    return [
+        frame._replace(data=frame.data[: rng.choice((60, 64, 66, 68, 300, 317, 318, 319))]) if rng.random() < 0.3
+        else frame for frame in frames
+    ]  # fmt: skip
 
 
 def parameter_traffic(seed: int) -> list[Frame]:
@@ -80,4 +97,6 @@ def parameter_traffic(seed: int) -> list[Frame]:
         )
     if seed % 3 == 0:
         frames = disturb_clock(rng, {"clock_back": 0.1, "clock_forward": 0.1, "equal_time": 0.1}, frames)
+    if seed % 7 == 0:
+        frames = _cut(seed, frames)
     return mutate(seed, frames) if seed % 5 == 0 else frames

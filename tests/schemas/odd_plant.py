@@ -41,6 +41,18 @@ DEFINITIONS = {
     "nameless.gvl": ("UDP", None, "nCount : INT;"),
 }  # fmt: skip
 
+_ONE_BY_ONE = (
+    ("BOOL", b"\1"),
+    ("REAL", b"\0\0\xc0\x7f"),
+    ("STRING(2)", b"a\0b"),
+    ("INT", b"\1\0"),
+    ("BYTE", bytes(300)),
+)
+_TYPED = tuple((kind, items, items * data) for kind, data in _ONE_BY_ONE for items in (1, 2))
+_PARAMETERS = "".join(
+    f'"0x{0x2100 + index:x}:0" = {{ name = "p{index}", type = "{kind}" }}\n' for index, (kind, *_) in enumerate(_TYPED)
+)
+
 
 def make_odd_plant(folder: Path) -> None:
     """Write it to a folder: captures, logs and definitions."""
@@ -49,6 +61,7 @@ def make_odd_plant(folder: Path) -> None:
         (folder / name).write_text(_GVL.format(declared=declared, protocol=protocol, identifier=told))
     (folder / "named.toml").write_text(
         'definitions = ["eth.gvl"]\n[nodes]\n"10.0.0.1" = { name = "press" }\n"10.0.0.2" = { name = "saw" }\n'
+        f"[parameters]\n{_PARAMETERS}"
     )
     (folder / "empty.toml").write_text(_EMPTY_SCENARIO)
     (folder / "odd.rules.toml").write_text('[[rule]]\nid = "gaps"\ncheck = "gap"\n')
@@ -71,7 +84,8 @@ def make_odd_plant(folder: Path) -> None:
     (folder / "cut.pcap").write_bytes((folder / "one.pcap").read_bytes()[:40])
     simulated(_TWO_READERS).write(folder / "two_readers.pcap")
     unasked = data_frame(_START_NS, "10.0.0.3", "10.0.0.1", parameter_telegram(2))
-    _write(folder / "refusing.pcap", [unasked, *(frame for service in range(20, 29) for frame in _refused(service))])
+    refused = [frame for service in range(20, 29) for frame in _refused(service)]
+    _write(folder / "refusing.pcap", [unasked, *refused, *_written()])
     lines = []
     for number, data in enumerate(values):
         at_s = (_START_NS + (number * 10 + 2) * _MS) / 1e9
@@ -88,9 +102,27 @@ def _refused(service: int) -> list[Frame]:
     """Return a request of the Parameter Manager, and a reply that refuses it."""
     at_ns, key = _START_NS + service * 10 * _MS, {"list_id": 0x2000, "counter": service, "data": b""}
     return [
-        data_frame(at_ns, "10.0.0.1", "10.0.0.2", parameter_telegram(1, **key)),
+        data_frame(at_ns, "10.0.0.1", "10.0.0.2", parameter_telegram(3, **key)),
         data_frame(at_ns + _MS, "10.0.0.2", "10.0.0.1", parameter_telegram(service, **key)),
     ]
+
+
+def _written() -> Iterator[Frame]:
+    """Yield writes of all kinds of values; of each parameter a confirmed one, and another one over that value.
+
+    Of those, the first is not answered, the second busy, and the last open.
+    """
+    at_ns = _START_NS + 1_000 * _MS
+    for index, (_, items, data) in enumerate(_TYPED):
+        for counter, old in enumerate((data, bytes(len(data)))):
+            key = {"list_id": 0x2100 + index, "counter": counter}
+            at_ns += _MS
+            request = parameter_telegram(3, **key, items=items, data=old)
+            yield data_frame(at_ns, "10.0.0.1", "10.0.0.2", request)
+            if not counter or index:
+                reply = parameter_telegram(100 if counter and index == 1 else 4, **key, data=b"")
+                yield data_frame(at_ns + 1, "10.0.0.2", "10.0.0.1", reply)
+    yield data_frame(at_ns + 1_000 * _MS, "10.0.0.1", "10.0.0.2", parameter_telegram(3, 0x2200))
 
 
 def _values(number: int) -> bytes:

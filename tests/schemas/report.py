@@ -26,7 +26,7 @@ from nvscope.tracker.figures import (
 from nvscope.view.documents.verdicts import SEVERITIES, STATUSES
 from tests.schemas.buses import bus, canopen_node
 from tests.schemas.figures import figures, known_to_none, limited
-from tests.schemas.parameters import sdo
+from tests.schemas.parameters import sdo, sdo_write
 from tests.schemas.shapes import (
     CAN_KEY,
     LIST_KEY,
@@ -72,18 +72,19 @@ def report() -> Schema:
             "lists": several({"oneOf": [shared("list"), shared("can_list")]}),
             "findings": several(shared("finding"), "the worst first"),
             "sdo": several(shared("sdo"), "the Parameter Manager, where there is such traffic: who asks whom"),
+            "sdo_writes": several(shared("sdo_write"), "the first writes of parameters, where there are any"),
             "buses": several(shared("bus"), "the channels of CAN, where there are any"),
             "filter": record({"expression": text(), "telegrams": whole("those it chooses")}),
             "missing": several(MISSING, "with definitions: what does not arrive of what is defined"),
             "hops": several(shared("hop"), "with --compare: variables that several lists have"),
             "hops_of_other_types": several(text(), "with --compare: names of variables that differ in type"),
         },
-        optional=("evidence_left_out", "sdo", "buses", "filter", "missing", *_OF_COMPARE),
+        optional=("evidence_left_out", "sdo", "sdo_writes", "buses", "filter", "missing", *_OF_COMPARE),
     )  # fmt: skip
     parts = {
         "list": _list(), "node": _node(), "stream": _stream(), "can_list": _can_list(), "can_stream": _can_stream(),
         "value": VALUE_OF_LIST, "cause": cause(), "finding": _finding(), "bus": bus(), "hop": _hop(),
-        "canopen_node": canopen_node(), "sdo": sdo(),
+        "canopen_node": canopen_node(), "sdo": sdo(), "sdo_write": sdo_write(),
     }  # fmt: skip
     return found | {"dependentRequired": {key: [other] for key, other in permutations(_OF_COMPARE)}, "$defs": parts}
 

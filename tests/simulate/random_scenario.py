@@ -45,6 +45,7 @@ def random_scenario(seed: int) -> str:
     readers = [reader(chance, lists, nodes) for _ in range(chance.randint(0, 4))]
     readers = list({(entry["node"], entry["list"]): entry for entry in readers}.values())
     tables = {"node": nodes, "list": lists, "reader": readers, "traffic": traffic(chance, nodes)}
+    tables["parameter"] = parameters(chance, nodes)
     tables |= faults(chance, lists, nodes, readers) | events(chance, lists, nodes)
     top = {
         "title": f"random {seed}",
@@ -193,6 +194,24 @@ def traffic(chance: random.Random, nodes: list[Table]) -> list[Table]:
         for kind in kinds
         if chance.random() < 0.3
     ]
+
+
+def parameters(chance: random.Random, nodes: list[Table]) -> list[Table]:
+    """Return conversations about two parameters, so that some are about what others write."""
+    found = []
+    for _ in range(chance.choice([0, 0, 1, 3])):
+        asking, asked = chance.sample([entry["name"] for entry in nodes], 2)
+        entry = {
+            "node": asking, "to": asked, "index": 0x2000 + chance.randrange(2), "write": chance.random() < 0.5,
+            "bytes": chance.choice([0, 2, 4, 256]), "port": chance.choice([1202, 1202, 1300]),
+            "values": [chance.randrange(256) for _ in range(chance.randrange(3))],
+            "first_value": chance.choice([1, 65_530]), "interval": f"{chance.randint(90, 900)}ms", "jitter": "3ms",
+            "latency": f"{chance.choice([1, 3, 240, 300])}ms",
+        }  # fmt: skip
+        for outcome in ("unanswered", "refused", "undeliverable", "late"):
+            entry[outcome] = sorted({chance.randint(1, 20) for _ in range(chance.choice([0, 0, 2]))})
+        found.append(entry)
+    return found
 
 
 def toml(top: Table, tables: dict[str, list[Table]]) -> str:

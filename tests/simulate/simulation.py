@@ -23,7 +23,7 @@ from nvscope.simulate.truth import make_truth
 from tests.oracle.frame import Frame
 from tests.simulate.collected import frames_of
 from tests.simulate.expected.findings import expected_findings
-from tests.simulate.expected.parameters import expected_of_parameters
+from tests.simulate.expected.parameters import ExpectedOfParameters, expected_of_parameters
 
 
 class Simulation:
@@ -39,8 +39,10 @@ class Simulation:
         self._truth = make_truth(facts)
         self.batches = tuple(all_packets(scenario, facts.table, facts.can_table, BATCH_FRAMES))
         self._findings = expected_findings(facts)
+        self._parameters = ExpectedOfParameters()
         if scenario.parameter or any(one.kind == "parameter" for one in scenario.traffic):
-            self._findings += expected_of_parameters(self.frames())
+            self._parameters = expected_of_parameters(self.frames())
+            self._findings += self._parameters.findings
         for batch in self.batches:
             for column in fields(batch):
                 if isinstance(values := getattr(batch, column.name), np.ndarray):
@@ -53,6 +55,10 @@ class Simulation:
     @property
     def findings(self) -> list[dict[str, Any]]:
         return copy.deepcopy(self._findings)
+
+    @property
+    def parameters(self) -> ExpectedOfParameters:
+        return copy.deepcopy(self._parameters)
 
     def frames(self) -> Iterator[Frame]:
         return frames_of(self.batches)

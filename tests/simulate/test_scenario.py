@@ -30,6 +30,7 @@ bytes = [16, 8]
 interval = "50ms"
 """
 
+ASKING = "[[parameter]]\nnode='hmi'\nto='press'\ninterval='1s'\n"
 FAST = "[[list]]\nname='fast'\nindex=8\nsender='press'\nbytes=4\ninterval='45us'\n"
 
 
@@ -131,6 +132,8 @@ def test_a_mistake_is_named_with_its_place(added: str, where: str, what: str) ->
         ("[16, 8]", "[]", "one of bytes and total_bytes"),
         ('"50ms"', '"0s"', "more than 0"),
         ('"press"\nbytes', "[]\nbytes", "no sender"),
+        ("[[list]]", f"[[node]]\nname='far'\naddress='fe80::1'\n{ASKING}host='far'\n[[list]]", "same version of IP"),
+        ("[[list]]", f"{ASKING}host='hm'\n[[list]]", "there is no node 'hm'"),
     ],
 )
 def test_a_scenario_that_makes_no_sense_is_refused(old: str, new: str, what: str) -> None:

@@ -10,7 +10,7 @@ import pytest
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.simulate.scenario_file import load_scenario
 from nvscope.tracker.figures import LIST_COUNTERS
-from tests.simulate.simulation import simulated
+from tests.simulate.simulation import Simulation, simulated
 
 SCENARIOS = sorted((Path(__file__).parent.parent / "scenarios").glob("*.toml"))
 TAME = [path for path in SCENARIOS if not load_scenario(path).wild]
@@ -36,6 +36,16 @@ def counted(truth: dict[str, Any]) -> dict[str, dict[str, int]]:
     return {key: values for key, values in counters.items() if values}
 
 
+def written(simulation: Simulation) -> list[str]:
+    """Return the writes of parameters as scenarios have them."""
+    names = {node.address: node.name for node in simulation.scenario.node}
+    return [
+        f"{names[one['requester']]} -> {names[one['partner']]} 0x{one['index']:04x}:{one['subindex']}: "
+        f"{one['old_text'] or '?'} -> {one['new_text']}, {' '.join(filter(None, (one['outcome'], one['error'])))}"
+        for one in simulation.parameters.writes
+    ]
+
+
 @pytest.mark.parametrize("path", TAME, ids=[path.stem for path in TAME])
 def test_a_scenario_expects_what_was_put_into_it(path: Path) -> None:
     simulation = simulated(path)
@@ -44,6 +54,7 @@ def test_a_scenario_expects_what_was_put_into_it(path: Path) -> None:
     assert expect.findings is not None
     assert found(simulation.findings) == {key: set(codes) for key, codes in expect.findings.items()}
     assert counted(simulation.truth) == (expect.counters or {})
+    assert written(simulation) == list(expect.writes)
 
 
 @pytest.mark.parametrize("path", SCENARIOS, ids=[path.stem for path in SCENARIOS])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from collections import Counter
+from dataclasses import asdict
 from typing import Any
 
 import pytest
@@ -13,15 +14,18 @@ from hypothesis import strategies as st
 from nvscope.engine.reading import Reading
 from nvscope.findings.judge import judge
 from nvscope.tracker.parameter.transactions import Transactions
+from nvscope.tracker.parameter.writes import Outcome
 from nvscope.tracker.parted import PartedState
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
 from nvscope.view.documents.parameters import sdo_rows
 from tests.laws import examples, some
 from tests.oracle.builders import MILLISECOND, data_frame, telegram
+from tests.oracle.compare import with_near_latencies
 from tests.oracle.frame import Frame
 from tests.oracle.parameter_traffic import conversations, parameter_traffic
-from tests.oracle.rules.parameter import FRAMES_KEPT, parameters
+from tests.oracle.rules.parameter import FRAMES_KEPT, VALUE_BYTES, parameters
+from tests.oracle.rules.parameter import observed as observed_by_rules
 from tests.packets import batch_of, cut, observed, tracked
 
 ASKING, ASKED = "10.0.0.1", "10.0.0.2"
@@ -39,19 +43,26 @@ def told(state: TrackerState) -> tuple[list[dict[str, Any]], list[tuple[Any, ...
     return sdo_rows(summary.parameters), sorted(found, key=str)
 
 
-def near(row: dict[str, Any]) -> dict[str, Any]:
-    """Return a row with latencies as far as a histogram tells them."""
-    latency = row["latency_ns"]
-    percentiles = {
-        name: None if latency[name] is None else pytest.approx(latency[name], rel=0.01) for name in ("p50", "p99")
-    }
-    return {**row, "latency_ns": {**latency, **percentiles}}
+def written(state: TrackerState) -> list[dict[str, Any]]:
+    """Return what is known of all writes."""
+    known = state.parameters.known
+    return [] if known is None else [asdict(one) for one in known.writes.kept]
+
+
+def written_by_rules(frames: list[Frame], timeout_ns: int = 500 * MILLISECOND) -> list[dict[str, Any]]:
+    """Return what is to be known of all writes, as ``written`` does."""
+    names = {"time": "time_ns", "answer": "answer_frame", "size": "size_bytes"}
+    return [
+        asdict(one, dict_factory=lambda entries: {names.get(key, key): value for key, value in entries})
+        for one in observed_by_rules(frames, timeout_ns).writes
+    ]
 
 
 def check(frames: list[Frame], state: TrackerState, timeout_ns: int = 500 * MILLISECOND) -> None:
     rows, findings = parameters(frames, timeout_ns)
     actual_rows, actual = told(state)
-    assert actual_rows == [near(row) for row in rows]
+    assert actual_rows == [with_near_latencies(row) for row in rows]
+    assert written(state) == written_by_rules(frames, timeout_ns)
     # Who is asked by everybody has no number.
     named = {one[1] for one in actual}
     assert [one if one[1] in named else (one[0], None, *one[2:]) for one in actual] == sorted(
@@ -75,15 +86,16 @@ def test_other_timeouts(timeout_ns: int) -> None:
 @given(seed=st.integers(0, 10_000), packets=st.integers(1, 60))
 def test_any_cut_gives_the_same(seed: int, packets: int) -> None:
     frames = parameter_traffic(seed)
-    assert told(tracked(cut(batch_of(frames), packets))) == told(tracked([batch_of(frames)]))
+    state, whole = tracked(cut(batch_of(frames), packets)), tracked([batch_of(frames)])
+    assert (told(state), written(state)) == (told(whole), written(whole))
 
 
 @examples(20)
 @given(seed=st.integers(0, 10_000), parts=st.integers(1, 4))
 def test_counted_in_parts_it_comes_to_the_same(seed: int, parts: int) -> None:
     frames = parameter_traffic(seed)
-    parted = observed(PartedState(parts), cut(batch_of(frames), 50))
-    assert told(parted.join()) == told(tracked([batch_of(frames)]))
+    parted, whole = observed(PartedState(parts), cut(batch_of(frames), 50)).join(), tracked([batch_of(frames)])
+    assert (told(parted), written(parted)) == (told(whole), written(whole))
 
 
 def test_the_traffic_shows_everything() -> None:
@@ -94,6 +106,10 @@ def test_the_traffic_shows_everything() -> None:
             seen.update({key: value for key, value in row.items() if isinstance(value, int)})
             seen.update(row["errors"])
         seen.update(code for code, *_ in findings)
+        for write in observed_by_rules(parameter_traffic(seed)).writes:
+            seen.update([write.outcome, "new cut" if len(write.new.data) < write.new.size else "new"])
+            seen.update(["no old" if write.old is None else "old cut" if write.old.size > VALUE_BYTES else "old"])
+    assert min(seen[outcome] for outcome in (*Outcome, "new", "new cut", "old", "old cut", "no old")) > 20
     wanted = ("requests", "replies", "busy", "timeouts", "retransmissions", "unexpected", "undeliverable", *CODES)
     assert min(seen[name] for name in wanted) > 20
     assert sum(name.startswith("OD") for name in seen) == 9

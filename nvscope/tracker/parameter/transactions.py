@@ -15,7 +15,7 @@ import numpy as np
 from dissectors import address
 from dissectors.batch import I64, U64
 from dissectors.keys import KeyTable
-from dissectors.netvar import PARAMETER_ERRORS, PARAMETER_REQUESTS, PORT, Fault, Service
+from dissectors.netvar import PARAMETER_ERRORS, PARAMETER_REQUESTS, PORT, Fault, Service, TelegramBatch
 from nvscope.engine.events import EventBatch
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.reading import PARAMETER_TIMEOUT_NS
@@ -33,6 +33,7 @@ from nvscope.tracker.parameter.matching import (
     parameter_of,
     word_of,
 )
+from nvscope.tracker.parameter.writes import Writes
 
 MOST_OPEN = 1 << 16
 """So many requests are waited for at the same time."""
@@ -44,12 +45,17 @@ _KIND_BITS = 16
 
 
 class Beyond(IntEnum):
-    """That for which there is no room: pairs of nodes, requests that wait, replies to these, findings on parameters."""
+    """That for which there is no room: pairs of nodes, requests that wait, replies to these, findings on parameters.
+
+    And writes, and the values over which they are written.
+    """
 
     PAIR = 0
     OPEN = 1
     REPLY = 2
     PARAMETER = 3
+    WRITE = 4
+    VALUE = 5
 
 
 class PairColumns(KeyedColumns):
@@ -95,9 +101,9 @@ class Transactions:
 
     ``pairs`` number requester, partner (the halves of their addresses) and port; ``parameters`` pair, Index and
     SubIndex. ``latencies`` are of pairs, from the first request to the reply. ``events`` are keyed by
-    ``ParameterEvent`` with, for error replies, their service (``event_word``), and by parameter. ``left_out`` is that
-    for which there was no room, keyed by ``Beyond``. While requests may be open that have been left out, a reply that
-    ends none may be to one of these: it is left out, too.
+    ``ParameterEvent`` with, for error replies, their service (``event_word``), and by parameter. ``writes`` are what
+    was written by whom. ``left_out`` is that for which there was no room, keyed by ``Beyond``. While requests may be
+    open that have been left out, a reply that ends none may be to one of these: it is left out, too.
     """
 
     def __init__(self) -> None:
@@ -107,6 +113,7 @@ class Transactions:
         self.parameters = KeyTable()
         self.events = EventLog()
         self.left_out = EventLog(1)
+        self.writes = Writes(self.pairs)
         self.timeout_ns = PARAMETER_TIMEOUT_NS
         self._open = NOTHING_OPEN
         self._forgot_until_ns = _NEVER_NS
@@ -155,13 +162,21 @@ class Transactions:
         found = matched(self._open, messages, told.clock, told.first_frame, self.timeout_ns)
         columns = self.columns
         opened = messages.take(found.opened)
-        # What nobody answers has to have a number, too.
-        self.parameters.numbers_within(
-            told.max_streams, opened.pair.view(np.uint64), parameter_of(opened.word).view(np.uint64)
-        )
+        # In the order of the capture, so that the first ones have a number however it is cut; of what nobody answers,
+        # too.
+        tell = found.opened
+        if told.hears_answers and len(found.unexpected):
+            tell = np.sort(np.concatenate([tell, found.unexpected]))
+        pair, parameter = messages.pair[tell], parameter_of(messages.word[tell])
+        self.parameters.numbers_within(told.max_streams, pair.view(np.uint64), parameter.view(np.uint64))
         np.add.at(columns.requests, opened.pair, 1)
         np.add.at(columns.retransmissions, messages.pair[found.repeated], 1)
-        self._open = found.open if told.hears_answers else NOTHING_OPEN
+        if not told.hears_answers:
+            found = found._replace(closing=found.closing[:0], closed=NOTHING_OPEN, open=NOTHING_OPEN)
+        self._open = found.open
+        untold = self.writes.observe(told, opened, messages.take(found.closing), found.closed)
+        for what, left_out in zip((Beyond.WRITE, Beyond.VALUE), untold, strict=True):
+            self._leave_out(what, left_out.time_ns, left_out.packet + told.first_frame)
         if told.hears_answers:
             self._count_replies(told, messages, found)
             self._give_up(told, found.expired)
@@ -174,13 +189,10 @@ class Transactions:
 
     def _count_undeliverable(self, told: Told) -> None:
         """Count requests of which ICMP messages say that they went nowhere."""
-        quoted = told.batch.quoted
-        quoted = quoted.take(np.isin(quoted.header["id"], PARAMETER_REQUESTS))
-        if not len(quoted) or not told.hears_answers:
+        back = _undeliverable(told)
+        if not len(back):
             return
-        datagram = quoted.datagram
-        ends = datagram.source_hi, datagram.source_lo, datagram.destination_hi, datagram.destination_lo
-        pair = self.pairs.numbers_within(told.max_streams, *ends, datagram.destination_port.astype(np.uint64))
+        pair = self.pairs.numbers_within(told.max_streams, *_pair_words(back))
         self.columns.resize(len(self.pairs))
         self.latencies.columns.resize(len(self.pairs))
         np.add.at(self.columns.undeliverable, pair[pair >= 0], 1)
@@ -219,6 +231,7 @@ class Transactions:
         """Count requests that nobody answered in time."""
         if len(waits):
             np.add.at(self.columns.timeouts, waits.pair, 1)
+            self.writes.give_up(waits)
             time_ns = waits.last_ns + self.timeout_ns
             self._note(told, ParameterEvent.TIMEOUT, waits, time_ns, waits.frame, waits.since_ns)
 
@@ -261,8 +274,8 @@ class Transactions:
             (datagram.source_hi, datagram.destination_hi), (datagram.source_lo, datagram.destination_lo),
             (datagram.destination_hi, datagram.source_hi), (datagram.destination_lo, datagram.source_lo),
         )  # fmt: skip
-        words = (np.where(asks, *halves) for halves in ends)
-        pair = self.pairs.numbers_within(told.max_streams, *words, port.view(np.uint64))
+        words = [np.where(asks, *halves) for halves in ends]
+        pair = self._pairs_of(told, packet, *words, port.view(np.uint64))
         carried = varieties.carried
         word = word_of(carried.identifier[variety], carried.subindex[variety], rows.counter[whole].astype(np.int64))
         sender, receiver = rows.sender[whole], rows.receiver[whole]
@@ -277,6 +290,20 @@ class Transactions:
         self.latencies.columns.resize(len(self.pairs))
         return messages
 
+    def _pairs_of(self, told: Told, packet: I64, *words: U64) -> I64:
+        """Return the numbers of pairs, those that are new in the order of the capture, also of requests that came back.
+
+        So the first ones have a number however it is cut.
+        """
+        back = _undeliverable(told)
+        if not len(back):
+            return self.pairs.numbers_within(told.max_streams, *words)
+        order = np.argsort(np.concatenate([packet, back.datagram.row]), kind="stable")
+        together = (np.concatenate(both)[order] for both in zip(words, _pair_words(back), strict=True))
+        number = np.empty(len(order), np.int64)
+        number[order] = self.pairs.numbers_within(told.max_streams, *together)
+        return number[: len(packet)]
+
     def _leave_out(self, what: Beyond, time_ns: I64, frame: I64) -> None:
         if len(time_ns):
             self.left_out.record(time_ns, frame, np.full(len(time_ns), int(what), np.uint64))
@@ -288,6 +315,19 @@ class Transactions:
         elif len(self._open):
             gone = np.isin(self._open.node, unheard.nodes) | np.isin(self._open.peer, unheard.nodes)
             self._open = self._open.take(~gone)
+
+
+def _undeliverable(told: Told) -> TelegramBatch:
+    """Return the requests that came back, as far as ICMP messages quote them; none where no answers are heard."""
+    quoted = told.batch.quoted
+    return quoted.take(np.isin(quoted.header["id"], PARAMETER_REQUESTS) & told.hears_answers)
+
+
+def _pair_words(back: TelegramBatch) -> tuple[U64, ...]:
+    """Return who asked whom, on which port, as words of keys."""
+    datagram = back.datagram
+    ends = datagram.source_hi, datagram.source_lo, datagram.destination_hi, datagram.destination_lo
+    return *ends, datagram.destination_port.astype(np.uint64)
 
 
 def event_word(event: ParameterEvent, service: I64) -> U64:

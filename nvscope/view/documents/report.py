@@ -109,6 +109,11 @@ def report_document(
         from nvscope.view.documents.parameters import sdo_rows  # noqa: PLC0415
 
         document["sdo"] = sdo_rows(whole_summary.parameters, node_names)
+    if whole_summary.parameter_writes:
+        from nvscope.view.documents.parameter_writes import sdo_write_rows  # noqa: PLC0415
+
+        known = definition.parameters if definition else None
+        document["sdo_writes"] = sdo_write_rows(whole_summary.parameter_writes, known, node_names)
     if pages := whole_summary.others.get("visu"):
         from nvscope.view.documents.visu import visu_rows  # noqa: PLC0415
 

@@ -62,7 +62,8 @@ def _has_value(telegrams: TelegramBatch) -> Bool:
     return own
 
 
-_PLACE_END = HEADER.offset_of("items")
+have_parameter = _known_to(HEADER.offset_of("items"))
+"""Tells which telegrams say which parameter they are about."""
 
 PARAMETER_FIELDS: Sequence[TelegramField] = (
     TelegramField(
@@ -70,11 +71,11 @@ PARAMETER_FIELDS: Sequence[TelegramField] = (
         of=NETVAR, constant=True,
     ),
     TelegramField(
-        "sdo.index", FieldType.UNSIGNED, "Index", "of the parameter", _column("index"), _known_to(_PLACE_END),
+        "sdo.index", FieldType.UNSIGNED, "Index", "of the parameter", _column("index"), have_parameter,
         of=NETVAR, hex_digits=4, constant=True,
     ),
     TelegramField(
-        "sdo.subindex", FieldType.UNSIGNED, "SubIndex", "of the parameter", _column("subindex"), _known_to(_PLACE_END),
+        "sdo.subindex", FieldType.UNSIGNED, "SubIndex", "of the parameter", _column("subindex"), have_parameter,
         of=NETVAR, constant=True,
     ),
     TelegramField(

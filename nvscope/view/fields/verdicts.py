@@ -25,6 +25,7 @@ from nvscope.tracker.subjects import Measures
 from nvscope.tracker.summary import Summary
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.fields.frame import FIELDS
+from nvscope.view.fields.named_parameters import named_parameter_fields
 from nvscope.view.fields.places import NodeKey, in_list, on_can, on_udp, senders_and_lists, sent_by_node
 from nvscope.view.fields.shown import NONE, Lasting, Looks, Shown, looks
 from nvscope.view.fields.shown_fields import cause_fields, finding_fields
@@ -32,16 +33,18 @@ from nvscope.view.rows.frames import IP, FrameRows
 
 if TYPE_CHECKING:
     from nvscope.causes.cause import Cause
+    from nvscope.definition.parameters import Parameters
 
 _UNSIGNED, _SIGNED, _TEXT = FieldType.UNSIGNED, FieldType.SIGNED, FieldType.TEXT
 
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """The names that people gave to lists, by key, and to nodes, by the halves of their address."""
+    """The names that people gave to lists, by key, and to nodes, by the halves of their address; and to parameters."""
 
     lists: Mapping[ListKey, str] = field(default_factory=dict)
     nodes: Mapping[NodeKey, str] = field(default_factory=dict)
+    parameters: Parameters | None = None
 
 
 class Verdicts:
@@ -137,7 +140,7 @@ def _some(node: int | None, nodes: Sequence[NodeKey]) -> frozenset[NodeKey]:
 def verdict_fields(
     names: Names | None = None, verdicts: Verdicts | None = None, further: Iterable[FindingKind] = ()
 ) -> dict[str, TelegramField]:
-    """Return the fields ``list.*``, ``node.*``, ``bus.*``, ``finding.*`` and ``cause.*`` by name.
+    """Return the fields ``list.*``, ``node.*``, ``bus.*``, ``finding.*`` and ``cause.*`` by name, and ``sdo.name``.
 
     ``further`` are kinds of findings that the catalogue has not.
     """
@@ -175,7 +178,7 @@ def verdict_fields(
     buses = [_figure(Of.BUS, "of the CAN bus", figure, verdicts) for figure in figures_of(Of.BUS)]
     findings, causes = (verdicts.findings, verdicts.causes) if verdicts else ((), ())
     shown = (*finding_fields(findings, further), *cause_fields(causes))
-    return {entry.name: entry for entry in (*lists, *nodes, *buses, *shown)}
+    return {entry.name: entry for entry in (*lists, *nodes, *buses, *named_parameter_fields(known.parameters), *shown)}
 
 
 def _of_both(tell: Callable[[NodeKey, ListKey], str]) -> Callable[[FrameRows], Column]:

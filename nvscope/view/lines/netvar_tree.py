@@ -103,13 +103,18 @@ class TelegramTree(TransportTree):
         if known is None or known.type is None:
             return []
         from nvscope.definition.parameter_layout import parameter_layout  # noqa: PLC0415
+        from nvscope.definition.variables import type_text  # noqa: PLC0415
 
         size_bytes = int(header["length"]) - HEADER.size_bytes
         name = known.name or units.parameter(known.index, known.subindex)
         layout = parameter_layout(known, name, int(header["items"]), size_bytes)
         place = Place(data_at, data_at + len(data))
         if layout is None or len(data) < size_bytes:
-            why = "cut short by the capture" if layout else f"not of the type that it should have, {known.type.name}"
+            why = (
+                "cut short by the capture"
+                if layout
+                else f"not of the type that it should have, {visible(type_text(known.type))}"
+            )
             return [
                 title_entry("Value", [Cell(f"  {visible(name)}: {why}", Tone.WARNING)], place),
                 *bytes_entries(

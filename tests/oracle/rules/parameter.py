@@ -7,6 +7,9 @@ Readings, where the rules leave a choice:
 - latencies are those of replies; busy has none
 - who says that a request is undeliverable need not be the partner; it stays open
 - a request to everybody is one to that address, which answers nothing
+- what is written is in the first request; the old value is what was known of the parameter of that address when it came
+- a value that was read, or written and confirmed, is known from the reply on; one of which not all was captured is not,
+  and what was known before is not any more
 """
 
 from __future__ import annotations
@@ -18,7 +21,7 @@ from typing import Any
 
 from tests.oracle.frame import Address, Datagram, Frame, Unreachable, peel
 from tests.oracle.rules.keys import node_order
-from tests.oracle.rules.telegram import IDENTITIES, telegram
+from tests.oracle.rules.telegram import HEADER_BYTES, IDENTITIES, Telegram, telegram
 from tests.oracle.rules.timing import nearest_rank
 
 READ, READ_REPLY, WRITE, WRITE_REPLY, BUSY = 1, 2, 3, 4, 100
@@ -28,7 +31,7 @@ ERRORS = {
     28: "ODErrorReplyCPUStopped",
 }  # fmt: skip
 REPLIES = {READ_REPLY: READ, WRITE_REPLY: WRITE}
-LIST_PORT, FRAMES_KEPT = 1202, 10
+LIST_PORT, FRAMES_KEPT, VALUE_BYTES = 1202, 10, 256
 
 Pair = tuple[Address, Address, int]
 Place = tuple[Pair, int, int, int]
@@ -50,6 +53,37 @@ class Row:
     latencies: list[int] = field(default_factory=list)
 
 
+@dataclass(frozen=True)
+class Value:
+    """Bytes of a value, not more than are kept; how many it has; and its Items."""
+
+    data: bytes
+    size: int
+    items: int
+
+    @property
+    def known(self) -> bool:
+        return len(self.data) == min(self.size, VALUE_BYTES)
+
+
+@dataclass
+class Write:
+    """Who wrote what over what, and what became of it."""
+
+    time: int
+    frame: int
+    requester: str
+    partner: str
+    port: int
+    index: int
+    subindex: int
+    old: Value | None
+    new: Value
+    outcome: str = "open"
+    error: str | None = None
+    answer: int | None = None
+
+
 @dataclass
 class Wait:
     """A request that nobody has answered."""
@@ -57,6 +91,7 @@ class Wait:
     since: int
     frame: int
     deadline: int
+    write: Write | None = None
 
 
 Moments = list[tuple[int, int]]
@@ -74,12 +109,16 @@ class Parameters:
         )
         self.open: dict[tuple[Place, int], Wait] = {}
         self.last: dict[Place, int] = {}
+        self.values: dict[tuple[Address, int, int], Value] = {}
+        self.writes: list[Write] = []
 
     def observe(self, number: int, frame: Frame) -> None:
         for (place, service), wait in sorted(self.open.items(), key=lambda one: (one[1].deadline, one[1].frame)):
             if frame.ts_ns > wait.deadline:
                 del self.open[place, service]
                 self.rows[place[0]].timeouts += 1
+                if wait.write:
+                    wait.write.outcome = "unanswered"
                 self.find("NV701", place, wait.deadline, wait.frame)
         content = peel(frame)
         if isinstance(content, Unreachable):
@@ -89,11 +128,11 @@ class Parameters:
             return
         if seen.service in (READ, WRITE):
             pair = (seen.source, seen.destination, seen.port)
-            self.request((pair, seen.index, seen.subindex, seen.counter), seen.service, frame.ts_ns, number)
+            self.request((pair, seen.index, seen.subindex, seen.counter), seen)
         elif seen.service in REPLIES or seen.service in ERRORS or seen.service == BUSY:
             ports = {content.source_port, seen.port}
             pair = (seen.destination, seen.source, LIST_PORT if LIST_PORT in ports else min(ports))
-            self.reply((pair, seen.index, seen.subindex, seen.counter), seen.service, frame.ts_ns, number)
+            self.reply((pair, seen.index, seen.subindex, seen.counter), seen)
 
     def came_back(self, quoted: Datagram) -> None:
         """Count a message that says of a request that it went nowhere."""
@@ -101,23 +140,37 @@ class Parameters:
         if len(quote) == 10 and quote[:4] in IDENTITIES and int.from_bytes(quote[4:8], "little") in (READ, WRITE):
             self.rows[quoted.source, quoted.destination, quoted.port].undeliverable += 1
 
-    def request(self, place: Place, service: int, time: int, frame: int) -> None:
-        self.last[place] = service
-        wait = self.open.get((place, service))
+    def request(self, place: Place, seen: Telegram) -> None:
+        self.last[place] = seen.service
+        wait = self.open.get((place, seen.service))
         if wait is not None:
             self.rows[place[0]].retransmissions += 1
-            wait.deadline = time + self.timeout_ns
-        else:
-            self.rows[place[0]].requests += 1
-            self.open[place, service] = Wait(time, frame, time + self.timeout_ns)
+            wait.deadline = seen.time + self.timeout_ns
+            return
+        self.rows[place[0]].requests += 1
+        write = None
+        if seen.service == WRITE:
+            (requester, partner, port), index, subindex, _ = place
+            old = self.values.get((partner, index, subindex))
+            write = Write(
+                seen.time, seen.frame, str(requester), str(partner), port, index, subindex, old, value_of(seen)
+            )  # fmt: skip
+            self.writes.append(write)
+        self.open[place, seen.service] = Wait(seen.time, seen.frame, seen.time + self.timeout_ns, write)
 
-    def reply(self, place: Place, service: int, time: int, frame: int) -> None:
-        row = self.rows[place[0]]
+    def reply(self, place: Place, seen: Telegram) -> None:
+        row, service, time, frame = self.rows[place[0]], seen.service, seen.time, seen.frame
         wait = self.open.pop((place, REPLIES.get(service, self.last.get(place, READ))), None)
         if wait is None:
             row.unexpected += 1
             self.find("NV703", place, time, frame)
             return
+        if wait.write:
+            wait.write.answer = frame
+            wait.write.outcome = {WRITE_REPLY: "confirmed", BUSY: "busy"}.get(service, "refused")
+            wait.write.error = ERRORS.get(service)
+        if service in REPLIES:
+            self.learn(place, wait.write.new if wait.write else value_of(seen))
         if service == BUSY:
             row.busy += 1
             return
@@ -129,19 +182,44 @@ class Parameters:
         if 2 * (time - wait.since) > self.timeout_ns:
             self.find("NV704", place, time, frame)
 
+    def learn(self, place: Place, value: Value) -> None:
+        (_, partner, _), index, subindex, _ = place
+        self.values.pop((partner, index, subindex), None)
+        if value.known:
+            self.values[partner, index, subindex] = value
+
     def find(self, code: str, place: Place, time: int, frame: int, service: int = 0) -> None:
         (requester, partner, port), index, subindex, _ = place
         self.findings[code, requester, partner, index, subindex][port, service].append((time, frame))
+
+
+def value_of(seen: Telegram) -> Value:
+    data = seen.payload[HEADER_BYTES : HEADER_BYTES + VALUE_BYTES]
+    return Value(data, seen.length - HEADER_BYTES, seen.items)
+
+
+def observed(frames: Iterable[Frame], timeout_ns: int = 500_000_000) -> Parameters:
+    """Return what is known of all requests of a capture."""
+    known = Parameters(timeout_ns)
+    for number, frame in enumerate(frames, 1):
+        known.observe(number, frame)
+    return known
 
 
 def parameters(
     frames: Iterable[Frame], timeout_ns: int = 500_000_000
 ) -> tuple[list[dict[str, Any]], list[tuple[Any, ...]]]:
     """Return the rows of the report, and the findings as code, requester, partner, Index, SubIndex and figures."""
-    known = Parameters(timeout_ns)
-    for number, frame in enumerate(frames, 1):
-        known.observe(number, frame)
+    known = observed(frames, timeout_ns)
+    return rows_of(known), findings_of(known)
+
+
+def rows_of(known: Parameters) -> list[dict[str, Any]]:
     order = sorted(known.rows, key=lambda pair: (node_order(pair[0]), node_order(pair[1]), pair[2]))
+    return [row_of(pair, known.rows[pair]) for pair in order]
+
+
+def findings_of(known: Parameters) -> list[tuple[Any, ...]]:
     findings = []
     for (code, requester, partner, index, subindex), parts in known.findings.items():
         moments = [moment for part in parts.values() for moment in part]
@@ -150,7 +228,7 @@ def parameters(
         first, last = min(part[0][0] for part in parts.values()), max(part[-1][0] for part in parts.values())
         variable = f"sdo/{partner}/0x{index:04x}:{subindex}"
         findings.append((code, str(requester), variable, len(moments), first, last, frames_told))
-    return [row_of(pair, known.rows[pair]) for pair in order], sorted(findings)
+    return sorted(findings)
 
 
 def row_of(pair: Pair, row: Row) -> dict[str, Any]:

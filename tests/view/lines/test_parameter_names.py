@@ -9,7 +9,7 @@ import pytest
 
 from nvscope.definition.parameters import ParameterDefinition, Parameters
 from nvscope.definition.scalars import SCALARS
-from nvscope.definition.variables import String
+from nvscope.definition.variables import Member, String, Structure
 from nvscope.report.packets.text import Text
 from tests.oracle.builders import data_frame, telegram
 from tests.oracle.frame import Frame
@@ -25,6 +25,7 @@ KNOWN = Parameters(
         ParameterDefinition(0x2000, 1, "of others"),
         ParameterDefinition(0x2001, 0, "", SCALARS["INT"]),
         ParameterDefinition(0x2002, 0, "s\x1bName", String(4)),
+        ParameterDefinition(0x2003, 0, "stAxis", Structure("Axis", (Member("nPos", SCALARS["INT"]),) * 2)),
     )
 )
 SPEED = struct.pack("<f", 12.5)
@@ -66,6 +67,8 @@ def test_lines_call_parameters_by_their_names(packet: Frame, told: str) -> None:
         (frame(3, 0x2000, 1, b"\0\0"), ["rSpeed: not of the type that it should have, REAL", "Data  2 bytes"]),
         (frame(3, 0x2000, 1, SPEED, items=2), ["not of the type that it should have, REAL"]),
         (frame(3, 0x2000, 1, b"", items=0), []),
+        (frame(2, 0x2003, 0, b"\1\0\2\0"), ["stAxis.nPos", "1", "INT", "stAxis.nPos", "2", "INT"]),
+        (frame(2, 0x2003, 0, b"\1\0\2"), ["stAxis: not of the type that it should have, Axis"]),
     ],
 )
 def test_trees_tell_values_by_their_types(packet: Frame, value: list[str]) -> None:
