@@ -1,0 +1,394 @@
+"""``nvscope sdo``: parameters of a controller, read and written by its Parameter Manager."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from nvscope.cli.completion import nodes, parameter_types, parameters
+from nvscope.cli.definitions import ProjectOption, project_of
+from nvscope.cli.help import Command, Group
+from nvscope.cli.sending import NetworkOption
+from nvscope.cli.sources import duration_ns
+from nvscope.cli.terminal import ColourOption, colour_wanted, echo, tell, width
+from nvscope.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from nvscope.definition.parameters import ParameterType
+    from nvscope.definition.project import Project
+    from nvscope.plc.parameter.conversation import Patience
+    from nvscope.plc.parameter.document import Parameter
+
+_PORT = 1202
+_MOST_ITEMS = 4_096
+_MOST_RETRIES = 100
+_OPTION = re.compile(r"--?[A-Za-z]")
+_CODES = {
+    "refused": ExitCode.ASSERTION_FAILED, "differs": ExitCode.ASSERTION_FAILED, "misfit": ExitCode.DATA_LOSS,
+    "silent": ExitCode.DATA_LOSS, "busy": ExitCode.DATA_LOSS, "unverified": ExitCode.DATA_LOSS,
+    "undelivered": ExitCode.CAPTURE, "cancelled": ExitCode.INTERRUPTED,
+}  # fmt: skip
+
+app = typer.Typer(
+    help="Read and write parameters of a controller by its Parameter Manager, or answer as one.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    cls=Group,
+)
+
+AddressArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="ADDRESS", help="The controller: its address, or its name in the project file.", autocompletion=nodes
+    ),
+]
+TypeOption = Annotated[
+    str | None,
+    typer.Option(
+        "--type",
+        metavar="TYPE",
+        help="UINT, REAL, TIME, STRING(20) …; of an array, that of its elements. Without it, that of the project file.",
+        show_default=False,
+        autocompletion=parameter_types,
+    ),
+]
+PortOption = Annotated[int, typer.Option("--port", metavar="PORT", min=1, max=0xFFFF, help="UDP port of the partner.")]
+TimeoutOption = Annotated[
+    str, typer.Option("--timeout", metavar="DURATION", help="How long an answer is waited for; busy is asked again.")
+]
+RetriesOption = Annotated[
+    int,
+    typer.Option(
+        "--retries", metavar="N", min=0, max=_MOST_RETRIES, help="How many times it is asked again without an answer."
+    ),
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print what came of it as JSON (nvscope.sdo/1).")]
+
+
+@app.callback()
+def _verbs() -> None:
+    """Read and write parameters of a controller by its Parameter Manager, or answer as one."""
+
+
+@app.command(cls=Command)
+def read(
+    address: AddressArgument,
+    words: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="INDEX SUBINDEX | NAME",
+            help="The parameter: two numbers, decimal or with 0x, or its name in the project file.",
+            autocompletion=parameters,
+        ),
+    ],
+    type_name: TypeOption = None,
+    items: Annotated[
+        int, typer.Option("--items", metavar="N", min=1, max=_MOST_ITEMS, help="Elements, where it is an array.")
+    ] = 1,
+    project: ProjectOption = None,
+    port: PortOption = _PORT,
+    timeout: TimeoutOption = "500ms",
+    retries: RetriesOption = 0,
+    allow_network: NetworkOption = False,
+    as_json: JsonOption = False,
+    colour: ColourOption = "auto",
+) -> None:
+    """Read a parameter of a controller, and print its value.
+
+    ADDRESS is this machine or in a private network; elsewhere only with --allow-network. Exits with 1 where the
+    controller refuses, with 3 where it does not answer, is busy, or the value is not of the type, with 5 where the
+    request cannot be delivered.
+    """
+    patience = _patience(timeout, retries)
+    parameter, rest = _parameter(address, words, project, type_name, port)
+    if rest:
+        raise UsageError(f"{rest[0][:60]} is too much", next_step="nvscope sdo write writes values; read takes none")
+
+    from dissectors.netvar import Service
+    from nvscope.plc.parameter.document import read_document
+    from nvscope.plc.parameter.link import ParameterLink
+    from nvscope.plc.parameter.message import Message
+
+    request = Message(Service.ODReadRequest, parameter.index, parameter.subindex, _first_counter(), items)
+    with ParameterLink(parameter.address, port, allow_network=allow_network) as link:
+        document = read_document(parameter, link.ask(request, patience))
+    _finish(document, as_json=as_json, colour=colour_wanted(colour))
+
+
+@app.command(cls=Command, context_settings={"ignore_unknown_options": True})
+def write(
+    address: AddressArgument,
+    words: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="INDEX SUBINDEX VALUE... | NAME VALUE...",
+            help="The parameter as for read, and its value: 12, 0xFF, 12.5, TRUE, T#1s500ms, a text; of an array, "
+            "those of all its elements.",
+            autocompletion=parameters,
+        ),
+    ],
+    type_name: TypeOption = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Write without asking.")] = False,
+    project: ProjectOption = None,
+    port: PortOption = _PORT,
+    timeout: TimeoutOption = "500ms",
+    retries: RetriesOption = 0,
+    allow_network: NetworkOption = False,
+    as_json: JsonOption = False,
+    colour: ColourOption = "auto",
+) -> None:
+    """Write a parameter of a controller: read it, ask, write it, and read it back.
+
+    Without a terminal nobody can be asked, and nothing is written without --yes. What has another size than what is to
+    be written is left alone. Exits as read does, with 1 also where something else is read back than was written, with 3
+    where nothing could be, with 130 where the answer was no.
+    """
+    patience = _patience(timeout, retries)
+    if wrong := next((word for word in words if _OPTION.match(word)), None):
+        raise UsageError(
+            f"{wrong[:60]} is no option",
+            next_step="`nvscope help sdo write` lists them; a text that begins with a dash stands in single quotes "
+            "within those of the shell",
+        )
+    parameter, values = _parameter(address, words, project, type_name, port)
+    data = _encoded(parameter.type, values)
+    if not yes and not _can_ask():
+        raise UsageError(
+            "nobody can be asked: there is no terminal, and nothing is written without being asked",
+            next_step="--yes writes without asking",
+        )
+
+    from nvscope.plc.parameter.link import ParameterLink
+
+    with ParameterLink(parameter.address, port, allow_network=allow_network) as link:
+        document = _write(link, parameter, len(values), data, patience, yes=yes)
+    _finish(document, as_json=as_json, colour=colour_wanted(colour))
+
+
+def _write(
+    link: Any, parameter: Parameter, items: int, data: bytes, patience: Patience, *, yes: bool
+) -> dict[str, Any]:  # fmt: skip
+    """Read, ask, write and read back, as far as each of them is worth it; return what came of it all."""
+    from dissectors.netvar import Service
+    from nvscope.plc.parameter.conversation import Ending
+    from nvscope.plc.parameter.document import is_misfit, may_be_written, write_document
+    from nvscope.plc.parameter.message import Message
+    from nvscope.report.sdo import question
+
+    first = _first_counter()
+    place = parameter.index, parameter.subindex
+    outcomes = [link.ask(Message(Service.ODReadRequest, *place, first, items), patience)]
+    told = partial(write_document, parameter, items, data, outcomes)
+    if not may_be_written(outcomes[0]) or is_misfit(items, data, outcomes[0]):
+        return told()
+    if not yes and not _said_yes(question(told(cancelled=True))):
+        return told(cancelled=True)
+    try:
+        outcomes.append(link.ask(Message(Service.ODWriteRequest, *place, _after(first), items, data), patience))
+    except KeyboardInterrupt:
+        echo("nvscope: whether it was written is not known: it was broken off.", err=True)
+        raise
+    if outcomes[1].ending is Ending.REPLIED:
+        outcomes.append(link.ask(Message(Service.ODReadRequest, *place, _after(first, 2), items), patience))
+    return told()
+
+
+@app.command(cls=Command)
+def serve(
+    table: Annotated[str | None, typer.Argument(metavar="TABLE.toml", show_default=False)] = None,
+    bind: Annotated[str, typer.Option("--bind", metavar="ADDRESS", help="The address of this machine.")] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option("--port", metavar="PORT", min=0, max=0xFFFF, help="UDP port; 0: the system chooses one.")
+    ] = _PORT,
+    count: Annotated[
+        int | None, typer.Option("--count", metavar="N", min=1, help="End after so many requests.", show_default=False)
+    ] = None,
+    duration: Annotated[
+        str | None, typer.Option("--for", metavar="DURATION", help="End after this time.", show_default=False)
+    ] = None,
+    allow_network: NetworkOption = False,
+    keys: Annotated[bool, typer.Option("--keys", help="List all keys of a table and their meaning.")] = False,
+    utc: Annotated[bool, typer.Option("--utc", help="Show times in UTC.")] = False,
+    colour: ColourOption = "auto",
+) -> None:
+    """Answer requests of the Parameter Manager as a controller does, with the parameters of a table.
+
+    Prints a line for each request. Writes change values while it runs, never the file. What is to go wrong stands in
+    the table: refusals, delays, silence, busy. Only this machine can ask, unless --bind names an address in a private
+    network; all addresses and others need --allow-network. Ctrl-C ends it.
+    """
+    from nvscope.plc.parameter.table import document, read_served
+
+    if keys:
+        echo(document())
+        return
+    if table is None:
+        raise UsageError("a table is needed", next_step="nvscope sdo serve --keys lists what it can say")
+    lasts_ns = None if duration is None else duration_ns("--for", duration)
+    served = read_served(table)
+
+    import time
+
+    from nvscope.cli.live import LiveRun
+    from nvscope.cli.sending import Stop
+    from nvscope.plc.parameter.controller import Controller, Handled
+    from nvscope.plc.parameter.log import counts, request_row
+    from nvscope.plc.parameter.server import ParameterServer
+    from nvscope.plc.permission import address_of
+    from nvscope.report import sdo_log
+    from nvscope.units import count_of
+    from nvscope.view.escape import visible
+
+    controller, stop, shown = Controller(served), Stop(), colour_wanted(colour)
+
+    def told(handled: Handled, address: str, source_port: int) -> None:
+        row = request_row(handled, address, source_port, time.time_ns())
+        echo(sdo_log.render(row, colour=shown, utc=utc), nl=False, color=shown)
+
+    own = address_of(bind)
+    with ParameterServer(controller, own, port, allow_network=allow_network) as server, LiveRun(stop, quiet=True):
+        where = f"[{own}]" if ":" in own else own
+        parameters = count_of(len(served.entries), "parameter")
+        echo(f"nvscope: {visible(table)}: {parameters} at {where}:{server.port}; Ctrl-C ends.", err=True)
+        server.run(told, lambda: stop.asked, count=count, lasts_ns=lasts_ns)
+    echo(f"nvscope: {sdo_log.summary(counts(controller), controller.ignored)}.", err=True)
+
+
+def _finish(document: dict[str, Any], *, as_json: bool, colour: bool) -> None:
+    """Print what came of it, and say what is wrong with it; exits with the code for that."""
+    from nvscope.report import sdo as face
+
+    if as_json or face.render(document):
+        tell(document, partial(face.render, colour=colour, width=width()), as_json=as_json, colour=colour)
+    from nvscope.view.escape import visible
+
+    for remark in face.remarks(document):
+        echo(f"nvscope: {visible(remark)}.", err=True)
+    if failed := face.failure(document):
+        where, what, next_step = map(visible, failed)
+        echo(f"nvscope: {where}: {what}\n  {next_step}", err=True)
+    elif document["outcome"] == "cancelled":
+        echo("nvscope: nothing was written.", err=True)
+    if code := _CODES.get(document["outcome"]):
+        raise typer.Exit(code)
+
+
+def _parameter(
+    address: str, words: Sequence[str], project: str | None, type_name: str | None, port: int
+) -> tuple[Parameter, Sequence[str]]:
+    """Return what is asked for, and the words behind it; UsageError where that cannot be understood."""
+    from nvscope.definition.parameter_place import parameter_place, place_number
+    from nvscope.plc.parameter.document import Parameter
+    from nvscope.plc.permission import address_of
+
+    plant = project_of(project, None)
+    named = next((known for known, name in plant.node_names.items() if name == address), None)
+    partner = named or address_of(address)
+    if place_number(words[0]) is not None and len(words) > 1 and place_number(words[1]) is not None:
+        place, rest = (place_number(words[0]) or 0, place_number(words[1]) or 0), words[2:]
+    elif (found := parameter_place(words[0])) is not None and not found[0]:
+        place, rest = found[1:], words[1:]
+    elif _is_number(words[0]):
+        raise _not_understood(words)
+    else:
+        place, rest = _place_of(plant, partner, words[0]), words[1:]
+    known = plant.definition.parameters and plant.definition.parameters.of(partner, *place)
+    kind = _type(type_name) if type_name is not None else known.type if known else None
+    node_name = plant.node_names.get(partner, "")
+    return Parameter(partner, port, *place, node_name, known.name if known else "", kind), rest
+
+
+def _is_number(word: str) -> bool:
+    return word[:1].isdecimal() or word.startswith("-")
+
+
+def _not_understood(words: Sequence[str]) -> UsageError:
+    return UsageError(
+        f"{' '.join(words[:2])[:80]}: expected INDEX and SUBINDEX from 0 to 65535, or a name",
+        next_step="for example 0x2000 1",
+    )
+
+
+def _place_of(plant: Project, partner: str, name: str) -> tuple[int, int]:
+    """Return Index and SubIndex of a parameter of a node by its name."""
+    known = plant.definition.parameters.known if plant.definition.parameters else ()
+    mine = [one for one in known if one.name == name and one.node in (partner, "")]
+    mine = [one for one in mine if one.node] or mine
+    if len(mine) == 1:
+        return mine[0].index, mine[0].subindex
+    if mine:
+        places = ", ".join(f"0x{one.index:04x} {one.subindex}" for one in mine[:5])
+        raise UsageError(f"several parameters are called '{name[:60]}'", next_step=f"name one of them: {places}")
+    names = [one.name for one in known if one.name and one.node in (partner, "")]
+    from nvscope.toml_table import nearest
+
+    raise UsageError(
+        f"no parameter of {partner} is called '{name[:60]}'",
+        next_step=nearest(name, names) or "write Index and SubIndex, such as 0x2000 1; [parameters] of the project "
+        "file gives names",
+    )  # fmt: skip
+
+
+def _type(name: str) -> ParameterType:
+    from nvscope.definition.parameter_type import known_parameter_types, parameter_type
+
+    found = parameter_type(name)
+    if found is None:
+        raise UsageError(
+            f"--type {name[:60]}: no type that a parameter can have here", next_step=known_parameter_types()
+        )
+    return found
+
+
+def _encoded(kind: ParameterType | None, values: Sequence[str]) -> bytes:
+    """Return the bytes of the values of all elements; UsageError where they are none of the type."""
+    if not values:
+        raise UsageError("a value is missing", next_step="write it behind the parameter")
+    if kind is None:
+        raise UsageError(
+            "the type of the parameter is not known, and without it nobody knows its bytes",
+            next_step="name it with --type, or in [parameters] of the project file",
+        )
+    from nvscope.plc.parameter.message import MOST_DATA_BYTES
+    from nvscope.view.entered_value import bytes_of
+
+    try:
+        data = b"".join(bytes_of(kind, value) for value in values)
+    except ValueError as error:
+        raise UsageError(str(error), next_step=f"the type is {kind.name}") from None
+    if len(data) > MOST_DATA_BYTES:
+        raise UsageError(f"the value has {len(data)} bytes", next_step=f"no more than {MOST_DATA_BYTES} are sent")
+    return data
+
+
+def _patience(timeout: str, retries: int) -> Patience:
+    from nvscope.plc.parameter.conversation import MOST_TIMEOUT_NS, Patience
+
+    timeout_ns = duration_ns("--timeout", timeout)
+    if timeout_ns > MOST_TIMEOUT_NS:
+        raise UsageError(f"--timeout {timeout}: no more than ten minutes", next_step="--retries asks again")
+    return Patience(timeout_ns, retries)
+
+
+def _first_counter() -> int:
+    """Return a Counter by which what came of an earlier run, to the same port, is told apart."""
+    return int.from_bytes(os.urandom(2), "little")
+
+
+def _after(counter: int, steps: int = 1) -> int:
+    return counter + steps & 0xFFFF
+
+
+def _can_ask() -> bool:
+    return sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()
+
+
+def _said_yes(question: str) -> bool:
+    echo(f"{question} [y/N] ", err=True, nl=False)
+    return sys.stdin.readline().strip().lower() in ("y", "yes")
