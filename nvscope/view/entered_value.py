@@ -122,8 +122,8 @@ def _time_ns(kind: Scalar, text: str) -> int | None:
 
 
 def _string(kind: String, text: str) -> bytes:
-    quote = '"' if kind.wide else "'"
-    if len(text) > 1 and text[0] == text[-1] == quote:
+    # As they are shown, or as IEC 61131-3 has those of WSTRING.
+    if len(text) > 1 and text[0] == text[-1] and text[0] in ("'\"" if kind.wide else "'"):
         text = text[1:-1]
     if len(text) > kind.length:
         raise ValueError(f"the text has {len(text)} characters, a {kind.name} has room for {kind.length}")

@@ -134,7 +134,7 @@ def _text(kind: ParameterType, value: Any) -> str:
         if not isinstance(value, str):
             raise ValueError(f"a text is expected for a {kind.name}")
         # In quotes it is taken as it is, whatever quotes it has itself.
-        return f'"{value}"' if kind.wide else f"'{value}'"
+        return f"'{value}'"
     if isinstance(value, bool):
         return "TRUE" if value else "FALSE"
     if isinstance(value, int | float | str):
