@@ -132,7 +132,7 @@ def _string(kind: String, text: str) -> bytes:
     try:
         encoded = text.encode("utf-16-le" if kind.wide else "iso-8859-1")
     except UnicodeEncodeError as error:
-        told = f"{text[error.start]!a}: no character of a {kind.name}"
+        told = f"'{text[error.start]}' is no character of a {kind.name}"
         raise ValueError(told + ("" if kind.wide else ", which has those of ISO-8859-1 (Western Europe)")) from None
     room = kind.size_bytes - (2 if kind.wide else 1)
     if len(encoded) > room:

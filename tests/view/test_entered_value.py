@@ -83,7 +83,7 @@ def test_what_is_entered_is_these_bytes(name: str, text: str, expected: bytes) -
         ("STRING(3)", "a\0b", "ends at its first NUL"),
         ("STRING(3)", "б", "ISO-8859-1"),
         ("WSTRING(3)", "\U0001f600\U0001f600", "8 bytes"),
-        ("WSTRING(3)", "\ud800", "no character"),
+        ("WSTRING(3)", "\ud800", "is no character"),
         ("CHAR", "4", "2 hexadecimal digits"),
     ],
 )

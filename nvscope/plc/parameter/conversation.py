@@ -24,7 +24,7 @@ TIMEOUT_NS = 500_000_000
 
 MOST_TIMEOUT_NS = 600_000_000_000
 MOST_RETRIES = 100
-_SHORTEST_PAUSE_NS, _PAUSES = 1_000_000, 10
+_SHORTEST_PAUSE_NS, _LONGEST_PAUSE_NS, _PAUSES = 1_000_000, 100_000_000, 10
 _MOST_OTHERS = 5
 
 
@@ -84,7 +84,8 @@ class Outcome:
 class Conversation:
     """A request that waits for its answer from a partner, which is known by its address.
 
-    Busy is asked again within the timeout, ten times at most. Whatever else comes is counted and changes nothing.
+    Busy is asked again within the timeout, after a tenth of it or 100 ms. Whatever else comes is counted, and changes
+    nothing.
     """
 
     def __init__(self, request: Message, partner: str, patience: Patience) -> None:
@@ -165,7 +166,8 @@ class Conversation:
             return
         self._busy += 1
         self._is_busy = True
-        self._send_at_ns = now_ns + max(self._patience.timeout_ns // _PAUSES, _SHORTEST_PAUSE_NS)
+        pause_ns = min(self._patience.timeout_ns // _PAUSES, _LONGEST_PAUSE_NS)
+        self._send_at_ns = now_ns + max(pause_ns, _SHORTEST_PAUSE_NS)
 
     def _sent(self, now_ns: int) -> bytes:
         self._transmissions += 1
