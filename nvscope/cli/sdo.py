@@ -14,7 +14,6 @@ import typer
 from nvscope.cli.completion import nodes, parameter_types, parameters
 from nvscope.cli.definitions import ProjectOption, project_of
 from nvscope.cli.help import Command, Group
-from nvscope.cli.sending import NetworkOption
 from nvscope.cli.sources import duration_ns
 from nvscope.cli.terminal import ColourOption, colour_wanted, echo, tell, width
 from nvscope.errors import ExitCode, UsageError
@@ -28,6 +27,8 @@ if TYPE_CHECKING:
 _PORT = 1202
 _MOST_ITEMS = 4_096
 _MOST_RETRIES = 100
+_ADDRESS = "for example 192.168.1.20, or the name that it has in [nodes] of the project file"
+_BOUND = "for example --bind 192.168.1.20"
 _OPTION = re.compile(r"--?[A-Za-z]")
 _CODES = {
     "refused": ExitCode.ASSERTION_FAILED, "differs": ExitCode.ASSERTION_FAILED, "misfit": ExitCode.DATA_LOSS,
@@ -67,6 +68,9 @@ RetriesOption = Annotated[
     typer.Option(
         "--retries", metavar="N", min=0, max=_MOST_RETRIES, help="How many times it is asked again without an answer."
     ),
+]
+NetworkOption = Annotated[
+    bool, typer.Option("--allow-network", help="Send also to what is neither this machine nor in a private network.")
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print what came of it as JSON (nvscope.sdo/1).")]
 
@@ -108,7 +112,9 @@ def read(
     patience = _patience(timeout, retries)
     parameter, rest = _parameter(address, words, project, type_name, port)
     if rest:
-        raise UsageError(f"{rest[0][:60]} is too much", next_step="nvscope sdo write writes values; read takes none")
+        raise UsageError(
+            f"{rest[0][:60]} is too much", next_step="values are written with the verb write; read takes none"
+        )
 
     from dissectors.netvar import Service
     from nvscope.plc.parameter.document import read_document
@@ -127,7 +133,7 @@ def write(
     words: Annotated[
         list[str],
         typer.Argument(
-            metavar="INDEX SUBINDEX VALUE... | NAME VALUE...",
+            metavar="INDEX SUBINDEX VALUE | NAME VALUE",
             help="The parameter as for read, and its value: 12, 0xFF, 12.5, TRUE, T#1s500ms, a text; of an array, "
             "those of all its elements.",
             autocompletion=parameters,
@@ -229,7 +235,7 @@ def serve(
         echo(document())
         return
     if table is None:
-        raise UsageError("a table is needed", next_step="nvscope sdo serve --keys lists what it can say")
+        raise UsageError("a table is needed", next_step="`nvscope sdo serve --keys` lists what it can say")
     lasts_ns = None if duration is None else duration_ns("--for", duration)
     served = read_served(table)
 
@@ -251,7 +257,7 @@ def serve(
         row = request_row(handled, address, source_port, time.time_ns())
         echo(sdo_log.render(row, colour=shown, utc=utc), nl=False, color=shown)
 
-    own = address_of(bind)
+    own = address_of(bind, _BOUND)
     with ParameterServer(controller, own, port, allow_network=allow_network) as server, LiveRun(stop, quiet=True):
         where = f"[{own}]" if ":" in own else own
         parameters = count_of(len(served.entries), "parameter")
@@ -289,7 +295,7 @@ def _parameter(
 
     plant = project_of(project, None)
     named = next((known for known, name in plant.node_names.items() if name == address), None)
-    partner = named or address_of(address)
+    partner = named or address_of(address, _ADDRESS)
     if place_number(words[0]) is not None and len(words) > 1 and place_number(words[1]) is not None:
         place, rest = (place_number(words[0]) or 0, place_number(words[1]) or 0), words[2:]
     elif (found := parameter_place(words[0])) is not None and not found[0]:

@@ -11,16 +11,17 @@ from nvscope.errors import UsageError
 _LOCAL = "127.0.0.1"
 
 
-def address_of(text: str) -> str:
-    """Return an address as it is used; UsageError for what is none, names but localhost among it."""
+def address_of(text: str, example: str = "for example udp://127.0.0.1:1202") -> str:
+    """Return an address as it is used; UsageError for what is none, names but localhost among it.
+
+    ``example`` says what to do then.
+    """
     if text == "localhost":
         return _LOCAL
     try:
         return str(ipaddress.ip_address(text.strip("[]")))
     except ValueError:
-        raise UsageError(
-            f"{text[:80]}: expected an IP address, or localhost", next_step="for example udp://127.0.0.1:1202"
-        ) from None
+        raise UsageError(f"{text[:80]}: expected an IP address, or localhost", next_step=example) from None
 
 
 def is_loopback(address: str) -> bool:

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from nvscope.cli.help import EXAMPLES
 from tests.plc.parameter.peers import LOCAL, Served, bound, peer, running, served, unused_port
 from tests.plc.parameter.wire import BUSY, INDEX, READ, READ_REPLY, WRITE, WRITE_REPLY, heard, said
 from tests.program import COMMAND, run_text
@@ -312,6 +313,20 @@ def test_an_answer_cannot_write_to_the_terminal() -> None:
         done = sdo("read", "1", "2", "--type", "WSTRING(40)", port=one.port)
     assert done.returncode == 0
     assert all(character.isprintable() for character in done.stdout.removesuffix("\n"))
+
+
+EXAMPLE_LINES = [line for verb in ("sdo read", "sdo write") for line, _ in EXAMPLES[verb]]
+
+
+@pytest.mark.parametrize("line", EXAMPLE_LINES)
+def test_the_examples_of_the_help_do_what_they_say(tmp_path: Path, line: str) -> None:
+    """They do when a controller on this machine is asked, and nobody is to be asked before it is written."""
+    words = line.replace("192.168.1.20", LOCAL).split()[1:]
+    (tmp_path / "nvscope.toml").write_text(PROJECT, encoding="utf-8")
+    with served(tmp_path, TABLE) as one:
+        yes = ["--yes"] if words[1] == "write" and "--yes" not in words else []
+        done = run_text(*words, *yes, *LONG, "--port", str(one.port), cwd=tmp_path)
+    assert (done.returncode, bool(done.stdout)) == (0, True), done.stderr
 
 
 def test_the_helper_that_runs_partners_tells_what_they_raise() -> None:
