@@ -14,6 +14,7 @@ import typer
 from nvscope.cli.completion import nodes, parameter_types, parameters
 from nvscope.cli.definitions import ProjectOption, project_of
 from nvscope.cli.help import Command, Group
+from nvscope.cli.sdo_serve import NetworkOption, serve
 from nvscope.cli.sources import duration_ns
 from nvscope.cli.terminal import ColourOption, colour_wanted, echo, tell, width
 from nvscope.errors import ExitCode, UsageError
@@ -23,12 +24,12 @@ if TYPE_CHECKING:
     from nvscope.definition.project import Project
     from nvscope.plc.parameter.conversation import Patience
     from nvscope.plc.parameter.document import Parameter
+    from nvscope.plc.parameter.link import ParameterLink
 
 _PORT = 1202
 _MOST_ITEMS = 4_096
 _MOST_RETRIES = 100
 _ADDRESS = "for example 192.168.1.20, or the name that it has in [nodes] of the project file"
-_BOUND = "for example --bind 192.168.1.20"
 _OPTION = re.compile(r"--?[A-Za-z]")
 _CODES = {
     "refused": ExitCode.ASSERTION_FAILED, "differs": ExitCode.ASSERTION_FAILED, "misfit": ExitCode.DATA_LOSS,
@@ -68,9 +69,6 @@ RetriesOption = Annotated[
     typer.Option(
         "--retries", metavar="N", min=0, max=_MOST_RETRIES, help="How many times it is asked again without an answer."
     ),
-]
-NetworkOption = Annotated[
-    bool, typer.Option("--allow-network", help="Send also to what is neither this machine nor in a private network.")
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print what came of it as JSON (nvscope.sdo/1).")]
 
@@ -124,7 +122,7 @@ def read(
     request = Message(Service.ODReadRequest, parameter.index, parameter.subindex, _first_counter(), items)
     with ParameterLink(parameter.address, port, allow_network=allow_network) as link:
         document = read_document(parameter, link.ask(request, patience))
-    _finish(document, as_json=as_json, colour=colour_wanted(colour))
+    _finish(document, link, as_json=as_json, colour=colour_wanted(colour))
 
 
 @app.command(cls=Command, context_settings={"ignore_unknown_options": True})
@@ -174,11 +172,11 @@ def write(
 
     with ParameterLink(parameter.address, port, allow_network=allow_network) as link:
         document = _write(link, parameter, len(values), data, patience, yes=yes)
-    _finish(document, as_json=as_json, colour=colour_wanted(colour))
+    _finish(document, link, as_json=as_json, colour=colour_wanted(colour))
 
 
 def _write(
-    link: Any, parameter: Parameter, items: int, data: bytes, patience: Patience, *, yes: bool
+    link: ParameterLink, parameter: Parameter, items: int, data: bytes, patience: Patience, *, yes: bool
 ) -> dict[str, Any]:  # fmt: skip
     """Read, ask, write and read back, as far as each of them is worth it; return what came of it all."""
     from dissectors.netvar import Service
@@ -205,68 +203,10 @@ def _write(
     return told()
 
 
-@app.command(cls=Command)
-def serve(
-    table: Annotated[str | None, typer.Argument(metavar="TABLE.toml", show_default=False)] = None,
-    bind: Annotated[str, typer.Option("--bind", metavar="ADDRESS", help="The address of this machine.")] = "127.0.0.1",
-    port: Annotated[
-        int, typer.Option("--port", metavar="PORT", min=0, max=0xFFFF, help="UDP port; 0: the system chooses one.")
-    ] = _PORT,
-    count: Annotated[
-        int | None, typer.Option("--count", metavar="N", min=1, help="End after so many requests.", show_default=False)
-    ] = None,
-    duration: Annotated[
-        str | None, typer.Option("--for", metavar="DURATION", help="End after this time.", show_default=False)
-    ] = None,
-    allow_network: NetworkOption = False,
-    keys: Annotated[bool, typer.Option("--keys", help="List all keys of a table and their meaning.")] = False,
-    utc: Annotated[bool, typer.Option("--utc", help="Show times in UTC.")] = False,
-    colour: ColourOption = "auto",
-) -> None:
-    """Answer requests of the Parameter Manager as a controller does, with the parameters of a table.
-
-    Prints a line for each request. Writes change values while it runs, never the file. What is to go wrong stands in
-    the table: refusals, delays, silence, busy. Only this machine can ask, unless --bind names an address in a private
-    network; all addresses and others need --allow-network. Ctrl-C ends it.
-    """
-    from nvscope.plc.parameter.table import document, read_served
-
-    if keys:
-        echo(document())
-        return
-    if table is None:
-        raise UsageError("a table is needed", next_step="`nvscope sdo serve --keys` lists what it can say")
-    lasts_ns = None if duration is None else duration_ns("--for", duration)
-    served = read_served(table)
-
-    import time
-
-    from nvscope.cli.live import LiveRun
-    from nvscope.cli.sending import Stop
-    from nvscope.plc.parameter.controller import Controller, Handled
-    from nvscope.plc.parameter.log import counts, request_row
-    from nvscope.plc.parameter.server import ParameterServer
-    from nvscope.plc.permission import address_of
-    from nvscope.report import sdo_log
-    from nvscope.units import count_of
-    from nvscope.view.escape import visible
-
-    controller, stop, shown = Controller(served), Stop(), colour_wanted(colour)
-
-    def told(handled: Handled, address: str, source_port: int) -> None:
-        row = request_row(handled, address, source_port, time.time_ns())
-        echo(sdo_log.render(row, colour=shown, utc=utc), nl=False, color=shown)
-
-    own = address_of(bind, _BOUND)
-    with ParameterServer(controller, own, port, allow_network=allow_network) as server, LiveRun(stop, quiet=True):
-        where = f"[{own}]" if ":" in own else own
-        parameters = count_of(len(served.entries), "parameter")
-        echo(f"nvscope: {visible(table)}: {parameters} at {where}:{server.port}; Ctrl-C ends.", err=True)
-        server.run(told, lambda: stop.asked, count=count, lasts_ns=lasts_ns)
-    echo(f"nvscope: {sdo_log.summary(counts(controller), controller.ignored)}.", err=True)
+app.command(cls=Command)(serve)
 
 
-def _finish(document: dict[str, Any], *, as_json: bool, colour: bool) -> None:
+def _finish(document: dict[str, Any], link: ParameterLink, *, as_json: bool, colour: bool) -> None:
     """Print what came of it, and say what is wrong with it; exits with the code for that."""
     from nvscope.report import sdo as face
 
@@ -279,6 +219,9 @@ def _finish(document: dict[str, Any], *, as_json: bool, colour: bool) -> None:
     if failed := face.failure(document):
         where, what, next_step = map(visible, failed)
         echo(f"nvscope: {where}: {what}\n  {next_step}", err=True)
+        if document["outcome"] == "silent" and link.is_port_taken:
+            port = document["port"]
+            echo(f"  another program has port {port} here: an answer to that port does not come", err=True)
     elif document["outcome"] == "cancelled":
         echo("nvscope: nothing was written.", err=True)
     if code := _CODES.get(document["outcome"]):

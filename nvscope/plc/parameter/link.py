@@ -9,7 +9,6 @@ import socket
 import struct
 import sys
 import time
-from contextlib import suppress
 from types import TracebackType
 from typing import Self
 
@@ -39,8 +38,8 @@ _WHY = {
 class ParameterLink:
     """Asks one partner, by its address and port; UsageError where it may not be sent there, before anything is opened.
 
-    What is sent to another machine comes from the same port, if nobody else has it here: a controller may answer to
-    that (``has_own_port``). CaptureError where a socket cannot be opened, or nothing be sent.
+    What is sent to another machine comes from the same port, since a controller may answer to that; not where another
+    program has it here (``is_port_taken``). CaptureError where a socket cannot be opened, or nothing be sent.
     """
 
     def __init__(self, address: str, port: int, *, allow_network: bool = False) -> None:
@@ -54,7 +53,7 @@ class ParameterLink:
             raise refuse_far(address)
         self._partner, self._where = str(partner), f"{address}:{port}"
         self._family, _, _, _, self._target = self._resolved(address, port)
-        self.has_own_port = False
+        self.is_port_taken = False
         self._socket = self._opened(address, port)
 
     def _resolved(self, address: str, port: int) -> tuple[int, int, int, str, tuple[object, ...]]:
@@ -73,9 +72,10 @@ class ParameterLink:
         except OSError as error:
             raise self._failure(error) from error
         if not is_loopback(address) and str(plain_address(own[0])) != self._partner:
-            with suppress(OSError):  # somebody listens there
+            try:
                 opened.bind((own[0], port, *own[2:]))
-                self.has_own_port = True
+            except OSError:
+                self.is_port_taken = True
         opened.setblocking(False)
         if _LINUX:
             opened.setsockopt(*_RECVERR[socket.AddressFamily(self._family)], 1)
