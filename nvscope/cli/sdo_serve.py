@@ -61,7 +61,7 @@ def serve(
     from nvscope.plc.parameter.server import ParameterServer
     from nvscope.plc.permission import address_of
     from nvscope.report import sdo_log
-    from nvscope.units import count_of
+    from nvscope.units import count_of, endpoint
     from nvscope.view.escape import visible
 
     controller, stop, shown = Controller(served), Stop(), colour_wanted(colour)
@@ -72,9 +72,8 @@ def serve(
 
     own = address_of(bind, _BOUND)
     with ParameterServer(controller, own, port, allow_network=allow_network) as server, LiveRun(stop, quiet=True):
-        where = f"[{own}]" if ":" in own else own
         parameters = count_of(len(served.entries), "parameter")
-        echo(f"nvscope: {visible(table)}: {parameters} at {where}:{server.port}; Ctrl-C ends.", err=True)
+        echo(f"nvscope: {visible(table)}: {parameters} at {endpoint(own, server.port)}; Ctrl-C ends.", err=True)
         server.run(told, lambda: stop.asked, count=count, lasts_ns=lasts_ns)
     if stop.asked and sys.stderr.isatty():
         echo("\r\x1b[K", err=True, nl=False)  # over the ^C

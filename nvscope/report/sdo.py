@@ -87,12 +87,9 @@ def _written(document: Document) -> Iterator[Line]:
     was = _UNREAD if before is None else value_text(before)
     about = f"   {document['type']}, {duration(document['exchanges'][1]['latency_ns'])} to write"
     if document["outcome"] == "differs":
-        # Two of one text may differ in what it does not show.
-        same = value_text(value) == wanted
-        read = f"{value_text(value)}{f' ({_bytes(value, _MOST_BYTES)})' if same else ''}"
         yield [
             Cell("✗ ", Tone.ERROR), Cell(name), Cell(f": {was} → {wanted} was written and confirmed, "),
-            Cell(f"but {read} is what it holds", Tone.ERROR), Cell(about, Tone.FAINT),
+            Cell(f"but {value_text(value)} is what it holds", Tone.ERROR), Cell(about, Tone.FAINT),
         ]  # fmt: skip
         return
     behind = ", read back" if value is not None else ", not read back"
@@ -213,8 +210,7 @@ def _name(document: Document) -> str:
 
 
 def _partner(document: Document) -> str:
-    address = str(document["partner"])
-    where = f"[{address}]:{document['port']}" if ":" in address else f"{address}:{document['port']}"
+    where = units.endpoint(str(document["partner"]), document["port"])
     return f"{document['partner_name']} ({where})" if document["partner_name"] else where
 
 

@@ -21,12 +21,11 @@ def render(row: Mapping[str, Any], *, colour: bool = False, utc: bool = False) -
 
 
 def _line(row: Mapping[str, Any], utc: bool) -> Line:
-    address = f"[{row['address']}]" if ":" in row["address"] else row["address"]
     place = units.parameter(row["index"], row["subindex"])
     name = f"{row['name']} ({place})" if row["name"] else place
     return [
         Cell(f"{clock_time(row['time_ns'], utc=utc)}  ", Tone.FAINT),
-        Cell(f"{address}:{row['port']}  {_VERBS[row['request']]} {name}  "),
+        Cell(f"{units.endpoint(row['address'], row['port'])}  {_VERBS[row['request']]} {name}  "),
         *_outcome(row),
         *([Cell(f"  {duration(row['delay_ns'])} later", Tone.FAINT)] if row["delay_ns"] else ()),
     ]

@@ -54,7 +54,7 @@ def bytes_of(kind: Scalar | String, text: str) -> bytes:
 def _range(kind: Scalar, low: int, high: int) -> str:
     if not kind.unit_ns:
         return f"{low} to {high}"
-    from nvscope.view.documents.variables import text_of  # noqa: PLC0415  # only where something is wrong
+    from nvscope.view.value_texts import text_of  # noqa: PLC0415  # only where something is wrong
 
     return f"{text_of(kind, low)} to {text_of(kind, high)}"
 

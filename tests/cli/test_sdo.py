@@ -236,6 +236,18 @@ def test_what_is_read_back_otherwise_is_told_loudly(controller: Served) -> None:
     assert "0x2004:0 does not hold what was written" in done.stderr
 
 
+def test_what_is_behind_the_end_of_a_text_is_not_compared() -> None:
+    def answering(came: bytes, number: int) -> list[bytes]:
+        asked = heard(came)
+        if asked.service == WRITE:
+            return [said(WRITE_REPLY, *asked[1:5])]
+        return [said(READ_REPLY, *asked[1:5], b"before" if number == 0 else b"ab\0ore")]
+
+    with peer(answering) as one:
+        done = sdo("write", "1", "2", "ab", "--type", "STRING(5)", "--yes", port=one.port)
+    assert (done.returncode, done.stdout[:25]) == (0, "0x0001:2: 'before' → 'ab'"), done.stderr
+
+
 def test_what_can_only_be_written_is(controller: Served) -> None:
     done = sdo("write", "0x2005", "0", "TRUE", "--type", "BOOL", "--yes", port=controller.port)
     assert (done.returncode, done.stderr) == (0, "")
@@ -273,12 +285,16 @@ def test_a_person_is_asked(controller: Served, answer: str, code: int, written: 
     with subprocess.Popen([*COMMAND, *words], stdin=theirs, stderr=theirs, stdout=subprocess.PIPE, text=True) as asking:
         os.close(theirs)
         shown = b""
-        while b"[y/N]" not in shown:
-            shown += os.read(ours, 1_000)
-        assert [one.request.service for one in controller.handled] == [READ]
-        os.write(ours, f"{answer}\n".encode())
-        out, _ = asking.communicate(timeout=20)
-        os.close(ours)
+        try:
+            while b"[y/N]" not in shown:
+                shown += os.read(ours, 1_000)
+            asked_before = [one.request.service for one in controller.handled]
+            os.write(ours, f"{answer}\n".encode())
+            out, _ = asking.communicate(timeout=20)
+        finally:
+            asking.kill()
+            os.close(ours)
+    assert asked_before == [READ]
     assert f"0x2000:1 of {LOCAL}:{controller.port} is 12.5. Write 7? [y/N] " in " ".join(shown.decode().split()) + " "
     assert (asking.returncode, out[:18] == "0x2000:1: 12.5 → 7") == (code, written)
     assert (WRITE in [one.request.service for one in controller.handled]) == written

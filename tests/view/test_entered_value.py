@@ -16,8 +16,8 @@ from nvscope.definition.parameter_type import parameter_type
 from nvscope.definition.scalars import SCALARS
 from nvscope.definition.value import value_of
 from nvscope.definition.variables import Scalar, String
-from nvscope.view.documents.variables import exact_text
 from nvscope.view.entered_value import bytes_of
+from nvscope.view.value_texts import exact_text
 from tests.laws import examples
 
 KNOWN = [kind for kind in SCALARS.values() if kind.size_bytes]

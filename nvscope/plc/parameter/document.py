@@ -10,7 +10,7 @@ from dissectors.netvar import Service
 from nvscope.definition.value import value_of
 from nvscope.plc.parameter.conversation import Ending, Ignored, Outcome
 from nvscope.version import head
-from nvscope.view.documents.variables import exact_text, json_value, unit_of
+from nvscope.view.value_texts import exact_text, json_value, unit_of
 
 if TYPE_CHECKING:
     from nvscope.definition.parameters import ParameterType
@@ -69,6 +69,7 @@ def write_document(
     ``cancelled``: somebody did not want it when the value before was known.
     """
     before, after = _answered(parameter, outcomes[0]), None
+    wanted = value_row(parameter.type, items, data)
     if cancelled:
         verdict: Verdict = "cancelled"
     elif len(outcomes) == 1 and before is not None:
@@ -80,9 +81,9 @@ def write_document(
         if after is None:
             # Who wrote it was told that it is written: of what can only be written, nobody can know more.
             verdict = "written" if _is_write_only(outcomes[2]) else "unverified"
-        elif (after["items"], after["bytes"]) != (items, data.hex()):
+        elif (after["items"], after["elements"]) != (items, wanted["elements"]):
+            # By values: what is behind the end of a text may be anything.
             verdict = "differs"
-    wanted = value_row(parameter.type, items, data)
     return _document(parameter, "write", verdict, outcomes, value=after, before=before, wanted=wanted)
 
 

@@ -17,6 +17,7 @@ from nvscope.errors import CaptureError, UsageError
 from nvscope.plc.parameter.conversation import Conversation, Outcome, Patience
 from nvscope.plc.parameter.message import Message
 from nvscope.plc.permission import is_loopback, is_near, plain_address, refuse_far
+from nvscope.units import endpoint
 
 _DATAGRAM_BYTES = 65_535
 _LONGEST_WAIT_NS = 100_000_000
@@ -51,7 +52,7 @@ class ParameterLink:
             )
         if not allow_network and not is_near(address):
             raise refuse_far(address)
-        self._partner, self._where = str(partner), f"{address}:{port}"
+        self._partner, self._where = str(partner), endpoint(address, port)
         self._family, _, _, _, self._target = self._resolved(address, port)
         self.is_port_taken = False
         self._socket = self._opened(address, port)

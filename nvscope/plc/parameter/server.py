@@ -13,6 +13,7 @@ from typing import Any, Self
 from nvscope.errors import CaptureError, UsageError
 from nvscope.plc.parameter.controller import Controller, Handled
 from nvscope.plc.permission import is_near, plain_address
+from nvscope.units import endpoint
 
 FAR, UNSENT = "from outside of private networks", "answers that could not be sent"
 _DATAGRAM_BYTES = 65_535
@@ -147,6 +148,6 @@ class ParameterServer:
 
 def _failure(address: str, port: int, error: OSError) -> CaptureError:
     return CaptureError(
-        f"cannot be answered at: {error.strerror or error}", where=f"{address}:{port}",
+        f"cannot be answered at: {error.strerror or error}", where=endpoint(address, port),
         next_step="name an address of this machine with --bind, and with --port a port that no other program has",
     )  # fmt: skip

@@ -7,10 +7,11 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
 from nvscope.plc.parameter.controller import Controller, Handled
 from nvscope.plc.parameter.server import ParameterServer
-from nvscope.plc.parameter.table import read_served
+from nvscope.plc.parameter.table import ServedTable, read_served
 
 LOCAL = "127.0.0.1"
 WAIT_S = 20.0
@@ -54,15 +55,29 @@ def running(target: Callable[[Callable[[], bool]], None]) -> Iterator[None]:
         raise raised[0]
 
 
-class Served:
-    """A controller that is running: its port, and what it was asked."""
+class Recording(Controller):
+    """A controller that keeps what it is asked, before anybody has the answer."""
 
-    def __init__(self, server: ParameterServer, controller: Controller) -> None:
-        self.port, self.controller, self._server = server.port, controller, server
+    def __init__(self, table: ServedTable) -> None:
+        super().__init__(table)
         self.handled: list[Handled] = []
 
-    def run(self, is_stopped: Callable[[], bool]) -> None:
-        self._server.run(lambda handled, address, port: self.handled.append(handled), is_stopped)
+    def received(self, payload: bytes) -> Handled | None:
+        handled = super().received(payload)
+        if handled is not None:
+            self.handled.append(handled)
+        return handled
+
+
+class Served(NamedTuple):
+    """A controller that is running, and its port."""
+
+    port: int
+    controller: Recording
+
+    @property
+    def handled(self) -> list[Handled]:
+        return self.controller.handled
 
 
 @contextmanager
@@ -70,11 +85,12 @@ def served(folder: Path, table: str) -> Iterator[Served]:
     """Run a controller with a table."""
     path = folder / "served.toml"
     path.write_text(f"[parameters]\n{table}\n", encoding="utf-8")
-    controller = Controller(read_served(path))
-    with ParameterServer(controller, LOCAL, 0) as server:
-        one = Served(server, controller)
-        with running(one.run):
-            yield one
+    controller = Recording(read_served(path))
+    with (
+        ParameterServer(controller, LOCAL, 0) as server,
+        running(lambda is_stopped: server.run(lambda *_: None, is_stopped)),
+    ):
+        yield Served(server.port, controller)
 
 
 Answering = Callable[[bytes, int], Sequence[bytes]]
