@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import sys
 from collections.abc import Sequence
@@ -114,14 +113,11 @@ def read(
             f"{rest[0][:60]} is too much", next_step="values are written with the verb write; read takes none"
         )
 
-    from dissectors.netvar import Service
-    from nvscope.plc.parameter.document import read_document
+    from nvscope.plc.parameter import access
     from nvscope.plc.parameter.link import ParameterLink
-    from nvscope.plc.parameter.message import Message
 
-    request = Message(Service.ODReadRequest, parameter.index, parameter.subindex, _first_counter(), items)
     with ParameterLink(parameter.address, port, allow_network=allow_network) as link:
-        document = read_document(parameter, link.ask(request, patience))
+        document = access.read(link, parameter, items, patience)
     _finish(document, link, as_json=as_json, colour=colour_wanted(colour))
 
 
@@ -168,39 +164,35 @@ def write(
             next_step="--yes writes without asking",
         )
 
+    from nvscope.plc.parameter import access
     from nvscope.plc.parameter.link import ParameterLink
 
     with ParameterLink(parameter.address, port, allow_network=allow_network) as link:
-        document = _write(link, parameter, len(values), data, patience, yes=yes)
+        agreed = _Agreed(asks=not yes)
+        try:
+            document = access.write(link, parameter, len(values), data, patience, agreed)
+        except KeyboardInterrupt:
+            if agreed.said_yes:
+                echo("nvscope: broken off: it may have been written.", err=True)
+            raise
     _finish(document, link, as_json=as_json, colour=colour_wanted(colour))
 
 
-def _write(
-    link: ParameterLink, parameter: Parameter, items: int, data: bytes, patience: Patience, *, yes: bool
-) -> dict[str, Any]:  # fmt: skip
-    """Read, ask, write and read back, as far as each of them is worth it; return what came of it all."""
-    from dissectors.netvar import Service
-    from nvscope.plc.parameter.conversation import Ending
-    from nvscope.plc.parameter.document import is_misfit, may_be_written, write_document
-    from nvscope.plc.parameter.message import Message
-    from nvscope.report.sdo import question
+class _Agreed:
+    """Whether a value may be written: a person is asked who sees that before, or has said so from the beginning."""
 
-    first = _first_counter()
-    place = parameter.index, parameter.subindex
-    outcomes = [link.ask(Message(Service.ODReadRequest, *place, first, items), patience)]
-    told = partial(write_document, parameter, items, data, outcomes)
-    if not may_be_written(outcomes[0]) or is_misfit(items, data, outcomes[0]):
-        return told()
-    if not yes and not _said_yes(question(told(cancelled=True))):
-        return told(cancelled=True)
-    try:
-        outcomes.append(link.ask(Message(Service.ODWriteRequest, *place, _after(first), items, data), patience))
-    except KeyboardInterrupt:
-        echo("nvscope: whether it was written is not known: it was broken off.", err=True)
-        raise
-    if outcomes[1].ending is Ending.REPLIED:
-        outcomes.append(link.ask(Message(Service.ODReadRequest, *place, _after(first, 2), items), patience))
-    return told()
+    def __init__(self, *, asks: bool) -> None:
+        self._asks = asks
+        self.said_yes = False
+
+    def __call__(self, before: dict[str, Any]) -> bool:
+        from nvscope.report.sdo import question
+
+        if self._asks:
+            echo(f"{question(before)} [y/N]", err=True, nl=False)
+            echo(" ", err=True, nl=False)  # apart: it would be lost where a line ends
+        self.said_yes = not self._asks or sys.stdin.readline().strip().lower() in ("y", "yes")
+        return self.said_yes
 
 
 app.command(cls=Command)(serve)
@@ -325,19 +317,5 @@ def _patience(timeout: str, retries: int) -> Patience:
     return Patience(timeout_ns, retries)
 
 
-def _first_counter() -> int:
-    """Return a Counter by which what came of an earlier run, to the same port, is told apart."""
-    return int.from_bytes(os.urandom(2), "little")
-
-
-def _after(counter: int, steps: int = 1) -> int:
-    return counter + steps & 0xFFFF
-
-
 def _can_ask() -> bool:
     return sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()
-
-
-def _said_yes(question: str) -> bool:
-    echo(f"{question} [y/N] ", err=True, nl=False)
-    return sys.stdin.readline().strip().lower() in ("y", "yes")

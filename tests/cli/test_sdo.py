@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -13,7 +14,7 @@ from typing import Any
 import pytest
 
 from nvscope.cli.help import EXAMPLES
-from tests.plc.parameter.peers import LOCAL, Served, bound, peer, running, served, unused_port
+from tests.plc.parameter.peers import LOCAL, WAIT_S, Served, bound, peer, running, served, unused_port
 from tests.plc.parameter.wire import BUSY, INDEX, READ, READ_REPLY, WRITE, WRITE_REPLY, heard, said
 from tests.program import COMMAND, run_text
 
@@ -298,6 +299,23 @@ def test_a_person_is_asked(controller: Served, answer: str, code: int, written: 
     assert f"0x2000:1 of {LOCAL}:{controller.port} is 12.5. Write 7? [y/N] " in " ".join(shown.decode().split()) + " "
     assert (asking.returncode, out[:18] == "0x2000:1: 12.5 → 7") == (code, written)
     assert (WRITE in [one.request.service for one in controller.handled]) == written
+
+
+def test_a_write_that_is_broken_off_may_have_been_done() -> None:
+    asking: list[subprocess.Popen[str]] = []
+
+    def answering(came: bytes, _: int) -> list[bytes]:
+        asked = heard(came)
+        if asked.service == READ:
+            return [said(READ_REPLY, *asked[1:5], bytes(4))]
+        asking[0].send_signal(signal.SIGINT)
+        return []
+
+    with peer(answering) as one:
+        words = "sdo", "write", LOCAL, "0x2000", "1", "7", "--type", "REAL", "--yes", "--port", str(one.port), *LONG
+        asking.append(subprocess.Popen([*COMMAND, *words], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True))
+        told = asking[0].communicate(timeout=WAIT_S)
+    assert (asking[0].returncode, *told) == (130, "", "nvscope: broken off: it may have been written.\n")
 
 
 def test_programs_get_all_of_it_as_json(controller: Served, here: Path) -> None:
