@@ -14,6 +14,9 @@ from nvscope.view.lines.table import Cell, Line, Tone, wrap
 MIN_WIDTH = 20
 _MOST_BYTES = 8
 _LONGEST = 200
+_MOST_SHOWN = 4_096
+"""As many elements, or bytes of what has no known type, as are shown: a partner may send more."""
+
 _UNREAD = "not to be read"
 
 Document = Mapping[str, Any]
@@ -67,7 +70,7 @@ def _read(document: Document) -> Iterator[Line]:
     size = count_of(len(value["bytes"]) // 2, "byte")
     if elements is None:
         items = f", {count_of(value['items'], 'element')}" if value["items"] != 1 else ""
-        text = _bytes(value, len(value["bytes"])) or "nothing"
+        text = _bytes(value, _MOST_SHOWN) or "nothing"
         yield [name, Cell(" = "), Cell(text, Tone.STRONG), Cell(f"   {size}{items}, {latency}", Tone.FAINT)]
         return
     about = f"{document['type']}, {size} {_bytes(value, _MOST_BYTES)}, {latency}"
@@ -75,8 +78,10 @@ def _read(document: Document) -> Iterator[Line]:
         yield [name, Cell(" = "), Cell(elements[0]["text"], Tone.STRONG), Cell(f"   {about}", Tone.FAINT)]
         return
     yield [name, Cell(f"   {len(elements)} × {about}", Tone.FAINT)]
-    for place, element in enumerate(elements):
+    for place, element in enumerate(elements[:_MOST_SHOWN]):
         yield [Cell(f"[{place}] = "), Cell(element["text"], Tone.STRONG)]
+    if (more := len(elements) - _MOST_SHOWN) > 0:
+        yield [Cell(f"and {count_of(more, 'more element')}, which --json has", Tone.FAINT)]
 
 
 def _written(document: Document) -> Iterator[Line]:

@@ -363,6 +363,16 @@ def test_the_examples_of_the_help_do_what_they_say(tmp_path: Path, line: str) ->
     assert (done.returncode, bool(done.stdout)) == (0, True), done.stderr
 
 
+@pytest.mark.parametrize("kind", [(), ("--type", "BOOL")])
+def test_a_partner_that_sends_too_much_does_not_fill_the_terminal(kind: tuple[str, ...]) -> None:
+    with peer(lambda came, _: [said(READ_REPLY, *heard(came)[1:4], 60_000, bytes(60_000))]) as one:
+        done = sdo("read", "1", "2", *kind, port=one.port)
+        whole = sdo("read", "1", "2", *kind, "--json", port=one.port)
+    assert (done.returncode, len(done.stdout) < 100_000) == (0, True)
+    assert ("and 55904 more elements, which --json has" if kind else "00 …   60000 bytes, ") in done.stdout
+    assert len(json.loads(whole.stdout)["value"]["bytes"]) == 120_000
+
+
 def test_the_helper_that_runs_partners_tells_what_they_raise() -> None:
     def fails(is_stopped: object) -> None:
         raise KeyError("x")
