@@ -39,13 +39,6 @@ _MOST_DELAY_NS = 60_000_000_000
 _ACCESS = "rw", "ro", "wo"
 
 
-def _delay(value: Any, place: Place) -> int:
-    delay_ns = int(LENGTH.read(value, place))
-    if delay_ns > _MOST_DELAY_NS:
-        raise place.error("a reply is delayed by no more than a minute")
-    return delay_ns
-
-
 def _any(value: Any, place: Place) -> Any:
     if isinstance(value, Mapping):
         raise place.error("a value is expected, or an array of such, found a table")
@@ -70,7 +63,7 @@ class ServedParameter:
         choice(*(error.name for error in PARAMETER_ERRORS)), "every request of it is refused by this service",
         default="",
     )  # fmt: skip
-    delay: int = key(ValueKind("duration, not negative", _delay), "answers come so much later", default=0)
+    delay: int = key(LENGTH, "answers come so much later, up to a minute", default=0)
     silent: bool = key(FLAG, "no request of it is answered", default=False)
     busy: int = key(integer(0, _MOST_BUSY), "so many of its first requests are answered by ODStateBusy", default=0)
     duplicate: bool = key(FLAG, "each answer is sent twice", default=False)
@@ -111,6 +104,8 @@ def _entries(value: Any, place: Place) -> tuple[Entry, ...]:
         if own in found:
             raise here.error("the parameter is there twice", "Leave one of the entries out.")
         settings = read_table(ServedParameter, table, here)
+        if settings.delay > _MOST_DELAY_NS:
+            raise here.below("delay").error("an answer is delayed by no more than a minute")
         items, data = _value(settings, here.below("value"))
         found[own] = Entry(*own, items, data, settings)
     return tuple(found.values())
