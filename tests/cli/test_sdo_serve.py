@@ -33,7 +33,7 @@ TABLE = """
 class Serving:
     """A controller that is a process of its own."""
 
-    def __init__(self, process: subprocess.Popen[str], first: str) -> None:
+    def __init__(self, process: subprocess.Popen[bytes], first: str) -> None:
         self._process, self.first = process, first
         found = re.search(r" at \S+:(\d+); Ctrl-C ends\.$", first)
         assert found, first
@@ -46,7 +46,7 @@ class Serving:
 
     def ended(self) -> tuple[int, list[str], str]:
         out, err = self._process.communicate(timeout=WAIT_S)
-        return self._process.returncode, out.splitlines(), err
+        return self._process.returncode, out.decode().splitlines(), err.decode()
 
 
 @contextmanager
@@ -54,10 +54,11 @@ def serving(folder: Path, *options: str, table: str = TABLE) -> Iterator[Serving
     path = folder / "t.toml"
     path.write_text(table, encoding="utf-8")
     words = [*COMMAND, "sdo", "serve", str(path), "--port", "0", *options]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    # Without buffers: behind the first line, all is left to who waits for the end.
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, bufsize=0) as process:
         try:
             assert process.stderr is not None
-            yield Serving(process, process.stderr.readline().rstrip("\n"))
+            yield Serving(process, process.stderr.readline().decode().rstrip("\n"))
         finally:
             process.kill()
 
