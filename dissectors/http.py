@@ -154,8 +154,8 @@ def _coding(told: str) -> str:
 class Chunked:
     """What was found of a body in chunks: where it ends, and what is in it.
 
-    ``stop`` is -1 where that is not there yet; ``content`` is what there is. ``wrong_at`` is up to where one has to read to know that these are no
-    chunks, -1 where they are.
+    ``stop`` is -1 where that is not there yet; ``content`` is what there is. ``wrong_at`` is up to where one has to
+    read to know that these are no chunks, -1 where they are.
     """
 
     stop: int = -1

@@ -66,8 +66,8 @@ class Place:
         """Where in the text the key is, or what it is in: a table within a line has no lines of its own."""
         known, keys = _positions_in(self.text), self.keys
         while keys:
-            # Of an array of tables, its first one.
-            if (found := known.get(keys) or known.get(f"{keys}[0]")) is not None:
+            # Of an array of tables, its first one; of what needs no quotes, that without them.
+            if (found := known.get(keys) or known.get(f"{keys}[0]") or known.get(keys.replace('"', ""))) is not None:
                 return found
             keys = _INNERMOST.sub("", keys)
         return None

@@ -51,6 +51,11 @@ def parameter(index: int, subindex: int) -> str:
     return f"0x{index:04x}:{subindex}"
 
 
+def endpoint(address: str, port: int) -> str:
+    """Return ``192.168.1.20:1202``, or ``[fe80::1]:1202``."""
+    return f"[{address}]:{port}" if ":" in address else f"{address}:{port}"
+
+
 def cob_id(number: int, extended: bool = False) -> str:
     """Return ``0x181``, or ``0x18FF0201`` for an identifier of 29 bits."""
     return f"0x{number:08X}" if extended else f"0x{number:03X}"

@@ -12,6 +12,7 @@ import pytest
 
 from nvscope.definition.project_file import read_project
 from nvscope.list_key import ListKey
+from tests.plc.parameter.peers import served
 from tests.program import run_text
 
 ROOT = Path(__file__).parents[1]
@@ -70,6 +71,22 @@ def test_transcripts_are_what_the_program_prints(here: Path) -> None:
         printed = (done.stdout + done.stderr).splitlines()
         assert shown == printed[: len(shown)]
         assert (done.returncode == 1) == shown[0].startswith("✗")
+
+
+def test_what_a_controller_is_asked_is_what_is_shown(tmp_path: Path) -> None:
+    """One after the other, of a controller with the table that stands there; how long it took is as it is."""
+    (table,) = (text for text in PROJECTS if "stuck" in text)
+    (shown,) = (text for language, text in BLOCKS if language == "console" and "$ nvscope sdo" in text)
+    printed = ""
+    with served(tmp_path, table.partition("[parameters]")[2]) as controller:
+        for command in re.findall(r"^\$ nvscope (sdo .+)$", shown, re.MULTILINE):
+            done = run_text(
+                *command.split(), "--port", str(controller.port), "--timeout", "20s", cwd=tmp_path,
+                environment={"COLUMNS": "100"},
+            )  # fmt: skip
+            printed += f"$ nvscope {command}\n{done.stdout}{done.stderr}"
+    printed = printed.replace(f":{controller.port}:", ":1202:")
+    assert re.sub(r"\d+\.\d [µm]s", "0.3 ms", printed) == shown
 
 
 def test_the_project_file(tmp_path: Path) -> None:

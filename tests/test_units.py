@@ -209,3 +209,7 @@ def test_clock_times_and_times_since_the_start_agree(start_ns: int, passed_ns: i
     if shown_ms(start_ns + passed_ns) < shown_ms(start_ns):
         days -= 1
     assert units.since(start_ns + passed_ns, start_ns) == units.iec_time((days * 86_400_000 + passed_ms) * 1_000_000)
+
+
+def test_an_address_of_ipv6_stands_in_brackets_before_a_port() -> None:
+    assert [units.endpoint(address, 1202) for address in ("10.0.0.1", "fe80::1")] == ["10.0.0.1:1202", "[fe80::1]:1202"]

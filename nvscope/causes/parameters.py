@@ -35,7 +35,7 @@ PARAMETERS_REFUSED = CauseKind(
     "Index, SubIndex, size and number of elements of the request, beside the parameter list of that node.",
 )
 
-_NEXT_OF_ERRORS = {
+NEXT_OF_ERRORS = {
     "ODErrorReplyIdx": "The Index that is asked for: the partner's parameter list has none of that number.",
     "ODErrorReplySub": "The SubIndex that is asked for: the partner's parameter has none of that number.",
     "ODErrorReplyAccess": "Whether the partner's parameter may be read, or written: its list says that it may not.",
@@ -43,7 +43,7 @@ _NEXT_OF_ERRORS = {
     "ODErrorReplyItems": "The number of elements: the partner's parameter has another one.",
     "ODErrorReplyCPUStopped": "Its run/stop switch and the state of its application: its program does not run.",
 }
-_NEXT_WHERE_UNDELIVERABLE = (
+NEXT_WHERE_UNDELIVERABLE = (
     "What the ICMP messages say (`nvscope packets -Y 'icmp || icmpv6'`): port unreachable, that its program does not "
     "listen on that port; host or network unreachable, that nobody has that address."
 )
@@ -63,7 +63,7 @@ def judge_unanswered_parameters(case: Case) -> Iterator[Explained]:
         when = span_in_words(case, since_ns, until_ns)
         draft = Draft(
             PARAMETERS_UNANSWERED, f"{_name(case, partner)} did not answer {requests} {_what(case, own)} {when}",
-            _NEXT_WHERE_UNDELIVERABLE if any(one.undeliverable for one in pairs) else PARAMETERS_UNANSWERED.next_step,
+            NEXT_WHERE_UNDELIVERABLE if any(one.undeliverable for one in pairs) else PARAMETERS_UNANSWERED.next_step,
             list(_checked(case, partner, pairs, int(np.count_nonzero(late)))),
             nodes=_nodes(case, own, partner), since_ns=since_ns, until_ns=until_ns,
         )  # fmt: skip
@@ -86,7 +86,7 @@ def judge_refused_parameters(case: Case) -> Iterator[Explained]:
         when, refused = span_in_words(case, since_ns, until_ns), count_of(len(own), "request")
         draft = Draft(
             PARAMETERS_REFUSED, f"{_name(case, partner)} refuses {refused} {_what(case, own)} {when}",
-            _NEXT_OF_ERRORS.get(most, PARAMETERS_REFUSED.next_step), checked, nodes=_nodes(case, own, partner),
+            NEXT_OF_ERRORS.get(most, PARAMETERS_REFUSED.next_step), checked, nodes=_nodes(case, own, partner),
             since_ns=since_ns, until_ns=until_ns,
         )  # fmt: skip
         yield draft, case.only(own)

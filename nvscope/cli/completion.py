@@ -57,6 +57,36 @@ def lists(incomplete: str) -> list[str]:
     return beginning((entry.name for entry in entries if entry.key), incomplete)
 
 
+def nodes(incomplete: str) -> list[str]:
+    """Return the names of the nodes of the project that begin like this, or their addresses."""
+    from nvscope.cli.definitions import project_of
+
+    try:
+        known = project_of(None, None).nodes
+    except NvscopeError:
+        return []
+    return beginning([*(node.name for node in known.values() if node.name), *known], incomplete)
+
+
+def parameters(incomplete: str) -> list[str]:
+    """Return the names of the project's parameters of the Parameter Manager that begin like this."""
+    from nvscope.cli.definitions import project_of
+
+    try:
+        known = project_of(None, None).definition.parameters
+    except NvscopeError:
+        return []
+    return beginning(dict.fromkeys(one.name for one in known.known if one.name) if known else (), incomplete)
+
+
+def parameter_types(incomplete: str) -> list[str]:
+    """Return the elementary types that begin like this."""
+    from nvscope.definition.scalars import SCALARS
+
+    names = [name for name, kind in SCALARS.items() if kind.size_bytes]
+    return beginning([*names, "STRING", "WSTRING"], incomplete.upper())
+
+
 def interfaces(incomplete: str) -> list[str]:
     """Return the interfaces of this machine that begin like this."""
     from nvscope.capture.live.device import names

@@ -20,9 +20,9 @@ READ, LIVE, SHOWN, SENT, DEFINED, WRITTEN, HELP = (
 GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         READ: ("-r", "--from-time", "--to-time", "-d", "--bitrate", "--ack-timeout"),
-        LIVE: ("-i", "-D", "--for", "-a", "--follow", "-f", "-B", "-p"),
-        SENT: ("--to", "--map", "--port", "--allow-network"),
-        DEFINED: ("--gvl", "--project", "-n", "--types", "--a-types", "--b-types"),
+        LIVE: ("-i", "--count", "-D", "--for", "-a", "--follow", "-f", "-B", "-p"),
+        SENT: ("--to", "--map", "--port", "--timeout", "--retries", "--yes", "--bind", "--allow-network"),
+        DEFINED: ("--gvl", "--project", "-n", "--type", "--items", "--types", "--a-types", "--b-types"),
         WRITTEN: (
             "--json", "--md", "-w", "--force", "-T", "-E", "-t", "-x", "-V", "--utc", "-q", "--wide", "--color",
             "--truth",
@@ -90,6 +90,18 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
         "gvl layout": (("nvscope gvl layout plc", "what lies where in each telegram"),),
         "gvl lint": (("nvscope gvl lint plc", "what will not work, before it is sent"),),
         "gvl diff": (("nvscope gvl diff sender.gvl reader.gvl", "whether both sides mean the same"),),
+        "sdo read": (
+            ("nvscope sdo read 192.168.1.20 0x2000 1 --type REAL", "a parameter by Index and SubIndex"),
+            ("nvscope sdo read press rSetpoint", "by the names of the project file"),
+        ),
+        "sdo write": (
+            ("nvscope sdo write 192.168.1.20 0x2000 1 12.5 --type REAL", "read, asked, written, and read back"),
+            ("nvscope sdo write press aLimits 1 2 3 --yes", "an array, without being asked"),
+        ),
+        "sdo serve": (
+            ("nvscope sdo serve table.toml", "a controller on this machine"),
+            ("nvscope sdo serve --keys", "what a table can say"),
+        ),
         "simulate": (
             ("nvscope simulate plant.toml -w plant.pcapng", "a capture with faults, and the truth"),
             ("nvscope simulate plant.toml --to udp://127.0.0.1", "a plant on a desk"),

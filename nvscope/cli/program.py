@@ -24,6 +24,7 @@ VERBS = {
     "baseline": "nvscope.cli.baseline:baseline",
     "diff": "nvscope.cli.diff:diff",
     "gvl": "nvscope.cli.gvl:app",
+    "sdo": "nvscope.cli.sdo:app",
     "simulate": "nvscope.cli.simulate:simulate",
     "explain": "nvscope.cli.explain:explain",
     "doctor": "nvscope.cli.doctor:doctor",

@@ -2,48 +2,34 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from nvscope.definition.model import Problem
+from nvscope.definition.parameter_place import parameter_place
+from nvscope.definition.parameter_type import is_elementary_name, known_parameter_types, parameter_type
 from nvscope.definition.parameters import ParameterDefinition, Parameters
 from nvscope.definition.project_lists import NAME
 from nvscope.definition.project_nodes import canonical_address
-from nvscope.definition.scalars import SCALARS, find_scalar
-from nvscope.definition.variables import String
 from nvscope.toml_table import TEXT, Place, ValueKind, key, mapping, read_table
 
 if TYPE_CHECKING:
     from nvscope.definition.syntax import FileSyntax
     from nvscope.definition.variables import Type
 
-_U16_MAX = 0xFFFF
-_LONGEST_STRING = 1_400
-"""As many characters as one telegram carries on Ethernet, or some more."""
-
 _LONGEST_TEXT = 200
-
-_PLACE = re.compile(r"(?:(?P<node>.+)/)?(?P<index>(?:0x|16#)?[0-9a-f]{1,6}):(?P<subindex>\d{1,5})", re.ASCII | re.I)
-_STRING = re.compile(r"(?P<wide>W?)STRING(?:\s*[(\[]\s*(?P<length>\d{1,5})\s*[)\]])?", re.ASCII | re.I)
 
 
 def _type(value: Any, place: Place) -> Type | str:
     """Return an elementary type, and the text of one that has to be looked up in the definition files."""
     text = str(TEXT.read(value, place)).strip()
-    scalar, match = find_scalar(text), _STRING.fullmatch(text)
-    if scalar is not None and scalar.size_bytes:
-        return scalar
-    length = int(match["length"] or String().length) if match else 0
-    if match and 0 < length <= _LONGEST_STRING:
-        return String(length, wide=bool(match["wide"]))
-    if scalar or match or not 0 < len(text) <= _LONGEST_TEXT:
-        names = ", ".join(sorted(name for name, known in SCALARS.items() if known.size_bytes))
-        raise place.error(
-            f"'{text[:60]}' is no type that a parameter can have here",
-            f"Known are {names}, STRING(n), WSTRING(n), arrays, and what the definition files declare.",
-        )
+    found = parameter_type(text)
+    if found is not None:
+        return found
+    if is_elementary_name(text) or not 0 < len(text) <= _LONGEST_TEXT:
+        known = f"{known_parameter_types()}, arrays, and what the definition files declare."
+        raise place.error(f"'{text[:60]}' is no type that a parameter can have here", f"Known are {known}")
     return text
 
 
@@ -75,28 +61,17 @@ def _parameters(value: Any, place: Place) -> tuple[Told, ...]:
     found: dict[tuple[str, int, int], Told] = {}
     for text, table in mapping(ValueKind("", lambda entry, _: entry)).read(value, place).items():
         here = place.below(f'"{text[:60]}"')
-        match = _PLACE.fullmatch(text.strip())
-        index = _number(match["index"]) if match else None
-        subindex = int(match["subindex"]) if match else 0
-        if match is None or index is None or index > _U16_MAX or subindex > _U16_MAX:
+        own = parameter_place(text)
+        if own is None:
             raise here.error(
                 f"'{text[:60]}' is no parameter",
                 'Write Index and SubIndex in quotes, in front of them its node where it is of one: "0x2000:1", '
                 '"192.168.1.10/0x2000:1".',
             )
-        own = (match["node"] or "").strip(), index, subindex
         if own in found:
             raise here.error("the parameter is there twice", "Leave one of the entries out.")
         found[own] = text, *own, read_table(ParameterSettings, table, here)
     return tuple(found.values())
-
-
-def _number(text: str) -> int | None:
-    upper = text.upper()
-    for prefix in ("0X", "16#"):
-        if upper.startswith(prefix):
-            return int(upper.removeprefix(prefix), 16)
-    return int(text) if text.isdecimal() else None
 
 
 PARAMETER_TABLES = ValueKind('{name}."INDEX:SUBINDEX"', _parameters, ParameterSettings)

@@ -284,7 +284,10 @@ class SegmentsInTurn:
         """Take the bytes in front of what is kept for missing."""
         first = stream.kept[0]
         self._pass_on(
-            stream, _Kept(stream.at, first.begin - stream.at, PieceKind.HOLE, None, frame, stream.latest_ns), frame, order
+            stream,
+            _Kept(stream.at, first.begin - stream.at, PieceKind.HOLE, None, frame, stream.latest_ns),
+            frame,
+            order,
         )
         self._pass_on_kept(stream, frame, order)
 

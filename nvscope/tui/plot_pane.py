@@ -17,13 +17,13 @@ from nvscope.analysis.watching import Scene
 from nvscope.definition.variables import type_text
 from nvscope.tui.drawn_view import DrawnView
 from nvscope.tui.look import Look
-from nvscope.view.documents.variables import value_text
 from nvscope.view.escape import visible
 from nvscope.view.lines.plot import Axes, Curve, plot
 from nvscope.view.lines.table import Cell, Line, Tone, wrap
 from nvscope.view.lines.value_axes import axes_of
 from nvscope.view.lines.variable_cells import age, cut
 from nvscope.view.lines.variable_rows import RowKey, VariableRow
+from nvscope.view.value_texts import value_text
 
 _SHOWN_S = 0.2
 """What was read is shown so often while more is read."""

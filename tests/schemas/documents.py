@@ -8,6 +8,7 @@ from pathlib import Path
 
 import nvscope.schemas
 from nvscope.tracker.figures import FIGURES
+from tests.schemas.asked_parameters import asked_parameters
 from tests.schemas.check import captures_difference, check, rules
 from tests.schemas.definitions import difference, doctor, explain, fields, layout, lint
 from tests.schemas.packets import packets
@@ -36,6 +37,7 @@ SCHEMAS: Mapping[str, Callable[[], Schema]] = {
     "watch": watch,
     "check": check,
     "captures-diff": captures_difference,
+    "sdo": asked_parameters,
 }
 
 BINARY: Mapping[str, Callable[[], Schema]] = {"packets": packets, "rules": rules}

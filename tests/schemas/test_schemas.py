@@ -7,12 +7,14 @@ from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 from jsonschema import Draft202012Validator
 
+from nvscope.plc.parameter.document import Verdict
 from tests.report_laws import broken_laws
+from tests.schemas.asked_parameters import documents_of_parameters
 from tests.schemas.corpus import (
     COMMANDS,
     ODD_COMMANDS,
@@ -94,12 +96,24 @@ def test_what_is_told_of_scenarios_is_valid(path: Path) -> None:
 
 
 @cache
+def of_parameters() -> tuple[dict[str, Any], ...]:
+    return tuple(documents_of_parameters())
+
+
+def test_what_is_told_of_parameters_is_valid() -> None:
+    assert [mistakes_in(document) for document in of_parameters()] == [[]] * len(of_parameters())
+    told = {document["outcome"] for document in of_parameters()}
+    assert told == set(get_args(Verdict)) - {"cancelled", "busy"}
+
+
+@cache
 def corpus() -> tuple[dict[str, Any], ...]:
     """Return all documents; whoever changes one changes a copy."""
     printed = (asked(command) for command in COMMANDS)
     odd = (asked(command, odd_plant()) for command in ODD_COMMANDS)
     lines = (line for command in WATCHED for line in watched(command))
-    return (*printed, *odd, *lines, of_nothing(), *(document for path in SCENARIOS for document in of_scenario(path)))
+    others = of_nothing(), *of_parameters()
+    return (*printed, *odd, *lines, *others, *(document for path in SCENARIOS for document in of_scenario(path)))
 
 
 def name_of(document: Mapping[str, Any]) -> str:

@@ -9,7 +9,8 @@ class VisuEvent(IntEnum):
     """What is told of requests and replies, in the frame with which that is known.
 
     What nobody answered is told of the frame of the request, and of the time at which the connection ended. Of
-    ``WRITTEN``, ``REFUSED`` and ``PASSWORD_SEEN`` there is one for each variable. ``LATE`` is what is slow or unanswered.
+    ``WRITTEN``, ``REFUSED`` and ``PASSWORD_SEEN`` there is one for each variable. ``LATE`` is whatever is slow or
+    unanswered.
     """
 
     WRITTEN = 1

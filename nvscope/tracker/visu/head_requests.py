@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 from dissectors.batch import I64
 from nvscope.tracker.visu.http_reader import Form, What
@@ -18,7 +18,7 @@ class HeadRequests:
     """
 
     def __init__(
-        self, waiting: Iterable[bool], asked: Iterable[tuple[int, Form]], ends: I64, orders: Sequence[int]
+        self, waiting: Iterable[bool], asked: Iterable[tuple[int, Form]], ends: I64, orders: I64
     ) -> None:  # fmt: skip
         self._waiting = deque(waiting)
         self._asked = deque(asked)
@@ -41,7 +41,7 @@ class HeadRequests:
         self._waiting.clear()
 
     def _go_on(self, at: int) -> None:
-        order = self._orders[~at if at < 0 else int(self._ends.searchsorted(at))]
+        order = int(self._orders[~at if at < 0 else int(self._ends.searchsorted(at))])
         while self._asked and self._asked[0][0] < order:
             _, form = self._asked.popleft()
             if form.what in (What.WHOLE, What.CUT):

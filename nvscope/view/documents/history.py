@@ -17,7 +17,8 @@ from nvscope.list_key import ListKey
 from nvscope.tracker.variables.history import Entry, History
 from nvscope.tracker.variables.moment import LastTelegram, Moment
 from nvscope.version import head
-from nvscope.view.documents.variables import exact_text, filter_told, json_value, unit_of, value_text
+from nvscope.view.documents.variables import filter_told
+from nvscope.view.value_texts import exact_text, json_value, unit_of, value_text
 
 HISTORY_SCHEMA = "nvscope.history/1"
 AT_SCHEMA = "nvscope.at/1"

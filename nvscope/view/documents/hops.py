@@ -8,7 +8,7 @@ from typing import Any
 from nvscope.definition.value import value_of
 from nvscope.tracker.variables.hops import Direction, End, Hops, Pair, ordered
 from nvscope.units import divide
-from nvscope.view.documents.variables import json_value, unit_of, value_text
+from nvscope.view.value_texts import json_value, unit_of, value_text
 
 
 def hop_rows(hops: Hops, end_ns: int | None) -> list[dict[str, Any]]:

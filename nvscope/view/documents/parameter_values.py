@@ -54,7 +54,7 @@ def bytes_told(data: bytes, size_bytes: int) -> Told:
 def elements_told(layout: TelegramLayout, data: bytes) -> Told:
     """Return a value by its elements, which are named by what is behind the name of the parameter."""
     from nvscope.definition.value import value_of  # noqa: PLC0415
-    from nvscope.view.documents.variables import exact_text, json_value  # noqa: PLC0415
+    from nvscope.view.value_texts import exact_text, json_value  # noqa: PLC0415
 
     told: list[Any] = []
     texts: list[str] = []

@@ -114,7 +114,7 @@ def variable_entries(layout: TelegramLayout, data: bytes, data_at: int) -> Itera
     """Yield the variables of a telegram, whose data begin at ``data_at`` of the packet and have the layout's size."""
     # Not without definitions.
     from nvscope.definition.variables import type_text  # noqa: PLC0415
-    from nvscope.view.documents.variables import value_text  # noqa: PLC0415
+    from nvscope.view.value_texts import value_text  # noqa: PLC0415
 
     for offset, element in layout.spans():
         raw = data[offset : offset + element.type.size_bytes]

@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from nvscope import units
 from nvscope.definition.variables import Elementary, Enumeration, Scalar, ScalarKind
-from nvscope.view.documents.variables import text_of
 from nvscope.view.escape import visible
 from nvscope.view.lines.plot import Axes
+from nvscope.view.value_texts import text_of
 
 _MOST_LEVELS = 200
 

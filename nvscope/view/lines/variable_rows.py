@@ -15,7 +15,8 @@ from dissectors.batch import I64
 from nvscope.definition.variables import Element
 from nvscope.list_key import ListKey
 from nvscope.tracker.variables.values import StreamValues
-from nvscope.view.documents.variables import VariableStream, value_text
+from nvscope.view.documents.variables import VariableStream
+from nvscope.view.value_texts import value_text
 
 
 class StreamKey(NamedTuple):

@@ -18,7 +18,8 @@ from nvscope.definition.value import value_of
 from nvscope.definition.variables import Enumeration, Scalar, ScalarKind, String, Type
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.variables.values import MOST_LAYOUTS, Values
-from nvscope.view.documents.variables import json_value, variables_document
+from nvscope.view.documents.variables import variables_document
+from nvscope.view.value_texts import json_value
 from tests.definition.lists import BOOL, INT, LREAL, REAL, STATE, TIME, UDINT, UNKNOWN, VARIABLES, list_of, telegram
 from tests.oracle.frame import Frame
 from tests.packets import batch_of, observed, recorded

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from nvscope.definition.scalars import SCALARS
-from nvscope.view.documents.variables import value_text
+from nvscope.view.value_texts import value_text
 
 DAY_NS = 86_400_000_000_000
 
