@@ -121,8 +121,9 @@ class Streams:
         row = segments.row[order]
         rows = Segments(
             stream[in_order], segments.sequence[order].astype(np.int64),
-            segments.acknowledgement[order].astype(np.int64), segments.flags[order].astype(np.int64), segments.payload[order], segments.payload_bytes[order],
-            segments.captured_bytes[order], row + first_frame, packets.ts_ns[row],
+            segments.acknowledgement[order].astype(np.int64), segments.flags[order].astype(np.int64),
+            segments.payload[order], segments.payload_bytes[order], segments.captured_bytes[order],
+            row + first_frame, packets.ts_ns[row],
         )  # fmt: skip
         return rows, carrying[order]
 

@@ -159,8 +159,10 @@ def names_in(page: bytes) -> dict[Address, str]:
     """Return the names that a page gives to addresses; nothing where it is not XML."""
     try:
         root = ElementTree.fromstring(page)
-    except (ElementTree.ParseError, ValueError, LookupError):
+    except (ElementTree.ParseError, ValueError):
         return {}
+    except LookupError:  # what it says of its encoding is not known: it is that of Windows
+        return names_in(re.sub(rb"encoding=\S*?([\"'])[^\"']*\1", b'encoding="cp1252"', page, count=1))
     names: dict[Address, str] = {}
     for variables in root.iter("variablelist"):
         for variable in variables.findall("variable"):
