@@ -32,6 +32,7 @@ _BREAKS = re.compile(rb"[\r\n]*\|[\r\n]*")
 _REQUEST = re.compile(rb"\|([01])\|(\d+)\|")
 _MAY_BECOME = re.compile(rb"(?:\|(?:[01](?:\|\d*)?)?)?\Z")
 _NUMBER = re.compile(r"[0-9]{1,10}")
+_PASSWORD = re.compile(r"(?:.*\.)?CurrentPasswords?(?:\[\d+\])?\Z", re.IGNORECASE | re.DOTALL)
 _QUERY = re.compile(r"(READPI|WRITEPI)\?(.*)\Z", re.IGNORECASE | re.DOTALL)
 _READ_FIELDS, _WRITE_FIELDS = 5, 6
 _FIRST = 2
@@ -115,6 +116,11 @@ class Reply:
 
     answer: Answer
     values: Sequence[str | None] = ()
+
+
+def is_password(name: str) -> bool:
+    """Tell whether a variable of this name holds a password: names are the same in any case."""
+    return _PASSWORD.match(name) is not None
 
 
 def is_request(body: bytes) -> bool:

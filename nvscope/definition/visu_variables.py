@@ -20,7 +20,6 @@ MOST_VARIABLES = 100_000
 """So many of a file are read."""
 
 _PLACE = re.compile(r"\s*(\d{1,10})\s*,\s*(\d{1,10})\s*,\s*(\d{1,10})\s*,\s*(\d{1,10})\s*\Z")
-_PASSWORD = re.compile(r"(?:.*\.)?CurrentPasswords?(?:\[\d+\])?\Z", re.IGNORECASE | re.DOTALL)
 _SIZES = {
     "BOOL": 1, "BYTE": 1, "SINT": 1, "USINT": 1, "INT": 2, "UINT": 2, "WORD": 2, "DINT": 4, "UDINT": 4, "DWORD": 4,
     "REAL": 4, "TIME": 4, "DATE": 4, "TOD": 4, "DT": 4, "LREAL": 8,
@@ -37,11 +36,6 @@ class VisuVariables:
     names: Mapping[Place, str] = field(default_factory=dict)
     stamp: str = ""
     left_out: int = 0
-
-
-def is_password(name: str) -> bool:
-    """Tell whether a variable of this name holds a password: names are the same in any case."""
-    return _PASSWORD.match(name) is not None
 
 
 def read_visu_variables(path: str, content: bytes | None = None) -> VisuVariables:

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from nvscope.findings.finding import Finding
     from nvscope.findings.kind import FindingKind
     from nvscope.view.fields.field import TelegramField
-    from nvscope.view.lines.shown import MakeLines, MakeTree
+    from nvscope.view.lines.moments import Moment
+    from nvscope.view.lines.shown import LineMaker, Tree, Wording
+    from nvscope.view.rows.frames import FrameRows
 
 PORTS = (80, 8080)
 """The TCP ports of controllers' web servers."""
@@ -37,16 +39,16 @@ def _fields() -> Sequence[TelegramField]:
     return VISU_FIELDS
 
 
-def _lines() -> MakeLines:
+def _lines(moment: Moment, width: int | None, wording: Wording) -> LineMaker:
     from nvscope.view.lines.visu_line import visu_lines  # noqa: PLC0415
 
-    return visu_lines
+    return visu_lines(moment, width, wording)
 
 
-def _tree() -> MakeTree:
+def _tree(rows: FrameRows, wording: Wording, *, dumps: bool) -> Tree:
     from nvscope.view.lines.visu_tree import VisuTree  # noqa: PLC0415
 
-    return VisuTree
+    return VisuTree(rows, wording, dumps=dumps)
 
 
 def _findings() -> Sequence[FindingKind]:
@@ -66,6 +68,6 @@ def _judge(facts: Facts) -> Iterable[Finding]:
 
 
 VISU = Protocol(
-    name=NAME, title="WebVisu", fields=_fields, lines=_lines, tree=_tree, findings=_findings, dissector=_dissector,
-    observe=VisuState, judge=_judge,
+    name=NAME, title="WebVisu", fields=_fields, lines=lambda: _lines, tree=lambda: _tree, findings=_findings,
+    dissector=_dissector, observe=VisuState, judge=_judge,
 )  # fmt: skip

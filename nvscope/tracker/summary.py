@@ -140,7 +140,7 @@ def summarize(
     return Summary(
         tuple(lists), addresses, tuple(order), MappingProxyType(scopes), capture, timeout_ns, can, together,
         _parameters(state), _parameter_writes(state),
-        MappingProxyType({name: other.rows for name, other in others.items()}),
+        MappingProxyType({name: other.rows for name, other in others.items() if other.rows}),
     )  # fmt: skip
 
 

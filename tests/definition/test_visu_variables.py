@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from dissectors.webvisu import Place
-from nvscope.definition.visu_variables import is_password, read_visu_variables, variables_in
+from dissectors.webvisu import Place, is_password
+from nvscope.definition.visu_variables import read_visu_variables, variables_in
 from nvscope.errors import ConfigurationError
 
 PAGE = """<?xml version="1.0" encoding="ISO-8859-1"?>

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from dissectors.webvisu import Entry, Place
+from dissectors.webvisu import Entry, Place, is_password
 
 NO_NAMES: Mapping[Place, str] = MappingProxyType({})
 _MOST_LISTS = 1024
@@ -46,3 +46,9 @@ class Names:
 def name_of(entry: Entry, names: Mapping[Place, str]) -> str:
     """Return what a variable is called: by its name where that is known, or by where it lies."""
     return names.get(entry.place, entry.address) if isinstance(entry.place, Place) else entry.address
+
+
+def is_secret(entry: Entry, names: Mapping[Place, str]) -> bool:
+    """Tell whether a variable is a password, or may be one: a STRING of which nobody knows the name."""
+    name = names.get(entry.place) if isinstance(entry.place, Place) else entry.address
+    return entry.is_string if name is None else is_password(name)

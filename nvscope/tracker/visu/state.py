@@ -11,8 +11,7 @@ import numpy as np
 from dissectors import address
 from dissectors.batch import I64, U64
 from dissectors.keys import KeyTable
-from dissectors.webvisu import Place, Request, read_reply
-from nvscope.definition.visu_variables import is_password
+from dissectors.webvisu import Place, Request, is_password, read_reply
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.told import Told
 from nvscope.tracker.events import EventLog
@@ -20,6 +19,7 @@ from nvscope.tracker.latency import Latencies
 from nvscope.tracker.visu.events import VisuEvent
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages
 from nvscope.tracker.visu.names import name_of
+from nvscope.tracker.visu.writes import Writes
 
 SLOW_NS = 10**9
 """A reply that takes longer is worth a note."""
@@ -74,11 +74,12 @@ class PairColumns(KeyedColumns):
 
 
 class Beyond(IntEnum):
-    """That for which there is no room: pairs, variables that differ, and findings on more of these."""
+    """That for which there is no room: pairs, variables that differ, findings on more of these, and writes."""
 
     PAIR = 0
     VARIABLE = 1
     FINDING = 2
+    WRITE = 3
 
 
 class Subject(NamedTuple):
@@ -93,8 +94,8 @@ class VisuCounts:
     """The requests of all pages, and what became of them; an accumulator of what ``VisuFollower`` finds.
 
     ``pairs`` number client, server and port, as in ``VisuBatch.pairs``; ``columns``, ``latencies`` and ``pollings`` are
-    by pair. ``events`` are keyed by ``VisuEvent`` and by subject, which ``subjects`` number. ``left_out`` is that for
-    which there was no room, keyed by ``Beyond``.
+    by pair. ``events`` are keyed by ``VisuEvent`` and by subject, which ``subjects`` number. ``writes`` are who wrote
+    what. ``left_out`` is that for which there was no room, keyed by ``Beyond``.
     """
 
     def __init__(self) -> None:
@@ -105,6 +106,7 @@ class VisuCounts:
         self.subjects: dict[Subject, int] = {}
         self.events = EventLog()
         self.left_out = EventLog(1)
+        self.writes = Writes()
         self._variables: set[tuple[int, str]] = set()
         self._asked: set[tuple[int, Request]] = set()
         self._secrets: dict[tuple[Request, int], Collection[int]] = {}
@@ -121,6 +123,7 @@ class VisuCounts:
         self.columns.resize(len(self.pairs))
         self._count(pair, messages, part.requests)
         self._note(told, part, pair, messages)
+        self._note_writes(told, part, pair, messages)
         self.events.settle()
         self.left_out.settle()
 
@@ -193,6 +196,12 @@ class VisuCounts:
             if any(event in _LATE for event, _ in found):
                 happened.append((VisuEvent.LATE, time_ns, frame, whole))
         self._log(told, happened)
+
+    def _note_writes(self, told: Told, part: VisuBatch, pair: I64, messages: VisuMessages) -> None:
+        times_ns, frames = told.packets.ts_ns[messages.row], messages.row + told.first_frame
+        beyond = np.array(self.writes.observe(part, pair, messages, times_ns, frames), np.int64)
+        if len(beyond):
+            self._leave_out(Beyond.WRITE, told, messages.take(beyond))
 
     def _worth_a_look(self, part: VisuBatch, pair: I64, messages: VisuMessages) -> I64:
         """Return the messages of which something may be said beside that they are there."""

@@ -7,9 +7,8 @@ from typing import NamedTuple
 
 from dissectors.webvisu import Entry, Place, Request, read_reply
 from nvscope import units
-from nvscope.definition.visu_variables import is_password
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch
-from nvscope.tracker.visu.names import name_of
+from nvscope.tracker.visu.names import is_secret, name_of
 
 HIDDEN = "(hidden)"
 """In place of a password."""
@@ -49,10 +48,7 @@ def variables_of(part: VisuBatch, message: int, *, secrets: bool = False) -> lis
 
 def shown(entry: Entry, names: Mapping[Place, str], value: str) -> str:
     """Return a value, or what stands in its place where it is, or may be, a password."""
-    name = names.get(entry.place) if isinstance(entry.place, Place) else entry.address
-    if name is None:
-        return HIDDEN if entry.is_string else value
-    return HIDDEN if is_password(name) else value
+    return HIDDEN if is_secret(entry, names) else value
 
 
 def message_words(part: VisuBatch, message: int) -> str:

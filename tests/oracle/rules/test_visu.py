@@ -263,7 +263,7 @@ def test_where_the_server_loses_step_those_that_wait_are_forgotten() -> None:
     line = Line().open().ask(post(READ) + post(READ)).lose(False, 30).answer(b"|1|").segment(True)
     line.ask(post(READ)).answer(reply(b"|1|")).close(False)
     assert figures(line) == {
-        "connections": 1, "reads": 3, "entries": 3, "variables": 1, "replies": 1, "gap_bytes": 30,
+        "connections": 1, "reads": 3, "entries": 3, "variables": 1, "replies": 1, "cut": 1, "gap_bytes": 30,
     }  # fmt: skip
 
 

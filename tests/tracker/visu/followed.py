@@ -38,7 +38,7 @@ def followed(batches: Iterable[PacketBatch], others: Sequence[Observer] = ()) ->
 def told(state: TrackerState) -> tuple[Rows, Rows]:
     """Return rows and findings of a state, as ``Visu`` does."""
     summary = summarize(state)
-    rows = visu_rows(summary.others[VISU.name])
+    rows = visu_rows(summary.others.get(VISU.name, ()))
     findings = [
         {
             "code": one.code, "client": None if one.node is None else summary.addresses[one.node],

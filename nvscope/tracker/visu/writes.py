@@ -1,0 +1,198 @@
+"""Writes: who wrote which variable, over which value, and what became of it."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from dissectors.batch import I64, Bool
+from dissectors.webvisu import Place, Request, read_reply
+from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages
+from nvscope.tracker.visu.names import is_secret, name_of
+
+MOST_WRITES = 10_000
+"""So many writes of variables are kept, the first ones."""
+
+_MOST_BODY_BYTES = 1 << 16
+_MOST_KEPT_BYTES = 1 << 26
+"""Longer replies, and more of them, are not kept: what was written over is not known then."""
+
+Server = tuple[int, int]
+Where = Place | str
+
+
+class WriteOutcome(Enum):
+    """What became of a write. ``OPEN``: nobody has seen it, or not yet."""
+
+    OPEN = "open"
+    CONFIRMED = "confirmed"
+    REFUSED = "refused"
+    UNANSWERED = "unanswered"
+
+
+@dataclass(slots=True)
+class Write:
+    """One variable that was written.
+
+    ``client`` and ``server`` are halves of addresses. ``old`` is what it was before, as it was read or written last;
+    None where nobody knows. ``answer_frame`` is that of the reply, 0 without one. ``is_secret``: it is a password, or
+    may be one.
+    """
+
+    time_ns: int
+    frame: int
+    client: Server
+    server: Server
+    port: int
+    variable: str
+    place: Where
+    old: str | None
+    new: str
+    is_secret: bool
+    outcome: WriteOutcome = WriteOutcome.OPEN
+    answer_frame: int = 0
+
+
+class Writes:
+    """The writes of all clients; ``kept`` are the first ones, ``left_out`` is how many there were beside them."""
+
+    def __init__(self) -> None:
+        self.kept: list[Write] = []
+        self.left_out = 0
+        self._values = _Values()
+        self._open: dict[tuple[int, int], list[tuple[Request, list[Write]]]] = defaultdict(list)
+
+    def observe(self, part: VisuBatch, pair: I64, messages: VisuMessages, times_ns: I64, frames: I64) -> list[int]:
+        """Take the messages of a batch, with the time and frame of each; return which of them nobody kept.
+
+        ``pair`` numbers who asks whom, the same for all batches.
+        """
+        kind = messages.kind
+        steps = np.flatnonzero((kind == Kind.WRITE) | (kind == Kind.UNANSWERED) | self._is_written(part, messages))
+        done, beyond = 0, []
+        reads = self._read(part, messages)
+        for step in steps.tolist():
+            self._learn(part, messages, reads[(reads >= done) & (reads < step)], frames)
+            done = step
+            request, key = part.requests[int(messages.asked[step])], int(pair[step])
+            if kind[step] == Kind.WRITE:
+                kept = self._write(part, step, key, int(times_ns[step]), int(frames[step]))
+                beyond += [step] * (len(request.entries) - kept)
+            elif request.writes:
+                self._answer(key, request, messages, step, int(frames[step]))
+        self._learn(part, messages, reads[reads >= done], frames)
+        return beyond
+
+    def _is_written(self, part: VisuBatch, messages: VisuMessages) -> Bool:
+        writes = np.array([one.writes for one in part.requests] + [False], np.bool_)
+        own: Bool = (messages.kind == Kind.REPLY) & writes[messages.asked]
+        return own
+
+    def _read(self, part: VisuBatch, messages: VisuMessages) -> I64:
+        """Return the replies from which values are known."""
+        valued = np.array([not (one.writes or one.query) for one in part.requests] + [False], np.bool_)
+        good = (messages.outcome == Outcome.DONE) | (messages.outcome == Outcome.MISCOUNTED)
+        return np.flatnonzero((messages.kind == Kind.REPLY) & good & valued[messages.asked])
+
+    def _learn(self, part: VisuBatch, messages: VisuMessages, replies: I64, frames: I64) -> None:
+        """Note the last one of replies to each request of each server."""
+        last: dict[tuple[int, int], int] = {}
+        columns = (replies, messages.pair[replies], messages.asked[replies])
+        for row, number, asked in zip(*(column.tolist() for column in columns), strict=True):
+            last[number, asked] = row
+        for (number, asked), row in last.items():
+            server = int(part.pairs[2][number]), int(part.pairs[3][number])
+            body = part.data[int(messages.start[row]) : int(messages.stop[row])]
+            self._values.read(server, part.requests[asked], body, int(frames[row]), row)
+
+    def _write(self, part: VisuBatch, step: int, key: int, time_ns: int, frame: int) -> int:
+        """Note a write of some variables; return of how many."""
+        messages = part.messages
+        number = int(messages.pair[step])
+        client_hi, client_lo, server_hi, server_lo, port = (int(word[number]) for word in part.pairs)
+        request, names = part.requests[int(messages.asked[step])], part.namings[int(messages.naming[step])]
+        found = []
+        for entry in request.entries[: MOST_WRITES - len(self.kept)]:
+            old = self._values.known((server_hi, server_lo), entry.place)
+            found.append(
+                Write(
+                    time_ns, frame, (client_hi, client_lo), (server_hi, server_lo), port, name_of(entry, names),
+                    entry.place, old, entry.value or "", is_secret(entry, names),
+                )
+            )  # fmt: skip
+        self.kept += found
+        self.left_out += len(request.entries) - len(found)
+        if found:
+            self._open[key, frame].append((request, found))
+        return len(found)
+
+    def _answer(self, key: int, request: Request, messages: VisuMessages, step: int, frame: int) -> None:
+        """Note what became of a write."""
+        waiting = self._open.get((key, int(messages.asked_frame[step])), [])
+        place = next((place for place, (one, _) in enumerate(waiting) if one == request), None)
+        if place is None:
+            return
+        _, writes = waiting.pop(place)
+        outcome = WriteOutcome.UNANSWERED
+        if messages.kind[step] == Kind.REPLY:
+            is_done = messages.outcome[step] == Outcome.DONE
+            outcome = WriteOutcome.CONFIRMED if is_done else WriteOutcome.REFUSED
+        for write in writes:
+            write.outcome = outcome
+            if outcome is not WriteOutcome.UNANSWERED:
+                write.answer_frame = frame
+            if outcome is WriteOutcome.CONFIRMED:
+                self._values.written(write.server, write.place, write.new, frame, step)
+
+
+class _Values:
+    """What is known of the variables of all servers."""
+
+    def __init__(self) -> None:
+        self._replies: dict[tuple[Server, Request], tuple[tuple[int, int], bytes]] = {}
+        self._askers: dict[tuple[Server, Where], list[tuple[Request, int]]] = defaultdict(list)
+        self._written: dict[tuple[Server, Where], tuple[tuple[int, int], str]] = {}
+        self._bytes = 0
+
+    def read(self, server: Server, request: Request, body: bytes, frame: int, row: int) -> None:
+        """Note the reply to a read; ``frame`` and ``row`` say what was first."""
+        key = server, request
+        before = self._replies.get(key)
+        room = _MOST_KEPT_BYTES - self._bytes + (len(before[1]) if before else 0)
+        if len(body) > min(room, _MOST_BODY_BYTES):
+            self._bytes -= len(before[1]) if before else 0
+            self._replies.pop(key, None)
+            return
+        if before is None:
+            for place, entry in enumerate(request.entries):
+                askers = self._askers[server, entry.place]
+                if (request, place) not in askers:
+                    askers.append((request, place))
+        self._bytes += len(body) - (len(before[1]) if before else 0)
+        self._replies[key] = (frame, row), body
+
+    def written(self, server: Server, place: Where, value: str, frame: int, row: int) -> None:
+        """Note that a value was written."""
+        if len(self._written) < MOST_WRITES or (server, place) in self._written:
+            self._written[server, place] = (frame, row), value
+
+    def known(self, server: Server, place: Where) -> str | None:
+        """Return what a variable was read or written as last, None where nobody knows."""
+        at, value = self._written.get((server, place), ((-1, -1), None))
+        found: str | None = value
+        for request, position in self._askers.get((server, place), ()):
+            reply = self._replies.get((server, request))
+            if reply is not None and reply[0] > at:
+                values = read_reply(request, reply[1]).values
+                if position < len(values):
+                    at, found = reply[0], values[position]
+        return found
+
+
+def last_of_each(writes: Sequence[Write]) -> Mapping[tuple[Server, Server, str], Write]:
+    """Return the last write of each variable by each client."""
+    return {(one.client, one.server, one.variable): one for one in writes}
