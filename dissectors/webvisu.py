@@ -24,6 +24,9 @@ STRING = TYPES.index("STRING")
 MOST_ENTRIES = 10_000
 """So many entries of a request are read."""
 
+MOST_ADDRESS_CHARACTERS = 256
+"""Addresses of older pages, and names of variables, are cut behind so many characters."""
+
 UNREADABLE = "???"
 """What a controller answers in place of a value that it cannot read."""
 
@@ -50,6 +53,11 @@ class Place(NamedTuple):
     def text(self) -> str:
         """What the variable is called where it has no name."""
         return f"{self.ref},{self.offset},{self.size},{self.type}"
+
+    @property
+    def type_name(self) -> str:
+        """What its type is called."""
+        return TYPES[self.type] if self.type < len(TYPES) else f"type {self.type}"
 
 
 class Entry(NamedTuple):
@@ -176,7 +184,7 @@ def read_query(target: str) -> Request | None:
         name, _, text = part.partition("=")
         name = name.upper()
         if name.startswith("ADR") and (name[3:].isdecimal() or not name[3:]):
-            addresses.append(unquote(text, "latin-1"))
+            addresses.append(unquote(text, "latin-1")[:MOST_ADDRESS_CHARACTERS])
             places.append(name[3:])
         elif name.startswith("VALUE"):
             values[name[5:]] = unquote(text, "latin-1")

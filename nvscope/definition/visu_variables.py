@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from dissectors.webvisu import TYPES, Place
+from dissectors.webvisu import MOST_ADDRESS_CHARACTERS, TYPES, Place
 from nvscope.definition.source import read_source
 from nvscope.definition.xml_tree import Element, read_xml
 from nvscope.errors import ConfigurationError
@@ -70,12 +70,16 @@ def _listed(root: Element) -> Iterator[tuple[str, Place]]:
             for variable in element.children:
                 numbers = _PLACE.match(variable.text)
                 if variable.tag == "variable" and numbers is not None:
-                    yield variable.attributes.get("name", ""), Place(*map(int, numbers.groups()))
+                    yield _name(variable.attributes.get("name", "")), Place(*map(int, numbers.groups()))
         elif element.tag == "SymbolVarList":
             for variable in element.children:
                 place = _symbol(variable.attributes)
                 if place is not None:
-                    yield variable.attributes.get("Name") or variable.text, place
+                    yield _name(variable.attributes.get("Name") or variable.text), place
+
+
+def _name(text: str) -> str:
+    return text[:MOST_ADDRESS_CHARACTERS]
 
 
 def _symbol(attributes: Mapping[str, str]) -> Place | None:

@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from nvscope.findings.facts import Facts
     from nvscope.tracker.visu.events import VisuEvent
     from nvscope.tracker.visu.state import Subject, VisuCounts
+    from nvscope.tracker.visu.writes import Write
+
+_MOST_SHOWN = 60
+"""So many characters of a value stand in a sentence."""
 
 VISU_WRITE = FindingKind(
     "NV801",
@@ -91,6 +95,7 @@ VISU_SLOW = FindingKind(
 
 def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
     """Yield a finding for each variable that a client wrote, and for each client and server with trouble."""
+    from dissectors import address
     from nvscope.tracker.visu.events import VisuEvent
 
     kinds = {
@@ -104,11 +109,15 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
     for event, number, events in zip(log.keys.high.tolist(), log.keys.low.tolist(), all_events(log.rows), strict=True):
         found[kinds[VisuEvent(event)], subjects[number]][VisuEvent(event)] = events
     nodes = {text: number for number, text in enumerate(facts.summary.addresses)}
+    last = {
+        (address.text(*one.client), address.text(*one.server), one.variable): one for one in counts.writes.kept
+    }  # fmt: skip
     for (kind, subject), parts in found.items():
         together = parts[VisuEvent.LATE] if kind is VISU_SLOW else _together(parts.values())
         variable = f"visu/{subject.server}/{subject.variable}" if subject.variable else f"visu/{subject.server}"
+        message = _sentence(kind, subject, parts, last.get(subject))
         yield Finding(
-            kind, _sentence(kind, subject, parts), together.count, together.first_ns, together.last_ns, together.frames,
+            kind, message, together.count, together.first_ns, together.last_ns, together.frames,
             node=nodes.get(subject.client), variable=variable,
         )  # fmt: skip
 
@@ -120,14 +129,16 @@ def _together(parts: Iterable[Events]) -> Events:
     return first
 
 
-def _sentence(kind: FindingKind, subject: Subject, parts: Mapping[VisuEvent, Events]) -> str:
+def _sentence(
+    kind: FindingKind, subject: Subject, parts: Mapping[VisuEvent, Events], last: Write | None
+) -> str:  # fmt: skip
     from nvscope.tracker.visu.events import VisuEvent
 
     client, server, variable = subject
     counts = {event: events.count for event, events in parts.items()}
     total = sum(counts.values())
     if kind is VISU_WRITE:
-        return f"{client} wrote {variable} of {server} {_times(total)}."
+        return f"{client} wrote {variable} of {server} {_times(total)}{_over(last, total)}."
     if kind is VISU_ERROR and variable:
         return f"{server} refused {count_of(total, 'write')} of {variable} by {client}."
     if kind is VISU_ERROR:
@@ -144,6 +155,16 @@ def _sentence(kind: FindingKind, subject: Subject, parts: Mapping[VisuEvent, Eve
     if unanswered:
         told.append(f"ended the connection without a reply to {count_of(unanswered, 'request')} of {client}")
     return f"{server} {' and '.join(told)}."
+
+
+def _over(write: Write | None, total: int) -> str:
+    """Return what was written over what, where somebody may know it."""
+    if write is None or write.is_secret:
+        return ""
+    old, new = (one and (one if len(one) <= _MOST_SHOWN else f"{one[:_MOST_SHOWN]}…") for one in (write.old, write.new))
+    before = "" if old is None else f"{old} → "
+    became = "" if write.outcome in ("confirmed", "open") else f", {write.outcome}"
+    return f"{', the last one kept' if total > 1 else ''}: {before}{new}{became}"
 
 
 def _times(number: int) -> str:

@@ -15,6 +15,7 @@ from nvscope.view.lines.table import NO_BREAK, NOTHING, Cell, Column
 if TYPE_CHECKING:
     from nvscope.causes.chronicle import Chronicle
     from nvscope.view.interval_shapes import IntervalShapes
+    from nvscope.view.lines.plant.write_table import WriteTable
 
 
 def render(
@@ -82,7 +83,9 @@ def _lines(
         yield ""
         yield from _table(measures, rows)
     if "sdo_writes" in report:
-        yield from _parameter_writes(report, clock, details=details)
+        from nvscope.view.lines.plant import parameter_writes  # noqa: PLC0415
+
+        yield from _writes(parameter_writes, report, clock, details=details)
     if "visu" in report:
         from nvscope.view.lines.plant import visu  # noqa: PLC0415
 
@@ -91,6 +94,10 @@ def _lines(
         yield f"### {visu.TITLE}"
         yield ""
         yield from _table(measures, rows)
+    if "visu_writes" in report:
+        from nvscope.view.lines.plant import visu_writes  # noqa: PLC0415
+
+        yield from _writes(visu_writes, report, clock, details=details)
     if "hops" in report:
         yield ""
         yield f"### {hops.TITLE}"
@@ -157,15 +164,13 @@ def _causes(report: content.Report) -> Iterator[str]:
         yield f"- **Next:** {markdown_safe(cause['next'])}"
 
 
-def _parameter_writes(report: content.Report, clock: content.Clock, *, details: bool) -> Iterator[str]:
-    from nvscope.view.lines.plant import parameter_writes  # noqa: PLC0415
-
-    most = None if details else parameter_writes.MOST_WRITES
-    measures, rows, left = parameter_writes.writes(report, clock, most)
-    yield from ("", f"### {parameter_writes.TITLE}", "")
+def _writes(table: WriteTable, report: content.Report, clock: content.Clock, *, details: bool) -> Iterator[str]:
+    """Yield a table of who wrote what; ``table`` is its module."""
+    measures, rows, left = table.writes(report, clock, None if details else table.MOST_WRITES)
+    yield from ("", f"### {table.TITLE}", "")
     yield from _table(measures, rows)
     if left:
-        yield from ("", markdown_safe(parameter_writes.more(left, "-v")))
+        yield from ("", markdown_safe(table.more(left, "-v")))
 
 
 def _table(measures: Sequence[tables.Measure], rows: Sequence[content.Row]) -> Iterator[str]:

@@ -20,6 +20,7 @@ from nvscope.view.lines.text_width import display_width
 if TYPE_CHECKING:
     from nvscope.causes.chronicle import Chronicle
     from nvscope.view.interval_shapes import IntervalShapes
+    from nvscope.view.lines.plant.write_table import WriteTable
 
 MIN_WIDTH = 40
 _TEXT_WIDTH = 110  # longer lines of prose are hard to read, however wide the terminal is
@@ -120,9 +121,15 @@ def _lines(
     if "sdo" in report:
         yield from _parameters(report, width, room, asked)
     if "sdo_writes" in report:
-        yield from _parameter_writes(report, clock, width, room, asked)
+        from nvscope.view.lines.plant import parameter_writes  # noqa: PLC0415
+
+        yield from _writes(parameter_writes, report, clock, width, room, asked)
     if "visu" in report:
         yield from _visu(report, width, room, asked)
+    if "visu_writes" in report:
+        from nvscope.view.lines.plant import visu_writes  # noqa: PLC0415
+
+        yield from _writes(visu_writes, report, clock, width, room, asked)
     measures, rows = hops.hops(report)
     if "hops" in report:
         yield from _section(hops.TITLE, width)
@@ -232,17 +239,15 @@ def _pairs(
         yield from ([], *wrap([Cell(more)], min(width, _TEXT_WIDTH)))
 
 
-def _parameter_writes(
-    report: content.Report, clock: content.Clock, width: int, room: int | None, asked: Asked
+def _writes(
+    table: WriteTable, report: content.Report, clock: content.Clock, width: int, room: int | None, asked: Asked
 ) -> Iterator[Line]:  # fmt: skip
-    from nvscope.view.lines.plant import parameter_writes  # noqa: PLC0415
-
-    most = None if asked.details else parameter_writes.MOST_WRITES
-    measures, rows, left = parameter_writes.writes(report, clock, most)
-    yield from _section(parameter_writes.TITLE, width)
+    """Yield a table of who wrote what; ``table`` is its module."""
+    measures, rows, left = table.writes(report, clock, None if asked.details else table.MOST_WRITES)
+    yield from _section(table.TITLE, width)
     yield from _table(measures, rows, room)
     if left:
-        yield from wrap([Cell(parameter_writes.more(left, "-v"), Tone.FAINT)], min(width, _TEXT_WIDTH))
+        yield from wrap([Cell(table.more(left, "-v"), Tone.FAINT)], min(width, _TEXT_WIDTH))
 
 
 def _section(title: str, width: int) -> list[Line]:

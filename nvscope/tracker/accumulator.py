@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol
 
 from nvscope.engine.dealing import Share, SplitBy
@@ -42,10 +42,12 @@ class ProtocolAccumulator(Accumulator, Protocol):
 class ProtocolSummary:
     """What follows from what an accumulator has counted: rows of its own.
 
-    ``nodes`` are the halves of addresses that findings on it may name.
+    ``further`` are rows of other kinds, each with a name of its own. ``nodes`` are the halves of addresses that
+    findings on it may name.
     """
 
     rows: Sequence[Any] = ()
+    further: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     nodes: Sequence[tuple[int, int]] = ()
 
 

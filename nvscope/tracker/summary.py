@@ -113,9 +113,11 @@ def summarize(
     nodes = list(zip(keys.nodes.high.tolist(), keys.nodes.low.tolist(), strict=True))
     known = {node: number for number, node in enumerate(nodes)}
     reading = {known.setdefault(address.halves(text), len(known)): lists for text, lists in readers.items()}
-    others = {name: other.summary() for name, other in state.others.items()}
-    for other in others.values():
-        for node in other.nodes:
+    others: dict[str, Sequence[Any]] = {}
+    for name, other in state.others.items():
+        told = other.summary()
+        others |= {key: rows for key, rows in ((name, told.rows), *told.further.items()) if rows}
+        for node in told.nodes:
             known.setdefault(node, len(known))
     nodes = list(known)
     order = [address.order(*node) for node in nodes]
@@ -140,7 +142,7 @@ def summarize(
     return Summary(
         tuple(lists), addresses, tuple(order), MappingProxyType(scopes), capture, timeout_ns, can, together,
         _parameters(state), _parameter_writes(state),
-        MappingProxyType({name: other.rows for name, other in others.items() if other.rows}),
+        MappingProxyType(others),
     )  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from tests.definition.lists import telegram
 from tests.oracle.builders import data_frame
 from tests.oracle.builders import telegram as parameter_telegram
 from tests.oracle.frame import Frame
+from tests.oracle.tcp_line import Line
 from tests.packets import batch_of
 from tests.simulate.simulation import simulated
 
@@ -86,6 +87,7 @@ def make_odd_plant(folder: Path) -> None:
     unasked = data_frame(_START_NS, "10.0.0.3", "10.0.0.1", parameter_telegram(2))
     refused = [frame for service in range(20, 29) for frame in _refused(service)]
     _write(folder / "refusing.pcap", [unasked, *refused, *_written()])
+    _write(folder / "pages.pcap", _pages())
     lines = []
     for number, data in enumerate(values):
         at_s = (_START_NS + (number * 10 + 2) * _MS) / 1e9
@@ -123,6 +125,14 @@ def _written() -> Iterator[Frame]:
                 reply = parameter_telegram(100 if counter and index == 1 else 4, **key, data=b"")
                 yield data_frame(at_ns + 1, "10.0.0.2", "10.0.0.1", reply)
     yield data_frame(at_ns + 1_000 * _MS, "10.0.0.1", "10.0.0.2", parameter_telegram(3, 0x2200))
+
+
+def _pages() -> list[Frame]:
+    """Return writes by web visualization: of an address, and of what may be a password; without a reply."""
+    line = Line(("10.0.0.1", 40_000), ("10.0.0.2", 80), now=_START_NS).open()
+    line.ask(b"GET /WRITEPI?ADR=MW230&VALUE=12 HTTP/1.1\r\n\r\n")
+    body = b"|1|1|0|4|0|21|8|secret|"
+    return line.ask(b"POST /plc/webvisu.htm HTTP/1.1\r\nContent-Length: %d\r\n\r\n%s" % (len(body), body)).frames
 
 
 def _values(number: int) -> bytes:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from nvscope.tracker.visu.follower import VisuFollower
     from nvscope.tracker.visu.state import VisuCounts
 
-NAME = "visu"
+NAME, WRITES = "visu", "visu_writes"
 
 
 class _Nothing:
@@ -88,4 +88,5 @@ class VisuState:
             return NO_SUMMARY
         from nvscope.tracker.visu.summary import summarize_visu  # noqa: PLC0415
 
-        return ProtocolSummary(summarize_visu(self.known), tuple(self.known.clients()))
+        writes = {WRITES: tuple(self.known.writes.kept)}
+        return ProtocolSummary(summarize_visu(self.known), writes, tuple(self.known.clients()))

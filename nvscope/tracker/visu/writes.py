@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from enum import Enum
+from enum import StrEnum
 
 import numpy as np
 
@@ -17,6 +16,12 @@ from nvscope.tracker.visu.names import is_secret, name_of
 MOST_WRITES = 10_000
 """So many writes of variables are kept, the first ones."""
 
+MOST_CHARACTERS = 1024
+"""Longer values are cut, and end with "…"."""
+
+HIDDEN = "(hidden)"
+"""In place of a value that is a password, or may be one."""
+
 _MOST_BODY_BYTES = 1 << 16
 _MOST_KEPT_BYTES = 1 << 26
 """Longer replies, and more of them, are not kept: what was written over is not known then."""
@@ -25,7 +30,7 @@ Server = tuple[int, int]
 Where = Place | str
 
 
-class WriteOutcome(Enum):
+class WriteOutcome(StrEnum):
     """What became of a write. ``OPEN``: nobody has seen it, or not yet."""
 
     OPEN = "open"
@@ -121,7 +126,7 @@ class Writes:
             found.append(
                 Write(
                     time_ns, frame, (client_hi, client_lo), (server_hi, server_lo), port, name_of(entry, names),
-                    entry.place, old, entry.value or "", is_secret(entry, names),
+                    entry.place, old and _cut(old), _cut(entry.value or ""), is_secret(entry, names),
                 )
             )  # fmt: skip
         self.kept += found
@@ -186,13 +191,12 @@ class _Values:
         found: str | None = value
         for request, position in self._askers.get((server, place), ()):
             reply = self._replies.get((server, request))
-            if reply is not None and reply[0] > at:
+            if reply is not None and reply[0] >= at:
                 values = read_reply(request, reply[1]).values
                 if position < len(values):
                     at, found = reply[0], values[position]
         return found
 
 
-def last_of_each(writes: Sequence[Write]) -> Mapping[tuple[Server, Server, str], Write]:
-    """Return the last write of each variable by each client."""
-    return {(one.client, one.server, one.variable): one for one in writes}
+def _cut(value: str) -> str:
+    return value if len(value) <= MOST_CHARACTERS else f"{value[:MOST_CHARACTERS]}…"

@@ -118,6 +118,10 @@ def report_document(
         from nvscope.view.documents.visu import visu_rows  # noqa: PLC0415
 
         document["visu"] = visu_rows(pages, node_names)
+    if written := whole_summary.others.get("visu_writes"):
+        from nvscope.view.documents.visu_writes import visu_write_rows  # noqa: PLC0415
+
+        document["visu_writes"] = visu_write_rows(written, node_names)
     document |= {"buses": can_buses(summary.can, names, measures)} if summary.can.buses else {}
     return document if drawn else dict(plain(document))
 

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from dissectors.webvisu import TYPES, Place
+from dissectors.webvisu import Place
 from nvscope import units
 from nvscope.tracker.visu.messages import Kind, VisuBatch
+from nvscope.tracker.visu.writes import HIDDEN
 from nvscope.view.escape import visible
 from nvscope.view.lines import tree_lines
 from nvscope.view.lines.shown import Wording
 from nvscope.view.lines.table import Cell, Tone
 from nvscope.view.lines.transport_tree import TransportTree
 from nvscope.view.lines.tree_lines import Entry, label_cell, title_entry
-from nvscope.view.lines.visu_words import HIDDEN, Variable, message_words, variables_of
+from nvscope.view.lines.visu_words import Variable, message_words, variables_of
 from nvscope.view.rows.frames import FrameRows
 
 _NAME = "visu"
@@ -75,5 +76,5 @@ def _where(place: Place | str) -> str:
     if isinstance(place, str):
         return ""
     area = _AREAS[place.ref] if place.ref < len(_AREAS) else f"area {place.ref}"
-    kind = TYPES[place.type] if place.type < len(TYPES) else f"type {place.type}"
-    return f"{kind}, {area}, offset {place.offset}, {units.count_of(place.size, 'byte') if place.size else 'one bit'}"
+    size = units.count_of(place.size, "byte") if place.size else "one bit"
+    return f"{place.type_name}, {area}, offset {place.offset}, {size}"

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from dissectors.webvisu import Entry, Place, Request, read_reply
+from dissectors.webvisu import UNREADABLE, Entry, Place, Request, read_reply
 from nvscope import units
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch
 from nvscope.tracker.visu.names import is_secret, name_of
-
-HIDDEN = "(hidden)"
-"""In place of a password."""
+from nvscope.tracker.visu.writes import HIDDEN
 
 _MOST_SHOWN = 8
 
@@ -39,7 +37,7 @@ def variables_of(part: VisuBatch, message: int, *, secrets: bool = False) -> lis
         if part.messages.outcome[message] in (Outcome.DONE, Outcome.MISCOUNTED) and not request.query:
             start, stop = int(part.messages.start[message]), int(part.messages.stop[message])
             read = read_reply(request, part.data[start:stop]).values
-            values[: len(read)] = read
+            values[: len(read)] = [UNREADABLE if value is None else value for value in read]
     return [
         Variable(entry, name_of(entry, names), value if secrets or value is None else shown(entry, names, value))
         for entry, value in zip(request.entries, values, strict=True)
@@ -48,7 +46,7 @@ def variables_of(part: VisuBatch, message: int, *, secrets: bool = False) -> lis
 
 def shown(entry: Entry, names: Mapping[Place, str], value: str) -> str:
     """Return a value, or what stands in its place where it is, or may be, a password."""
-    return HIDDEN if is_secret(entry, names) else value
+    return HIDDEN if value != UNREADABLE and is_secret(entry, names) else value
 
 
 def message_words(part: VisuBatch, message: int) -> str:

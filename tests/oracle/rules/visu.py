@@ -70,12 +70,27 @@ class Row:
 
 
 @dataclass
+class Written:
+    """A variable that was written: when, by whom, over which value (None: nobody knows), and what became of it."""
+
+    time: int
+    frame: int
+    pair: Pair
+    variable: str
+    old: str | None
+    new: str
+    outcome: str = "open"
+    answer: int | None = None
+
+
+@dataclass
 class Waiting:
     """A request that waits for its response: what it asks for, None where it is cut or none of WebVisu's."""
 
     asked: Asked | None
     message: Message
     frame: int
+    writes: list[Written]
 
 
 class Talk:
@@ -116,6 +131,11 @@ class Visu:
         self.known: dict[Pair, Row] = defaultdict(Row)
         self.found: dict[tuple[str, Node, str], list[tuple[int, int]]] = defaultdict(list)
         self.names: dict[Node, dict[visu_body.Address, str]] = defaultdict(dict)
+        self.writes: list[Written] = []
+        self.read: dict[tuple[Node, Asked], tuple[int, tuple[bytes | None, ...]]] = {}
+        """The last reply to each request of each server: when, by count, and its values."""
+        self.confirmed: dict[tuple[Node, visu_body.Address], tuple[int, str]] = {}
+        self.replies = 0
         self.number = 0
         self.now = 0
 
@@ -167,7 +187,7 @@ class Visu:
             self.cut_request(talk, message)
         elif message.body is not None:
             asked = visu_body.asked(message.method, message.target, message.body)
-        talk.waiting.append(Waiting(asked, message, self.number))
+        talk.waiting.append(Waiting(asked, message, self.number, self.written(talk, asked)))
         self.happened["several wait"] += len(talk.waiting) > 1
         if asked is None or message.body is None:
             self.happened["other request"] += 1
@@ -194,6 +214,46 @@ class Visu:
             if same in row.last_reads:
                 row.pollings.append(max(self.now - row.last_reads[same], 0))
             row.last_reads[same] = self.now
+
+    def written(self, talk: Talk, asked: Asked | None) -> list[Written]:
+        """Note what a request writes."""
+        if asked is None or not asked.write:
+            return []
+        server = talk.pair[1]
+        found = [
+            Written(
+                self.now, self.number, talk.pair, self.called(server, entry.address),
+                self.known_value(server, entry.address), text_of(entry.value),
+            )
+            for entry in asked.entries
+        ]  # fmt: skip
+        self.writes += found
+        return found
+
+    def known_value(self, server: Node, address: visu_body.Address) -> str | None:
+        """Return the value that a variable was read, or written, as last."""
+        since, value = self.confirmed.get((server, address), (0, None))
+        found: str | None = value
+        for (node, asked), (at, values) in self.read.items():
+            for entry, one in zip(asked.entries, values, strict=False):
+                if node == server and entry.address == address and at >= since:
+                    since, found = at, None if one is None else one.decode("latin-1")
+        return found
+
+    def learn(self, talk: Talk, waiting: Waiting, asked: Asked, status: int, answer: Answered) -> None:
+        """Note what a reply says of values."""
+        self.replies += 1
+        server = talk.pair[1]
+        if asked.write:
+            is_done = not answer.refused
+            for one in waiting.writes:
+                one.outcome, one.answer = "confirmed" if is_done else "refused", self.number
+            if is_done:
+                self.confirmed |= {
+                    (server, entry.address): (self.replies, text_of(entry.value)) for entry in asked.entries
+                }
+        elif not asked.query and not answer.ambiguous and status == 200:
+            self.read[server, asked] = self.replies, answer.values
 
     def response(self, talk: Talk, message: Message) -> None:
         """Take a response that is whole, or dropped as cut; one of 1xx answers nothing."""
@@ -225,7 +285,9 @@ class Visu:
         if latency > SECOND:
             self.happened["slow"] += 1
             self.find("NV805", talk)
-        self.judge(talk, row, waiting.asked, message, visu_body.answered(waiting.asked, message.status, message.body))
+        answer = visu_body.answered(waiting.asked, message.status, message.body)
+        self.learn(talk, waiting, waiting.asked, message.status, answer)
+        self.judge(talk, row, waiting.asked, message, answer)
 
     def judge(self, talk: Talk, row: Row, asked: Asked, message: Message, answer: Answered) -> None:
         row.counts.update(refused=answer.refused, miscounted=answer.miscounted, ambiguous=answer.ambiguous)
@@ -248,6 +310,8 @@ class Visu:
             if waiting.asked is not None:
                 self.known[talk.pair].counts["unanswered"] += 1
                 self.find("NV805", talk, frame=waiting.frame)
+                for one in waiting.writes:
+                    one.outcome = "unanswered"
         talk.waiting.clear()
 
     def is_password(self, talk: Talk, address: visu_body.Address) -> bool:
@@ -259,9 +323,12 @@ class Visu:
         client, server, _ = talk.pair
         variable = f"visu/{server}"
         if address is not None:
-            text = address if isinstance(address, str) else ",".join(map(str, address))
-            variable += "/" + self.names[server].get(address, text)
+            variable += "/" + self.called(server, address)
         self.found[code, client, variable].append((self.now, self.number if frame is None else frame))
+
+    def called(self, server: Node, address: visu_body.Address) -> str:
+        text = address if isinstance(address, str) else ",".join(map(str, address))
+        return self.names[server].get(address, text)
 
     def latencies(self, row: dict[str, Any]) -> list[int]:
         """Return the latencies of a row, in order."""
@@ -306,6 +373,10 @@ class Visu:
                 ((code, str(client), variable), events) for (code, client, variable), events in self.found.items()
             )
         ]  # fmt: skip
+
+
+def text_of(value: bytes | None) -> str:
+    return (value or b"").decode("latin-1")
 
 
 def percentiles(ordered: list[int]) -> dict[str, int | None]:

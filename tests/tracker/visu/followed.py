@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from dissectors import address
 from dissectors.batch import PacketBatch
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import Observer, run
@@ -13,6 +14,7 @@ from nvscope.protocols.table import accumulators_of, dissectors_of, judges_of
 from nvscope.protocols.visu import VISU
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
+from nvscope.tracker.visu.on_demand import VisuState
 from nvscope.view.documents.visu import visu_rows
 from tests.oracle.frame import Frame
 from tests.oracle.rules.visu import Visu
@@ -50,6 +52,31 @@ def told(state: TrackerState) -> tuple[Rows, Rows]:
     ]  # fmt: skip
     findings.sort(key=lambda one: (one["code"], one["client"], one["variable"]))
     return [{name: value for name, value in row.items() if name not in _NAMES} for row in rows], findings
+
+
+def writes_of(state: TrackerState) -> list[tuple[Any, ...]]:
+    """Return the writes of a state: when, by whom, what, over what, and what came of it."""
+    counts = state.others[VISU.name]
+    assert isinstance(counts, VisuState)
+    kept = [] if counts.known is None else counts.known.writes.kept
+    return [
+        (
+            one.time_ns, one.frame, address.text(*one.client), address.text(*one.server), one.port, one.variable,
+            one.old, one.new, one.outcome.value, one.answer_frame or None,
+        )
+        for one in kept
+    ]  # fmt: skip
+
+
+def writes_by_the_rules(rules: Visu) -> list[tuple[Any, ...]]:
+    """Return the same by the rules."""
+    return [
+        (
+            one.time, one.frame, str(one.pair[0]), str(one.pair[1]), one.pair[2], one.variable, one.old, one.new,
+            one.outcome, one.answer,
+        )
+        for one in rules.writes
+    ]  # fmt: skip
 
 
 def by_the_rules(frames: Sequence[Frame]) -> Visu:

@@ -16,7 +16,7 @@ from tests.oracle.frame import Frame
 from tests.oracle.rules.visu import Visu
 from tests.oracle.visu_traffic import visu_traffic
 from tests.packets import batch_of, cut, recorded
-from tests.tracker.visu.followed import Rows, by_the_rules, followed, seen, told
+from tests.tracker.visu.followed import by_the_rules, followed, seen, told, writes_by_the_rules, writes_of
 
 SEEDS = st.integers(0, 20_000)
 
@@ -32,31 +32,33 @@ def near(row: dict[str, Any]) -> dict[str, Any]:
     return found
 
 
-def check(frames: list[Frame], found: tuple[Rows, Rows]) -> None:
+def check(frames: list[Frame]) -> None:
     rules: Visu = by_the_rules(frames)
-    rows, findings = found
+    state = followed([batch_of(frames)])
+    assert writes_of(state) == writes_by_the_rules(rules)
+    rows, findings = told(state)
     assert rows == [near(row) for row in rules.rows()]
     assert findings == rules.findings()
 
 
 @pytest.mark.parametrize("seed", some(range(160)))
 def test_what_becomes_of_requests_is_what_the_rules_say(seed: int) -> None:
-    frames = visu_traffic(seed)
-    check(frames, seen(frames))
+    check(visu_traffic(seed))
 
 
 @examples(60)
 @given(seed=SEEDS)
 def test_so_it_is_of_any_traffic(seed: int) -> None:
-    frames = visu_traffic(seed)
-    check(frames, seen(frames))
+    check(visu_traffic(seed))
 
 
 @examples(60)
 @given(seed=SEEDS, packets=st.integers(1, 90))
 def test_any_cut_gives_the_same(seed: int, packets: int) -> None:
     frames = visu_traffic(seed)
-    assert told(followed(cut(batch_of(frames), packets))) == seen(frames)
+    parts, whole = followed(cut(batch_of(frames), packets)), followed([batch_of(frames)])
+    assert told(parts) == told(whole)
+    assert writes_of(parts) == writes_of(whole)
 
 
 @examples(20)

@@ -1,0 +1,71 @@
+"""The table of writes of web visualization: who wrote what where, over which value, and what became of it.
+
+Takes the rows of the report of schema ``nvscope.report/2``. As in ``content``, nothing here is escaped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from nvscope import units
+from nvscope.tracker.visu.writes import HIDDEN, WriteOutcome
+from nvscope.view.lines.plant.content import Clock, Report, Row, nanoseconds, node_names
+from nvscope.view.lines.plant.tables import Measure, used
+from nvscope.view.lines.table import NOTHING, Cell, Column, Tone
+
+TITLE = "WebVisu writes"
+MOST_WRITES = 20
+"""So many are shown unless all are wanted: the last ones; those that were confirmed and change nothing go first."""
+
+_TONES = {
+    WriteOutcome.CONFIRMED: Tone.GOOD, WriteOutcome.REFUSED: Tone.ERROR, WriteOutcome.UNANSWERED: Tone.ERROR,
+    WriteOutcome.OPEN: Tone.FAINT,
+}  # fmt: skip
+
+
+def writes(report: Report, clock: Clock, most: int | None = MOST_WRITES) -> tuple[list[Measure], list[Row], int]:
+    """Return columns and rows of the table, and how many further writes there are; none without writes."""
+    found: Sequence[Row] = report.get("visu_writes", ())
+    shown = list(found)
+    if most is not None and len(shown) > most:
+        last = sorted(range(len(shown)), key=lambda place: (_changes_nothing(shown[place]), -place))[:most]
+        shown = [shown[place] for place in sorted(last)]
+    names = node_names(report)
+    rows: list[Row] = [
+        {
+            **row,
+            "at": clock.moment(nanoseconds(row["time_ns"]) or 0),
+            "who": names.get(row["client"], row["client"]),
+            "whom": names.get(row["server"], row["server"]),
+        }
+        for row in shown
+    ]
+    return used(_WRITES, rows), rows, len(found) - len(rows)
+
+
+def more(left: int, option: str) -> str:
+    """Return what is said of further writes; ``option`` is what shows them, too."""
+    return f"… and {units.count(left)} more: {option} shows all that are kept, --json too."
+
+
+def _changes_nothing(row: Row) -> bool:
+    same: bool = row["old"] == row["new"] and row["outcome"] == WriteOutcome.CONFIRMED
+    return same
+
+
+def _value(row: Row, name: str) -> Cell:
+    if row["hidden"]:
+        return Cell(HIDDEN, Tone.FAINT)
+    return Cell(NOTHING, Tone.FAINT) if row[name] is None else Cell(row[name])
+
+
+_WRITES = (
+    Measure(Column("time", importance=7), lambda row: Cell(row["at"])),
+    Measure(Column("who", shortest=12, identifier=True), lambda row: Cell(row["who"], Tone.STRONG)),
+    Measure(Column("whom", shortest=12, identifier=True, importance=9), lambda row: Cell(row["whom"])),
+    Measure(Column("variable", shortest=10, identifier=True), lambda row: Cell(row["variable"])),
+    Measure(Column("old", shortest=8, importance=10, verbatim=True), lambda row: _value(row, "old")),
+    Measure(Column("new", shortest=8, verbatim=True), lambda row: _value(row, "new")),
+    Measure(Column("outcome", importance=11), lambda row: Cell(row["outcome"], _TONES[WriteOutcome(row["outcome"])])),
+    Measure(Column("frame", right=True, importance=2), lambda row: Cell(str(row["frame"]))),
+)

@@ -1,0 +1,49 @@
+"""The schemas of web visualization: who asks whom, and each write."""
+
+from __future__ import annotations
+
+from nvscope.tracker.visu.writes import MOST_CHARACTERS, WriteOutcome
+from tests.schemas.shapes import PORT, Schema, described, duration, maybe, record, text, time, truth, whole, word
+
+_ENDS = {
+    "client": text("address"), "client_name": maybe(text("what the project calls it")),
+    "server": text("address"), "server_name": maybe(text("the same")), "port": PORT,
+}  # fmt: skip
+
+
+def visu() -> Schema:
+    """Return the schema of a row of ``visu``."""
+    latency = {"count": whole(), **{name: maybe(duration()) for name in ("p50", "p99", "max")}}
+    polling = {name: maybe(duration()) for name in ("p50", "p99")}
+    return record(
+        {
+            **_ENDS,
+            "connections": whole("those with such requests", 1),
+            "reads": whole("requests that were seen whole"), "writes": whole("the same"),
+            "entries": whole("the variables in them"), "variables": whole("those that differ"),
+            "replies": whole("to these requests"), "refused": whole("writes that were not done"),
+            "unanswered": whole("requests whose connection ended without a reply"),
+            "cut": whole("requests and replies of which bytes are missing"),
+            "gap_bytes": whole("bytes that are missing of the connections"),
+            "miscounted": whole("requests and replies with more or fewer entries than told or asked for"),
+            "ambiguous": whole("replies whose values may be divided in several ways"),
+            "latency_ns": described(record(latency), "from the request to its reply"),
+            "polling_ns": described(record(polling), "from one read to the next one of the same"),
+        }
+    )  # fmt: skip
+
+
+def visu_write() -> Schema:
+    """Return the schema of a row of ``visu_writes``."""
+    return record(
+        {
+            "time_ns": time("of the request"), "frame": whole("its number", 1), **_ENDS,
+            "variable": text("its name, or where it lies"), "place": text("area, offset, size and type; or an address"),
+            "type": maybe(text("null: it is asked for by address")),
+            "old": maybe(text(f"what it was before; null: nobody knows. Cut behind {MOST_CHARACTERS} characters")),
+            "new": maybe(text("what it is then, cut likewise; null: hidden")),
+            "hidden": truth("it is a password, or may be one: old and new are not shown"),
+            "outcome": word([outcome.value for outcome in WriteOutcome], "open: nobody has seen what came of it"),
+            "answer_frame": maybe(whole("that of the reply", 1)),
+        }
+    )  # fmt: skip
