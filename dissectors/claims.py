@@ -43,7 +43,8 @@ NO_CLAIMS = Claims()
 
 def _either(ports: tuple[int, ...], source: U16, destination: U16) -> Bool:
     claimed = np.zeros(len(source), np.bool_)
-    if ports:
-        claimed |= np.isin(source, ports)
-        claimed |= np.isin(destination, ports)
+    # Not by np.isin, which imports numpy.ma where a column is short.
+    for port in ports:
+        claimed |= source == port
+        claimed |= destination == port
     return claimed

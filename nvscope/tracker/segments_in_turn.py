@@ -149,16 +149,23 @@ class SegmentsInTurn:
         self._waiting: dict[int, _Stream] = {}
         self._kept_bytes = 0
         self._made: list[tuple[int, int, int, int, int, int]] = []
-        self._sources: list[bytes] = []
+        self.kept: list[bytes] = []
 
     def forget(self) -> None:
         """Forget what is kept."""
         self._waiting.clear()
         self._kept_bytes = 0
 
-    def observe(self, data: U8, segments: Segments) -> tuple[Pieces, list[bytes]]:
-        """Take all segments of some connections; return what they bring, and the data of what had been kept."""
-        self._made, self._sources = [], []
+    def begin(self) -> None:
+        """Begin a batch, whose buffer is another one."""
+        self.kept = []
+
+    def observe(self, data: U8, segments: Segments) -> Pieces:
+        """Take all segments of some connections within some time; return what they bring.
+
+        ``data`` is the batch's buffer; ``kept`` is the data of what had been kept before.
+        """
+        self._made = []
         connection = segments.stream >> 1
         by_frame = segments.take(np.lexsort((segments.frame, connection)))
         last, ends = -1, None
@@ -175,7 +182,7 @@ class SegmentsInTurn:
         if ends is not None:
             self._put_back(data, ends)
         made = np.array(self._made, np.int64).reshape(-1, 6).T
-        return Pieces(*made), self._sources
+        return Pieces(*made)
 
     def _taken(self, number: int) -> _Stream:
         waiting = self._waiting.pop(number, None)
@@ -307,8 +314,8 @@ class SegmentsInTurn:
         elif isinstance(part.source, int):
             start = part.source
         elif isinstance(part.source, bytes):
-            start = ~len(self._sources)
-            self._sources.append(part.source)
+            start = ~len(self.kept)
+            self.kept.append(part.source)
         self._tell(stream, part.kind, start, size, frame, order)
 
     def _tell(self, stream: _Stream, kind: PieceKind, start: int, size: int, frame: int, order: Order) -> None:

@@ -12,7 +12,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from dissectors.batch import I64, U64, Bool, PacketBatch
+from dissectors.batch import I64, U8, U64, Bool, PacketBatch
 from dissectors.headers import ACK, FIN, RST, SYN
 from dissectors.keys import KeyTable, first_rows_from
 from dissectors.transport import SegmentBatch
@@ -20,6 +20,9 @@ from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.tracker.pieces import ANEW, IN_STEP, ORDER_BITS, Brought, Order, PieceKind, Pieces, no_pieces
 from nvscope.tracker.segments_in_turn import FAR, Segments, SegmentsInTurn, StreamColumns
+
+_FEW = 128
+"""So many segments take as long one after the other as at once."""
 
 _APART = 1 << 34
 _WRAP, _HALF = 1 << 32, 1 << 31
@@ -85,12 +88,27 @@ class Streams:
         if not len(rows):
             return Brought(no_pieces())
         self._streams.resize(2 * len(self.connections))
+        found: list[Pieces] = []
+        self._in_turn.begin()
+        self._put_in_order(packets.data, rows, carrying, found)
+        pieces = Pieces.stacked(found) if len(found) > 1 else found[0]
+        if len(found) > 1:
+            pieces = pieces.take(stable_order(pieces.stream, 2 * len(self.connections)))
+        return Brought(pieces, self._in_turn.kept)
+
+    def _put_in_order(self, data: U8, rows: Segments, carrying: Bool, found: list[Pieces]) -> None:
+        """Add what segments bring to ``found``: where something is peculiar, in halves, and few of them in turn."""
+        if len(rows) <= _FEW:
+            found.append(self._in_turn.observe(data, rows))
+            return
         is_plain, pieces = self._plain(rows, carrying)
+        found.append(pieces)
         if is_plain.all():
-            return Brought(pieces)
-        others, kept = self._in_turn.observe(packets.data, rows.take(~is_plain))
-        both = Pieces.stacked([pieces, others])
-        return Brought(both.take(stable_order(both.stream, 2 * len(self.connections))), kept)
+            return
+        rest, carrying = rows.take(~is_plain), carrying[~is_plain]
+        middle = int(np.partition(rest.frame, len(rest) // 2)[len(rest) // 2])
+        for part in (rest.frame < middle, rest.frame >= middle):
+            self._put_in_order(data, rest.take(part), carrying[part], found)
 
     def _numbered(
         self, packets: PacketBatch, segments: SegmentBatch, first_frame: int
