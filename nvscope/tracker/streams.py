@@ -91,9 +91,8 @@ class Streams:
         found: list[Pieces] = []
         self._in_turn.begin()
         self._put_in_order(packets.data, rows, carrying, found)
-        pieces = Pieces.stacked(found) if len(found) > 1 else found[0]
-        if len(found) > 1:
-            pieces = pieces.take(stable_order(pieces.stream, 2 * len(self.connections)))
+        pieces = Pieces.stacked(found)
+        pieces = pieces.take(stable_order(pieces.stream, 2 * len(self.connections)))
         return Brought(pieces, self._in_turn.kept)
 
     def _put_in_order(self, data: U8, rows: Segments, carrying: Bool, found: list[Pieces]) -> None:

@@ -3,29 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-from dissectors.batch import I64, PacketBatch
+from dissectors.batch import I64, Bool, PacketBatch
 from dissectors.http import Side
 from dissectors.keys import KeyTable
 from dissectors.transport import SegmentBatch
-from dissectors.webvisu import Answer, Request, fields_in_reply, read_reply
+from dissectors.webvisu import Request
 from nvscope.tracker.pieces import ORDER_BITS
 from nvscope.tracker.streams import Streams
 from nvscope.tracker.visu.asking import NOTHING, Ask, Asking
 from nvscope.tracker.visu.conversation import Conversation, Happened
 from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.http_reader import What
-from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, messages_of, no_messages
+from nvscope.tracker.visu.messages import Kind, VisuBatch, VisuMessages, no_messages
 from nvscope.tracker.visu.names import Names
+from nvscope.tracker.visu.outcomes import OK, outcomes
+from nvscope.tracker.visu.plain_exchanges import AskedFor, Said, plain_rows, take_plain
 
-_OK = 200
-_OUTCOMES = {
-    Answer.DONE: Outcome.DONE, Answer.MISCOUNTED: Outcome.MISCOUNTED, Answer.AMBIGUOUS: Outcome.AMBIGUOUS,
-    Answer.REFUSED: Outcome.REFUSED,
-}  # fmt: skip
-_WITH_CONTENT = (Kind.READ, Kind.REPLY, Kind.NAMES)
+_FEW = 64
+"""So many messages are not divided any more."""
+
+NO_REQUEST = Request(writes=False, declared=0, entries=())
 
 
 class Exchanges:
@@ -55,125 +56,172 @@ class Exchanges:
         """Return what the HTTP messages of a batch say of WebVisu; ``first_frame`` is that of its row 0."""
         if not len(http):
             return no_messages()
-        happened = self._merged(http, self._asked(http))
-        if not happened:
+        asked_for = AskedFor(NOTHING)
+        asked = self._asked(http, asked_for)
+        parts: list[Said] = []
+        self._pair(http, np.arange(len(http)), plain_rows(http, asked, asked_for.asks), asked, asked_for, parts)
+        said = Said.stacked(parts)
+        if not len(said):
             return no_messages()
-        return self._told(http, happened, packets, segments, first_frame)
+        said = said.take(np.argsort(said.order, kind="stable"))
+        return self._told(http, said, asked_for.asks, packets, segments, first_frame)
 
-    def _asked(self, http: HttpMessages) -> Sequence[Ask]:
-        """Return what each message asks for, ``NOTHING`` of all that are no whole requests."""
+    def _pair(
+        self, http: HttpMessages, rows: I64, is_plain: Bool, asked: I64, asked_for: AskedFor, parts: list[Said]
+    ) -> None:
+        """Add what some messages say to ``parts``: plain connections at once, others in halves, and few in turn."""
+        if len(rows) > _FEW:
+            taken, said = take_plain(http, rows, is_plain, asked, asked_for, self._conversations)
+            parts += said
+            rows = rows[~taken]
+        if len(rows) <= _FEW:
+            if len(rows):
+                parts.append(self._merged(http, asked, asked_for, rows))
+            return
+        order = http.order[rows]
+        middle = int(np.partition(order, len(order) // 2)[len(order) // 2])
+        # Where all are of one frame, there are no halves.
+        halves = [rows[order < middle], rows[order >= middle]] if order.min() < middle else [rows]
+        if len(halves) == 1:
+            parts.append(self._merged(http, asked, asked_for, rows))
+            return
+        for half in halves:
+            self._pair(http, half, is_plain, asked, asked_for, parts)
+
+    def _asked(self, http: HttpMessages, asked_for: AskedFor) -> I64:
+        """Return what each message asks for, 0 of all that are no whole requests."""
         asking, forms, data = self._asking, http.forms, http.data
-        asked = [NOTHING] * len(http)
-        last, ask = b"", NOTHING
+        asked = np.zeros(len(http), np.int64)
+        last, number = b"", 0
         rows = np.flatnonzero((http.stream & 1) == int(Side.CLIENT))
-        for row, place, start in zip(rows.tolist(), http.form[rows].tolist(), http.start[rows].tolist(), strict=True):
+        numbers = []
+        for place, start in zip(http.form[rows].tolist(), http.start[rows].tolist(), strict=True):
             form = forms[place]
-            if form.what is not What.WHOLE or form.head is None:
-                continue
-            body = form.content if form.is_coded else data[start : start + form.body_bytes]
+            body = None
+            if form.what is What.WHOLE and form.head is not None:
+                body = form.content if form.is_coded else data[start : start + form.body_bytes]
             if body is None:
+                numbers.append(0)
                 continue
+            assert form.head is not None
             if form.head.method != "POST":
-                asked[row] = asking.by_target(form.head)
+                numbers.append(asked_for.number(asking.by_target(form.head)))
                 continue
             if body != last:
-                last, ask = body, asking.by_body(body)
-            asked[row] = ask
+                last, number = body, asked_for.number(asking.by_body(body))
+            numbers.append(number)
+        asked[rows] = numbers
         return asked
 
-    def _merged(self, http: HttpMessages, asked: Sequence[Ask]) -> list[Happened]:
-        """Take what happens in each connection in its order; return what is to be told, in that of the capture."""
-        order = np.lexsort((http.order, http.stream >> 1))
-        columns = (http.stream, http.form, http.order, http.arrival_ns)
+    def _merged(self, http: HttpMessages, asked: I64, asked_for: AskedFor, rows: I64) -> Said:
+        """Take what happens in connections, one after the other in its order; return what is to be told."""
+        rows = rows[np.lexsort((http.order[rows], http.stream[rows] >> 1))]
+        sources = (rows, http.stream[rows], http.form[rows], asked[rows], http.order[rows], http.arrival_ns[rows])
         happened: list[Happened] = []
-        tell, forms = happened.append, http.forms
+        tell, forms, asks = happened.append, http.forms, asked_for.asks
         conversation = Conversation(-1)
-        for row, stream, form, at, arrival_ns in zip(
-            order.tolist(), *(column[order].tolist() for column in columns), strict=True
-        ):
+        for row, stream, form, ask, at, arrival_ns in zip(*(column.tolist() for column in sources), strict=True):
             if stream >> 1 != conversation.connection:
                 number = stream >> 1
                 conversation = self._conversations.setdefault(number, Conversation(number))
             if stream & 1:
                 conversation.take_from_server(forms[form], at, arrival_ns, row, tell)
             else:
-                conversation.take_from_client(forms[form], asked[row], at, arrival_ns, row, tell)
-        happened.sort(key=lambda one: one.order)
-        return happened
+                conversation.take_from_client(forms[form], asks[ask], at, arrival_ns, row, tell)
+        table = [
+            (
+                int(one.kind), one.connection, one.order, one.message, asked_for.number(one.asked), one.latency_ns,
+                one.asked_frame, one.gap_bytes, one.opens,
+            )
+            for one in happened
+        ]  # fmt: skip
+        columns: Any = list(np.array(table, np.int64).reshape(-1, len(Said.__match_args__)).T)
+        columns[-1] = columns[-1] > 0
+        return Said(*columns)
 
     def _told(
-        self, http: HttpMessages, happened: Sequence[Happened], packets: PacketBatch, segments: SegmentBatch,
+        self, http: HttpMessages, said: Said, asks: Sequence[Ask], packets: PacketBatch, segments: SegmentBatch,
         first_frame: int,
     ) -> VisuBatch:  # fmt: skip
-        pair = self._pairs(np.array([one.connection for one in happened], np.int64))
-        servers = list(zip(*(self.pairs.words[word].tolist() for word in (2, 3)), strict=True))
-        requests: list[Request] = []
-        asks: list[Ask] = []
-        contents: list[bytes] = []
-        begin = len(http.data)
-        rows = []
-        for one, number in zip(happened, pair.tolist(), strict=True):
-            kind, status, outcome, fields, polled_ns = one.kind, -1, int(Outcome.NONE), -1, -1
-            start = stop = -1
-            row = (one.order >> ORDER_BITS) - first_frame
-            naming = self._names.version_of(servers[number])
-            if one.message >= 0 and kind in _WITH_CONTENT:
-                form = http.forms[http.form[one.message]]
-                if form.is_coded:
-                    content = form.content or b""
-                    start, stop = begin, begin + len(content)
-                    contents.append(content)
-                    begin += len(content)
-                else:
-                    start = int(http.start[one.message])
-                    stop = start + form.body_bytes
-                    content = http.data[start:stop]
-                status = form.head.status if form.head is not None and kind is not Kind.READ else -1
-                if kind is Kind.NAMES and status == _OK:
-                    self._names.learn(servers[number], content)
-                    naming = self._names.version_of(servers[number])
-            asked, request = -1, one.asked.request
-            if request is not None:
-                if one.asked.number < 0:
-                    one.asked.number = len(requests)
-                    requests.append(request)
-                    asks.append(one.asked)
-                asked = one.asked.number
-                if kind is Kind.READ:
-                    kind = Kind.WRITE if request.writes else Kind.READ
-                    polled_ns = self._since_read(number, one.asked, int(packets.ts_ns[row]))
-                elif kind is Kind.REPLY:
-                    outcome, fields = _outcome(request, status, content)
-            rows.append((
-                int(kind), row, number, asked, start, stop, status, outcome, fields, one.latency_ns, one.asked_frame,
-                one.gap_bytes, one.opens, polled_ns, naming,
-            ))  # fmt: skip
-        for ask in asks:
-            ask.number = -1
-        data = b"".join((http.data, *contents)) if contents else http.data
-        return VisuBatch.of(messages_of(rows), segments, data, requests, self.pairs.words, self._names.versions)
+        requests = [one.request or NO_REQUEST for one in asks]
+        pair = self._pairs(said.connection)
+        row = (said.order >> ORDER_BITS) - first_frame
+        data, start, stop = _contents(http, said)
+        naming = self._namings(said, pair, data, start, stop, http)
+        kind = said.kind.copy()
+        writes = np.array([one.writes for one in requests], np.bool_)
+        kind[(kind == Kind.READ) & writes[said.asked]] = int(Kind.WRITE)
+        replies = (kind == Kind.REPLY) | (kind == Kind.NAMES)
+        status = np.where(replies, _statuses(http)[http.form[said.message]], -1)
+        outcome, fields = outcomes(kind, said.asked, requests, status, data, start, stop)
+        known = np.array([one.is_known for one in asks], np.bool_)
+        polls = np.flatnonzero((kind == Kind.READ) & known[said.asked])
+        polled_ns = np.full(len(said), -1)
+        polled_ns[polls] = self._since_read(pair[polls], said.asked[polls], asks, packets.ts_ns[row[polls]])
+        messages = VisuMessages(
+            kind, row, pair, np.where(said.asked > 0, said.asked, -1), start, stop, status, outcome, fields,
+            said.latency_ns, said.asked_frame, said.gap_bytes, said.opens, polled_ns, naming,
+        )  # fmt: skip
+        return VisuBatch.of(messages, segments, data, requests, self.pairs.words, self._names.versions)
 
-    def _since_read(self, pair: int, ask: Ask, time_ns: int) -> int:
-        """Return how long it is since a pair read the same, -1 where it has not, or nobody knows."""
-        if not ask.is_known:
-            return -1
-        before = self._read_ns.get((pair, ask))
-        self._read_ns[pair, ask] = time_ns
-        return -1 if before is None else max(time_ns - before, 0)
+    def _namings(self, said: Said, pair: I64, data: bytes, start: I64, stop: I64, http: HttpMessages) -> I64:
+        """Return what names were known at each message, with those of the lists that are among them."""
+        servers = list(zip(*(self.pairs.words[word].tolist() for word in (2, 3)), strict=True))
+        versions = np.array([self._names.version_of(server) for server in servers], np.int64)
+        naming: I64 = versions[pair]
+        for place in np.flatnonzero(said.kind == Kind.NAMES).tolist():
+            form = http.forms[int(http.form[said.message[place]])]
+            if form.head is None or form.head.status != OK:
+                continue
+            server = servers[int(pair[place])]
+            self._names.learn(server, data[int(start[place]) : int(stop[place])])
+            same = np.array([other == server for other in servers], np.bool_)
+            naming[place:][same[pair[place:]]] = self._names.version_of(server)
+        return naming
+
+    def _since_read(self, pair: I64, asked: I64, asks: Sequence[Ask], time_ns: I64) -> I64:
+        """Return how long it is since a pair read the same, -1 where it has not; reads are in the order of time."""
+        if not len(pair):
+            return pair
+        order = np.lexsort((asked, pair))
+        ordered = time_ns[order]
+        since = np.full(len(order), -1)
+        since[1:] = np.maximum(np.diff(ordered), 0)
+        first = np.ones(len(order), np.bool_)
+        first[1:] = (np.diff(pair[order]) != 0) | (np.diff(asked[order]) != 0)
+        starts = np.flatnonzero(first)
+        for place, last in zip(starts.tolist(), np.append(starts[1:], len(order)).tolist(), strict=True):
+            key = int(pair[order[place]]), asks[int(asked[order[place]])]
+            before = self._read_ns.get(key)
+            since[place] = -1 if before is None else max(int(ordered[place]) - before, 0)
+            self._read_ns[key] = int(ordered[last - 1])
+        told = np.empty(len(order), np.int64)
+        told[order] = since
+        return told
 
     def _pairs(self, connection: I64) -> I64:
         ends = self._streams.ends_of(connection)
         return self.pairs.numbers(*ends.client, *ends.server, ends.server_port)
 
 
-def _outcome(request: Request, status: int, content: bytes) -> tuple[int, int]:
-    """Return what a reply says, and how many fields it has; of writes, and of older pages, -1."""
-    if status != _OK:
-        return int(Outcome.STATUS), -1
-    if request.writes or request.query:
-        return int(_OUTCOMES[read_reply(request, content).answer]), -1
-    fields = fields_in_reply(content)
-    surplus = fields - len(request.entries)
-    if not surplus or (surplus > 0 and request.strings == 1):
-        return int(Outcome.DONE), fields
-    return int(Outcome.AMBIGUOUS if surplus > 0 and request.strings > 1 else Outcome.MISCOUNTED), fields
+def _statuses(http: HttpMessages) -> I64:
+    """Return the statuses of the forms of messages, 0 of what has none."""
+    return np.array([0 if form.head is None else form.head.status for form in http.forms], np.int64)
+
+
+def _contents(http: HttpMessages, said: Said) -> tuple[bytes, I64, I64]:
+    """Return data with the contents of all bodies in it, and where those of some messages lie; -1 of those without."""
+    with_content = (said.message >= 0) & ((said.kind <= Kind.REPLY) | (said.kind == Kind.NAMES))
+    form = http.form[said.message]
+    body_bytes = np.array([one.body_bytes for one in http.forms], np.int64)
+    start = np.where(with_content, http.start[said.message], -1)
+    stop = np.where(with_content, start + body_bytes[form], -1)
+    coded = np.array([one.is_coded for one in http.forms], np.bool_)
+    contents = [http.data]
+    begin = len(http.data)
+    for place in np.flatnonzero(with_content & coded[form]).tolist():
+        content = http.forms[int(form[place])].content or b""
+        start[place], stop[place] = begin, begin + len(content)
+        contents.append(content)
+        begin += len(content)
+    return (b"".join(contents) if len(contents) > 1 else http.data), start, stop

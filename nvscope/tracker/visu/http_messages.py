@@ -5,7 +5,6 @@ A message may lie in any number of segments and batches, and a segment may hold 
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -149,36 +148,36 @@ class HttpStreams:
         """
         start, stop, begin = run
         pieces, found = brought.pieces, self._found
-        kinds, sizes = pieces.kind[start:stop].tolist(), pieces.size[start:stop].tolist()
-        end = begin + len(reader.rest)
-        waiting = deque(breaks)
-        for place, (kind, size) in enumerate(zip(kinds, sizes, strict=True), start):
-            while waiting and pieces.order[place] > waiting[0]:
-                waiting.popleft()
-                if end > begin:
-                    reader.read(data, begin, end, found)
-                    begin = end - len(reader.rest)
-                reader.forget_request()
-            if kind == PieceKind.DATA:
-                end = int(ends[place])
-                continue
+        first = begin + len(reader.rest)
+        kind_of, orders = pieces.kind[start:stop], pieces.order[start:stop]
+        # Where the reader has to stop: in front of what is no data, and where the client's direction lost step.
+        lost = np.searchsorted(orders, breaks, side="right").tolist()
+        controls = np.flatnonzero(kind_of != int(PieceKind.DATA)).tolist()
+        end = first
+        for place, is_control in sorted([(one, False) for one in lost] + [(one, True) for one in controls]):
+            end = int(ends[start + place - 1]) if place else first
             if end > begin:
                 reader.read(data, begin, end, found)
+            if not is_control:
+                begin = end - len(reader.rest)
+                reader.forget_request()
+                continue
             begin = end
+            kind, size = int(kind_of[place]), int(pieces.size[start + place])
+            at = ~(start + place)
             if kind == PieceKind.HOLE:
-                reader.miss(size, ~place, found)
+                reader.miss(size, at, found)
             elif kind == PieceKind.BEGIN:
                 reader.begin(in_step=size & IN_STEP > 0)
                 anew = size & ANEW > 0
-                found.at.append(~place)
+                found.at.append(at)
                 found.form.append(Forms.ANEW if anew else Forms.BEGIN)
             else:
-                reader.end(~place, found, broken_off=size > 0)
-        if end > begin:
+                reader.end(at, found, broken_off=size > 0)
+        end = int(ends[stop - 1])
+        if end > begin and kind_of[-1] == int(PieceKind.DATA):
             reader.read(data, begin, end, found)
-        if waiting:
-            reader.forget_request()
-        if end == begin and kinds[-1] == PieceKind.END:
+        if kind_of[-1] == int(PieceKind.END):
             del self._readers[stream]
 
     def _requests(self, brought: Brought, ends: I64, asked: slice, waiting: Iterable[bool]) -> HeadRequests:

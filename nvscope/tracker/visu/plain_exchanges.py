@@ -1,0 +1,136 @@
+"""Plain exchanges: connections in which whole requests and whole replies take turns, paired all at once.
+
+Most connections of most captures are such. What it is about all others is for ``Conversation`` to say, message by
+message.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dissectors.batch import I64, Bool
+from dissectors.columns import Columns
+from nvscope.engine.runs import distinct, runs_of
+from nvscope.tracker.pieces import ORDER_BITS
+from nvscope.tracker.visu.asking import Ask
+from nvscope.tracker.visu.conversation import Conversation, Waiting
+from nvscope.tracker.visu.http_messages import HttpMessages
+from nvscope.tracker.visu.http_reader import Form, What
+from nvscope.tracker.visu.messages import Kind
+
+FEW = 16
+"""So many messages of a connection take as long one after the other as at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class Said(Columns):
+    """What is to be told, each of a message; columns of shape (n,), int64 but for ``opens``.
+
+    ``kind`` is a ``Kind``, ``message`` a row of ``HttpMessages`` or -1, ``asked`` a place in what is asked for in the
+    batch, 0 for nothing. The others are as in ``Happened``.
+    """
+
+    kind: I64
+    connection: I64
+    order: I64
+    message: I64
+    asked: I64
+    latency_ns: I64
+    asked_frame: I64
+    gap_bytes: I64
+    opens: Bool
+
+
+class AskedFor:
+    """What is asked for in a batch, by number; nothing is 0."""
+
+    def __init__(self, nothing: Ask) -> None:
+        self.asks = [nothing]
+        self._numbers: dict[Ask, int] = {nothing: 0}
+
+    def number(self, ask: Ask) -> int:
+        """Return the number of what is asked for."""
+        number = self._numbers.get(ask)
+        if number is None:
+            number = self._numbers[ask] = len(self.asks)
+            self.asks.append(ask)
+        return number
+
+
+def take_plain(
+    http: HttpMessages, rows: I64, is_plain: Bool, asked: I64, asked_for: AskedFor,
+    conversations: dict[int, Conversation],
+) -> tuple[Bool, list[Said]]:  # fmt: skip
+    """Pair the messages of connections that are plain; return which ones these are, and what is to be told.
+
+    ``rows`` are messages by stream, and in each in its order; ``is_plain`` is of all (``plain_rows``).
+    """
+    taken = np.zeros(len(rows), np.bool_)
+    stream = http.stream[rows]
+    start, stop = runs_of(stream >> 1)
+    wanted = (stop - start >= FEW) & np.logical_and.reduceat(is_plain[rows], start)
+    said = []
+    for begin, end in zip(start[wanted].tolist(), stop[wanted].tolist(), strict=True):
+        conversation = conversations.get(int(stream[begin] >> 1))
+        if conversation is None or not conversation.is_visu:
+            continue
+        middle = begin + int(np.searchsorted(stream[begin:end] & 1, 1))
+        found = _paired(http, asked, asked_for, conversation, rows[begin:middle], rows[middle:end])
+        if found is not None:
+            taken[begin:end] = True
+            said.append(found)
+    return taken, said
+
+
+def plain_rows(http: HttpMessages, asked: I64, asks: Sequence[Ask]) -> Bool:
+    """Tell which messages are whole, as they came, and no more than request or reply."""
+    forms = np.zeros(len(http.forms), np.bool_)
+    used = distinct(http.form)
+    forms[used] = [_is_plain(http.forms[form]) for form in used.tolist()]
+    lists = np.array([ask.is_list for ask in asks], np.bool_)
+    plain: Bool = forms[http.form] & ~lists[asked]
+    return plain
+
+
+def _is_plain(form: Form) -> bool:
+    if form.what is not What.WHOLE or form.is_coded or form.answers_nobody or form.head is None:
+        return False
+    return not form.head.is_interim and form.head.method != "HEAD"
+
+
+def _paired(
+    http: HttpMessages, asked: I64, asked_for: AskedFor, conversation: Conversation, asks: I64, answers: I64
+) -> Said | None:
+    """Pair the requests of a connection with its replies, both rows of messages; None where these are not in turn."""
+    waiting = conversation.waiting
+    if any(one.asked.is_list or one.is_head for one in waiting):
+        return None
+    order, arrival_ns, own = http.order[asks], http.arrival_ns[asks], asked[asks]
+    if waiting:
+        order = np.append([one.order for one in waiting], order)
+        arrival_ns = np.append([one.arrival_ns for one in waiting], arrival_ns)
+        own = np.append([asked_for.number(one.asked) for one in waiting], own)
+    replies = len(answers)
+    if replies > len(order) or (order[:replies] >= http.order[answers]).any():
+        return None
+    waiting.clear()
+    for number, at, time_ns in zip(*(column[replies:].tolist() for column in (own, order, arrival_ns)), strict=True):
+        waiting.append(Waiting(asked_for.asks[number], at, time_ns))
+    is_request = np.array([ask.request is not None for ask in asked_for.asks], np.bool_)
+    requests = asks[is_request[asked[asks]]]
+    answered = np.flatnonzero(is_request[own[:replies]])
+    count = len(requests) + len(answered)
+    latency_ns, asked_frame = np.zeros(count, np.int64), np.zeros(count, np.int64)
+    latency_ns[len(requests) :] = (http.arrival_ns[answers] - arrival_ns[:replies])[answered]
+    asked_frame[len(requests) :] = order[:replies][answered] >> ORDER_BITS
+    message = np.append(requests, answers[answered])
+    kind = np.full(count, int(Kind.REPLY))
+    kind[: len(requests)] = int(Kind.READ)
+    return Said(
+        kind, np.full(count, conversation.connection), http.order[message], message,
+        np.append(asked[requests], own[:replies][answered]), latency_ns, asked_frame, np.zeros(count, np.int64),
+        np.zeros(count, np.bool_),
+    )  # fmt: skip
