@@ -18,6 +18,7 @@ from nvscope.definition.project_lists import LIST_TABLES, ListSettings, with_set
 from nvscope.definition.project_nodes import NODE_TABLES, Node
 from nvscope.definition.project_parameters import PARAMETER_TABLES, Told, parameters_of
 from nvscope.definition.wanted_files import DefinitionFile, wanted_files
+from nvscope.definition.webvisu import WebVisuSettings, webvisu_of
 from nvscope.errors import ConfigurationError
 from nvscope.toml_table import (
     TEXT,
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 
 _U16_MAX = 0xFFFF
 _USUAL = Limits()
+_NO_WEBVISU = WebVisuSettings()
 
 
 def _keys(value: Any, place: Place) -> tuple[tuple[str, str], ...]:
@@ -76,6 +78,9 @@ class ProjectFile:
         ValueKind("table of names", _channels),
         'what channels are called here, by the names that captures tell: can1 = "press"; two may get one name',
         default=(),
+    )
+    webvisu: WebVisuSettings = key(  # noqa: RUF009  # a field, not a default
+        table_of(WebVisuSettings), "web visualization", default=_NO_WEBVISU
     )
     limits: Limits = key(  # noqa: RUF009  # a field, not a default
         table_of(Limits), "from where on something is worth a finding", default=_USUAL
@@ -150,7 +155,7 @@ def _project(told: ProjectFile, path: Path | None, wanted: Sequence[DefinitionFi
     buses = Buses.of_project(told.buses)
     return Project(
         path, tuple(files), definition, dict(told.nodes), ports, told.limits, buses, dict(told.keys),
-        dict(told.channels),
+        dict(told.channels), webvisu=webvisu_of(told.webvisu, path, place) or None,
     )  # fmt: skip
 
 

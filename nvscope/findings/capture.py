@@ -274,6 +274,9 @@ def _left_out(facts: Facts) -> Iterator[Finding]:
     for events, what in _parameters_left_out(facts):
         told.append(events)
         parts.append(what)
+    for events, what in _pages_left_out(facts):
+        told.append(events)
+        parts.append(what)
     if not told:
         return
     frames = sorted(frame for events in told for frame in events.frames)[:FRAMES_KEPT]
@@ -309,3 +312,25 @@ def _parameters_left_out(facts: Facts) -> Iterator[tuple[Events, str]]:
         noun, where = nouns[what]
         plural = f"{noun[:-1]}ies" if noun.endswith("y") else ""
         yield events, f"{count_of(events.count, noun, plural)} {where}"
+
+
+def _pages_left_out(facts: Facts) -> Iterator[tuple[Events, str]]:
+    """Yield what was left out of web visualization, and what it is in words."""
+    other = facts.state.others.get("visu")
+    known = getattr(other, "known", None)
+    if known is None or not len(known.left_out.rows):
+        return
+    from nvscope.tracker.visu.state import Beyond
+    from nvscope.tracker.visu.writes import MOST_WRITES
+
+    log = known.left_out
+    nouns = {
+        Beyond.PAIR: ("web visualization message", "between further clients and servers"),
+        Beyond.VARIABLE: ("further variable", "of web visualization"),
+        Beyond.FINDING: ("event", "of further variables of web visualization"),
+        Beyond.WRITE: ("variable", f"written beyond the first {count(MOST_WRITES)}"),
+    }
+    (whats,) = log.keys.words
+    for what, events in sorted(zip(whats.tolist(), all_events(log.rows), strict=True), key=lambda one: one[0]):
+        noun, where = nouns[what]
+        yield events, f"{count_of(events.count, noun)} {where}"

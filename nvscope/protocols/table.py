@@ -9,10 +9,11 @@ from nvscope.protocols.can import CAN
 from nvscope.protocols.netvar import NETVAR
 from nvscope.protocols.other_frames import OTHER_FRAMES
 from nvscope.protocols.protocol import Protocol
-from nvscope.protocols.visu import VISU
+from nvscope.protocols.visu import VISU, visu_of
 
 if TYPE_CHECKING:
     from dissectors.dissector import Dissector
+    from nvscope.definition.project import Project
     from nvscope.findings.judge import Judge
     from nvscope.tracker.accumulator import ProtocolAccumulator
     from nvscope.tracker.state import TrackerState
@@ -20,6 +21,14 @@ if TYPE_CHECKING:
 
 PROTOCOLS: Sequence[Protocol] = (NETVAR, CAN, VISU, OTHER_FRAMES)
 """In the order in which fields are listed; of frames that several could read, the first one's."""
+
+
+def of_project(protocols: Sequence[Protocol], project: Project) -> Sequence[Protocol]:
+    """Return protocols with what a project says of them."""
+    webvisu = project.webvisu
+    if webvisu is None:
+        return protocols
+    return [visu_of(webvisu) if protocol is VISU else protocol for protocol in protocols]
 
 
 def dissectors_of(protocols: Iterable[Protocol]) -> tuple[Dissector, ...]:

@@ -7,6 +7,7 @@ Connections over its ports are followed (``nvscope.tracker.streams``), and reque
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from nvscope.protocols.protocol import Protocol
@@ -14,6 +15,7 @@ from nvscope.tracker.visu.on_demand import NAME, FollowOnDemand, VisuState
 
 if TYPE_CHECKING:
     from dissectors.dissector import Dissector
+    from nvscope.definition.webvisu import WebVisu
     from nvscope.findings.facts import Facts
     from nvscope.findings.finding import Finding
     from nvscope.findings.kind import FindingKind
@@ -26,11 +28,18 @@ PORTS = (80, 8080)
 """The TCP ports of controllers' web servers."""
 
 
-def _dissector() -> Dissector:
+def _dissector(webvisu: WebVisu | None = None) -> Dissector:
     from dissectors.claims import Claims  # noqa: PLC0415
     from dissectors.dissector import Dissector  # noqa: PLC0415
 
-    return Dissector(NAME, Claims(tcp=PORTS), begin=lambda: FollowOnDemand(PORTS))
+    ports = (*PORTS, *(webvisu.ports if webvisu else ()))
+    names = webvisu.names if webvisu else {}
+    return Dissector(NAME, Claims(tcp=ports), begin=lambda: FollowOnDemand(ports, names))
+
+
+def visu_of(webvisu: WebVisu) -> Protocol:
+    """Return the protocol with what a project says of it: further ports, and names of variables."""
+    return replace(VISU, dissector=lambda: _dissector(webvisu))
 
 
 def _fields() -> Sequence[TelegramField]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from dissectors.batch import I64, Bool, PacketBatch
 from dissectors.http import Side
 from dissectors.keys import KeyTable
 from dissectors.transport import SegmentBatch
-from dissectors.webvisu import Request
+from dissectors.webvisu import Place, Request
 from nvscope.tracker.pieces import ORDER_BITS
 from nvscope.tracker.streams import Streams
 from nvscope.tracker.visu.asking import NOTHING, Ask, Asking
@@ -32,11 +32,11 @@ NO_REQUEST = Request(writes=False, declared=0, entries=())
 class Exchanges:
     """Pairs requests with their replies, from one batch to the next; ``pairs`` number client, server and its port."""
 
-    def __init__(self, streams: Streams) -> None:
+    def __init__(self, streams: Streams, names: Mapping[Place, str]) -> None:
         self._streams = streams
         self._asking = Asking()
         self._conversations: dict[int, Conversation] = {}
-        self._names = Names()
+        self._names = Names(names)
         self._read_ns: dict[tuple[int, Ask], int] = {}
         self.pairs = KeyTable(5)
 

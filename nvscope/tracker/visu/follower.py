@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from dissectors.batch import PacketBatch
 from dissectors.transport import SegmentBatch
+from dissectors.webvisu import Place
 from nvscope.tracker.streams import Streams
 from nvscope.tracker.visu.exchanges import Exchanges
 from nvscope.tracker.visu.http_messages import HttpStreams
 from nvscope.tracker.visu.messages import VisuBatch
+from nvscope.tracker.visu.names import NO_NAMES
 
 
 class VisuFollower:
-    """Follows the connections over some ports, from one batch to the next."""
+    """Follows the connections over some ports, from one batch to the next; ``names`` are those given of variables."""
 
-    def __init__(self, ports: Sequence[int]) -> None:
+    def __init__(self, ports: Sequence[int], names: Mapping[Place, str] = NO_NAMES) -> None:
         self._streams = Streams(ports)
         self._http = HttpStreams()
-        self._exchanges = Exchanges(self._streams)
+        self._exchanges = Exchanges(self._streams, names)
 
     def follow(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> VisuBatch:
         """Return what the segments of a batch bring, which follows those before; its row 0 is frame ``first_frame``."""

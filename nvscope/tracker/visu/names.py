@@ -16,11 +16,11 @@ class Names:
     """The names known so far of the variables of each controller, by the halves of its address.
 
     ``versions`` are all that was known at some time, by number: a later list adds to what was known before. What has
-    been said once holds for what came until then.
+    been said once holds for what came until then. The first version are the names that were ``given``.
     """
 
-    def __init__(self) -> None:
-        self.versions: list[Mapping[Place, str]] = [NO_NAMES]
+    def __init__(self, given: Mapping[Place, str] = NO_NAMES) -> None:
+        self.versions: list[Mapping[Place, str]] = [given]
         self._of_server: dict[tuple[int, int], int] = {}
 
     def version_of(self, server: tuple[int, int]) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -15,6 +15,7 @@ from nvscope.engine.told import Told
 from nvscope.tracker.accumulator import NO_SUMMARY, ProtocolSummary
 
 if TYPE_CHECKING:
+    from dissectors.webvisu import Place
     from nvscope.tracker.visu.follower import VisuFollower
     from nvscope.tracker.visu.state import VisuCounts
 
@@ -34,10 +35,13 @@ class _Nothing:
 
 
 class FollowOnDemand:
-    """Follows the connections over some ports, from the first segment on that has data."""
+    """Follows the connections over some ports, from the first segment on.
 
-    def __init__(self, ports: Sequence[int]) -> None:
-        self._ports = ports
+    ``names`` are those of variables of which no list within the capture says another one.
+    """
+
+    def __init__(self, ports: Sequence[int], names: Mapping[Place, str]) -> None:
+        self._ports, self._names = ports, names
         self._known: VisuFollower | None = None
 
     def follow(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> Part:
@@ -47,7 +51,7 @@ class FollowOnDemand:
         if self._known is None:
             from nvscope.tracker.visu.follower import VisuFollower  # noqa: PLC0415
 
-            self._known = VisuFollower(self._ports)
+            self._known = VisuFollower(self._ports, self._names)
         return self._known.follow(packets, segments, first_frame)
 
     def forget(self) -> None:

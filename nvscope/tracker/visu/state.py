@@ -222,7 +222,7 @@ class VisuCounts:
 
     def _secret(self, request: Request, naming: int, names: Mapping[Place, str]) -> Collection[int]:
         """Return which entries of a request are passwords."""
-        if not naming:
+        if not names:
             return ()
         key = (request, naming)
         found = self._secrets.get(key)

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from nvscope.engine.run import run
+from nvscope.findings.judge import judge
 from nvscope.protocols.table import accumulators_of
 from nvscope.protocols.visu import VISU
 from nvscope.tracker.parted import PartedState
+from nvscope.tracker.state import TrackerState
 from tests.laws import examples, some
 from tests.oracle.frame import Frame
 from tests.oracle.rules.visu import Visu
 from tests.oracle.visu_traffic import visu_traffic
-from tests.packets import batch_of, cut, recorded
-from tests.tracker.visu.followed import by_the_rules, followed, seen, told, writes_by_the_rules, writes_of
+from tests.packets import Batches, batch_of, cut, recorded
+from tests.tracker.visu.followed import by_the_rules, followed, reading, seen, told, writes_by_the_rules, writes_of
 
 SEEDS = st.integers(0, 20_000)
 
@@ -77,3 +81,16 @@ def test_behind_a_hole_in_which_nobody_listened_connections_begin_in_the_middle(
     alone = [seen(first)[0], seen(second)[0]]
     for name in ("connections", "reads", "writes", "replies", "unanswered", "cut"):
         assert sum(row[name] for row in rows) == sum(row[name] for part in alone for row in part)
+
+
+def test_what_there_is_no_room_for_is_told() -> None:
+    frames = visu_traffic(9)
+    reading_of_few = replace(reading(), max_streams=2)
+    state = TrackerState(others=accumulators_of([VISU]))
+    for _ in run(Batches([batch_of(frames)]), reading_of_few, [state]):
+        pass
+    rows, _ = told(state)
+    assert len(rows) == 2 < len(seen(frames)[0])
+    (left_out,) = [one for one in judge(state) if one.code == "NV906"]
+    for what in ("web visualization messages between further clients", "further variables of web visualization"):
+        assert what in left_out.message
