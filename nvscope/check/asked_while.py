@@ -24,7 +24,7 @@ from nvscope.tracker.parameter.events import ParameterEvent
 
 if TYPE_CHECKING:  # most plants have none, and then nothing of it is imported
     from nvscope.tracker.parameter.transactions import Transactions
-    from nvscope.tracker.visu.messages import VisuBatch, VisuMessages
+    from nvscope.tracker.visu.messages import VisuBatch
 
 _MAXIMUM = 100
 
@@ -46,11 +46,15 @@ _WITH_LATENCY = (Came.REPLY, Came.REFUSED)
 
 
 class Tally:
-    """What came of the requests of one pair: how many, the first frames of each kind, and replies that are ``slow``."""
+    """What came of the requests of one pair: how many, the first frames of each kind, and replies that are ``slow``.
 
-    __slots__ = ("counts", "frames", "slow", "slow_frames")
+    ``asked`` are those of WebVisu, whatever came of them.
+    """
+
+    __slots__ = ("asked", "counts", "frames", "slow", "slow_frames")
 
     def __init__(self) -> None:
+        self.asked = 0
         self.counts = dict.fromkeys(Came, 0)
         self.frames: Mapping[Came, KeptFrames] = {one: KeptFrames() for one in (Came.REFUSED, Came.UNANSWERED)}
         self.slow = 0
@@ -169,7 +173,12 @@ class AskedWhile:
         if self.left_out:
             messages = messages.take(np.array([number in self._pairs for number in messages.pair.tolist()], np.bool_))
         refused = (messages.outcome == Outcome.REFUSED) | (messages.outcome == Outcome.STATUS)
-        is_reply, judged = messages.kind == Kind.REPLY, self._judged(messages)
+        is_reply, judged = messages.kind == Kind.REPLY, self._judged(messages.asked_frame)
+        asks = (messages.kind == Kind.READ) | (messages.kind == Kind.WRITE)
+        asks &= self._judged(messages.row + told.first_frame)
+        for number, count in enumerate(np.bincount(messages.pair[asks]).tolist()):
+            if count:
+                self._visu.of[number].asked += count
         for came, own in (
             (Came.REPLY, is_reply & ~refused), (Came.REFUSED, is_reply & refused),
             (Came.UNANSWERED, messages.kind == Kind.UNANSWERED),
@@ -180,9 +189,8 @@ class AskedWhile:
             time_ns = told.packets.ts_ns[packet]
             self._visu.take(came, messages.pair[row], frame, time_ns, messages.latency_ns[row])
 
-    def _judged(self, messages: VisuMessages) -> Bool:
-        """Tell of which messages the request is judged."""
-        asked = messages.asked_frame
+    def _judged(self, asked: I64) -> Bool:
+        """Tell of the frames of requests which of them are judged."""
         if self._first_judged is None:
             return np.zeros(len(asked), np.bool_)
         found: Bool = asked >= self._first_judged

@@ -26,6 +26,7 @@ _LIMITS = ("max_latency", "max_errors", "max_unanswered")
 
 NO_PAIR = "no such requests were seen"
 NONE_JUDGED = "none of its requests was asked when the rule is judged"
+NO_REPLY = "the reply to none of its requests is whole in the capture"
 NOT_DUE = "the capture ended before a reply was due"
 UNHEARD = "what nodes answer each other is not to be seen in this capture"
 NO_REQUESTS = "its requests are not in the capture, only replies"
@@ -66,8 +67,9 @@ def _why_unknown(
         return UNHEARD
     answers = tally.replies + tally.counts[Came.BUSY]
     if pair.protocol != SDO:
-        hears = answers or watched.sends(pair.server)
-        return "" if hears or not tally.requests else _nothing_of(pair)
+        if not tally.asked or (not answers and not watched.sends(pair.server)):
+            return _nothing_of(pair) if tally.asked else ""
+        return "" if tally.requests else NO_REPLY
     assert known.parameters is not None
     columns = known.parameters.columns
     requests, came = int(columns.requests[number]), _answers(known.parameters, number)
