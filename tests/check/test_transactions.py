@@ -10,11 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nvscope.check.checks.transactions import NO_PAIR, NO_REPLY, NO_REQUESTS, NONE_JUDGED, NOT_DUE
+from nvscope.analysis.inquiry import Inquiry
+from nvscope.check.checks.transactions import NO_PAIR, NO_REPLY, NO_REQUESTS, NONE_JUDGED, NOT_DUE, UNHEARD
 from nvscope.check.deciding import Decided
-from nvscope.check.rules import rules_of
+from nvscope.check.rules import read_rules, rules_of
 from nvscope.check.run import checked
 from nvscope.check.verdict import Judged, Verdict
+from nvscope.definition.project import Project
 from nvscope.errors import UsageError
 from nvscope.simulate.scenario_file import load_scenario
 from tests.check.requests import (
@@ -30,6 +32,7 @@ from tests.check.requests import (
     WRITE_X,
     asked,
     decided,
+    file,
     in_turn,
     of_frames,
     page,
@@ -172,6 +175,12 @@ def test_where_only_one_direction_was_captured_it_is_not_decided() -> None:
     assert verdict([*requests, sent(20_000)], ERRORS)[0] is FAIL
     replies = [asked(1000 * one, counter=one)[1] for one in range(10)]
     assert verdict([*replies, later], ERRORS)[::2] == (OPEN, NO_REQUESTS)
+
+
+def test_where_others_are_not_heard_it_is_not_decided() -> None:
+    """As on a socket of this machine, which gets what is sent to everybody."""
+    assert verdict(polled(*QUICK), ERRORS, hears_answers=False)[::2] == (OPEN, UNHEARD)
+    assert verdict([sent(0)], ERRORS, hears_answers=False)[::2] == (OPEN, UNHEARD)
 
 
 def test_what_may_still_be_answered_when_the_capture_ends_is_not_judged() -> None:
@@ -330,6 +339,33 @@ def test_so_it_is_of_pages(seed: int, most_ms: int, percent: int) -> None:
             assert judged.count == sum(one > most_ms * MILLISECOND for one in latencies)
             assert subject_of(good, of).count == row.counts["unanswered"]
     assert seen or not any(row.latencies for row in rules.known.values())
+
+
+@pytest.mark.parametrize("visu", [False, True])
+def test_each_of_several_warm_ups_is_as_if_it_were_the_only_one(visu: bool, tmp_path: Path) -> None:
+    frames = line(*GOOD, None).frames if visu else polled(*QUICK, None, 30, 3)
+    capture, files, alone = file(frames, tmp_path / "x.pcap"), [], {}
+    texts = (
+        "max_latency = '1us'", "max_unanswered = 0", "max_errors = 0\nwhen = 'frame.number > 12'",
+        "max_errors = 0\npercentile = 50",
+    )  # fmt: skip
+    writes = "[[rule]]\nid = '{0}w'\ncheck = 'writes'\nonly_by = '192.0.2.1'\n"
+    patient = "[[rule]]\nid = '{0}a'\ncheck = 'acknowledged'\nwithin = '4s'\noptional = true\n"
+    for name in ("0s", "500ms", "3s"):
+        rules = "".join(f"[[rule]]\nid = '{name}{at}'\ncheck = 'transaction'\n{one}\n" for at, one in enumerate(texts))
+        path = tmp_path / f"{name}.rules.toml"
+        path.write_text(f"[defaults]\nwarmup = '{name}'\n{rules}{writes.format(name)}{patient.format(name)}")
+        files.append(str(path))
+        alone |= judged_in(capture, [str(path)])
+    assert {FAIL, PASS} <= {one[0] for one in alone.values()}
+    for order in (files, files[::-1]):
+        assert judged_in(capture, order) == alone
+
+
+def judged_in(capture: Path, files: list[str]) -> dict[str, tuple[Verdict, list[Judged]]]:
+    """Return the verdict of each rule of files, with its subjects."""
+    found = checked(Inquiry([str(capture)], Project()), read_rules(files))
+    return {one.rule.id: (one.verdict, list(one.subjects)) for one in found.decided}
 
 
 RULES = [

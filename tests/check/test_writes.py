@@ -139,6 +139,13 @@ def test_where_nobody_wrote_it_is_kept_and_says_so() -> None:
     assert nothing.verdict is OPEN
 
 
+def test_where_others_are_not_heard_it_is_not_decided() -> None:
+    (one,) = of_frames(session(), writes(only_by=[HMI, SERVICE]), hears_answers=False)
+    assert one.verdict is OPEN
+    (one,) = of_frames(session(), writes(only_by=HMI), hears_answers=False)
+    assert one.verdict is FAIL
+
+
 def test_a_name_that_nobody_has_given_decides_nothing() -> None:
     assert subjects(session(), writes(only_by="hmi")) == [(HMI, OPEN, 0), (SERVICE, OPEN, 0)]
     assert subjects(session(), writes(only_to=["set.*", "0x2000:1"])) == [(HMI, OPEN, 0), (SERVICE, PASS, 0)]
