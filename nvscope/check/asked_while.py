@@ -217,6 +217,16 @@ def pairs_of(known: Transactions | None) -> list[Pair]:
     return [Pair(SDO, address.text(*ends[:2]), address.text(*ends[2:]), int(port)) for *ends, port in words]
 
 
+def asks_beyond(known: Evidence, *names: str) -> bool:
+    """Tell whether there was no room for something that the Parameter Manager said: members of ``Beyond``, by name."""
+    if known.parameters is None:
+        return False
+    from nvscope.tracker.parameter.transactions import Beyond  # noqa: PLC0415
+
+    words = {int(Beyond[name]) for name in names}
+    return not words.isdisjoint(known.parameters.left_out.keys.high.tolist())
+
+
 def pair_in(part: VisuBatch, number: int) -> Pair:
     """Return a pair of WebVisu by its number."""
     *ends, port = (int(word[number]) for word in part.pairs)

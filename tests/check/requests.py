@@ -28,13 +28,14 @@ Table = Mapping[str, Any]
 
 
 def decided(
-    batches: Iterable[PacketBatch], *rules: Table, warmup_ns: int = 0, drops: int = 0, hears_answers: bool = True
+    batches: Iterable[PacketBatch], *rules: Table, warmup_ns: int = 0, drops: int = 0, hears_answers: bool = True,
+    project: Project | None = None,
 ) -> list[Decided]:  # fmt: skip
     """Return the verdicts of rules on batches, which tell of so many frames that were lost."""
     source = Batches(batches)
     source.infos = [SourceInfo("x.pcap", "pcap", drops=drops, hears_answers=hears_answers)]
     tables = [{"id": f"r{number}", **rule} for number, rule in enumerate(rules)]
-    found = checked(Inquiry(source, Project()), rules_of(tables, "test", warmup_ns))
+    found = checked(Inquiry(source, project or Project()), rules_of(tables, "test", warmup_ns))
     return list(found.decided)
 
 

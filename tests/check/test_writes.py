@@ -18,6 +18,8 @@ from nvscope.check.patterns import fits
 from nvscope.check.rules import rules_of
 from nvscope.check.run import checked
 from nvscope.check.verdict import Judged, Verdict
+from nvscope.definition.limits import Limits
+from nvscope.definition.project import Project
 from nvscope.errors import UsageError
 from nvscope.simulate.scenario_file import load_scenario
 from tests.check.requests import (
@@ -144,6 +146,22 @@ def test_where_others_are_not_heard_it_is_not_decided() -> None:
     assert one.verdict is OPEN
     (one,) = of_frames(session(), writes(only_by=HMI), hears_answers=False)
     assert one.verdict is FAIL
+
+
+@pytest.mark.parametrize("visu", [False, True])
+def test_where_there_is_no_room_for_all_it_is_not_decided(visu: bool) -> None:
+    """What is known is judged all the same."""
+    few = Project(limits=Limits(max_streams=1))
+    frames = in_turn(session(), asked(3000, counter=4, service=WRITE, port=1203))
+    if visu:
+        frames = in_turn(talk(WRITE_X).frames, talk(WRITE_X, line=Line(("10.0.0.9", 50_000))).frames)
+    rules = writes(only_by="10.0.0.0/24"), {"check": "transaction", "max_errors": 0}
+    every = of_frames(frames, *rules, writes(only_by=NOBODY))
+    assert [one.verdict for one in every] == [PASS, PASS if visu else FAIL, FAIL]
+    some = of_frames(frames, *rules, writes(only_by=NOBODY), project=few)
+    assert [one.verdict for one in some][1:] == [OPEN if visu else FAIL, FAIL]
+    assert some[0].verdict is (PASS if visu else OPEN)
+    assert OPEN in {one.verdict for one in some[1].subjects}
 
 
 def test_a_name_that_nobody_has_given_decides_nothing() -> None:

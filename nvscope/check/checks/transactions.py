@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from nvscope.check.asked_while import AskedWhile, Came, Tallies, Tally, pairs_of, watch_asked
+from nvscope.check.asked_while import AskedWhile, Came, Tallies, Tally, asks_beyond, pairs_of, watch_asked
 from nvscope.check.check import Check, Evidence, Setting
 from nvscope.check.doubt import doubt_of_clock
 from nvscope.check.kept_frames import first_of, frames_of
@@ -29,6 +29,7 @@ NONE_JUDGED = "none of its requests was asked when the rule is judged"
 NO_REPLY = "the reply to none of its requests is whole in the capture"
 NOT_DUE = "the capture ended before a reply was due"
 UNHEARD = "what nodes answer each other is not to be seen in this capture"
+BEYOND = "more nodes ask more others, or wait for more replies at a time, than are told apart"
 NO_REQUESTS = "its requests are not in the capture, only replies"
 
 
@@ -42,8 +43,8 @@ def _transaction(known: Evidence, lists: Collection[ListKey], told: Mapping[str,
     elif not own:
         unheard = not all(info.hears_answers for info in known.infos)
         yield Judged(Verdict.INCONCLUSIVE, reason=UNHEARD if unheard else NO_PAIR, vacuous=not unheard)
-    if watched.left_out:
-        yield Judged(Verdict.INCONCLUSIVE, reason="more clients ask more servers than are told apart")
+    if watched.left_out or asks_beyond(known, "PAIR", "OPEN", "REPLY"):
+        yield Judged(Verdict.INCONCLUSIVE, reason=BEYOND)
     senders = _senders(known)
     for pair, number, tallies in sorted(own, key=lambda one: one[0].order):
         subject = Judged(

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from dissectors import address
+from nvscope.check.asked_while import asks_beyond
 from nvscope.check.check import Check, Evidence
 from nvscope.check.kept_frames import first_of, frames_of
 from nvscope.check.parameters import Parameter
@@ -84,19 +85,10 @@ def _beyond(known: Evidence, watched: WrittenWhile, *, anybody: bool) -> Iterato
     elif watched.left_out:
         told = count_of(watched.left_out, "write")
         yield Judged(Verdict.INCONCLUSIVE, reason=f"{told} of more parameters and variables than are told apart")
-    elif _left_out_pairs(known):
+    elif asks_beyond(known, "PAIR"):
         yield Judged(Verdict.INCONCLUSIVE, reason="more nodes ask more others than are told apart")
     elif not anybody:
         yield Judged(Verdict.PASS, reason="nobody wrote anything", worst=0, limit=0, unit="writes")
-
-
-def _left_out_pairs(known: Evidence) -> bool:
-    """Tell whether there was no room for some pairs of the Parameter Manager, whose writes nobody knows then."""
-    if known.parameters is None:
-        return False
-    from nvscope.tracker.parameter.transactions import Beyond  # noqa: PLC0415
-
-    return int(Beyond.PAIR) in known.parameters.left_out.keys.high.tolist()
 
 
 def _judged(
