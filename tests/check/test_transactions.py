@@ -199,7 +199,7 @@ def test_what_the_capture_lost_may_have_been_the_replies() -> None:
 
 def test_a_request_is_judged_by_when_it_was_asked() -> None:
     """Its reply, or its deadline, may come when it is so no more; and what was asked in the warm-up is not judged."""
-    frames = polled(*QUICK, None, *QUICK)
+    frames = in_turn(polled(*QUICK, None, *QUICK), sent(10_100))
     asks = next(number for number, frame in enumerate(frames, 1) if frame.ts_ns == 10 * SECOND)
     for sign, expected in (("<=", FAIL), ("<", PASS), (">=", FAIL), (">", PASS)):
         assert verdict(frames, UNANSWERED | {"when": f"frame.number {sign} {asks}"})[0] is expected

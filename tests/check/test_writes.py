@@ -14,6 +14,7 @@ from defusedxml.ElementTree import fromstring
 from hypothesis import given
 from hypothesis import strategies as st
 
+from nvscope.check import written_while
 from nvscope.check.patterns import fits
 from nvscope.check.rules import rules_of
 from nvscope.check.run import checked
@@ -415,6 +416,24 @@ def test_any_cut_gives_the_same(seed: int, packets: int, visu: bool, warmup: int
         for batches in ([whole], cut(whole, packets))
     )
     assert at_once == in_parts
+
+
+@pytest.mark.parametrize("visu", [False, True])
+def test_the_first_ones_have_room_however_it_is_cut(visu: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(written_while, "MOST_PLACES", 2)
+    frames = talk(WRITE_Y, WRITE_X, WRITE_PASSWORD, WRITE_Y).frames if visu else None
+    if frames is None:
+        several = (asked(10 * at, counter=at, service=WRITE, index=0x2003 - at) for at in range(4))
+        frames = in_turn(*several, sent(100))
+    rules = writes(only_by=NOBODY), writes(only_by="10.0.0.0/24")
+    found = [
+        [(one.verdict, list(one.subjects)) for one in decided(cut(batch_of(frames), size), *rules)]
+        for size in (1, 2, 3, len(frames))
+    ]
+    assert found == [found[0]] * 4
+    (_, broken), (kept, _) = found[0]
+    assert (kept, OPEN in {one.verdict for one in broken}) == (OPEN, True)
+    assert [one.count for one in broken if one.verdict is FAIL] == [3 if visu else 2]
 
 
 @examples(60)
