@@ -210,7 +210,8 @@ def _several_senders(case: Case) -> I64:
             first_ns, last_ns = of_node.get(stream.node, (stream.first_ns, stream.last_ns))
             of_node[stream.node] = min(first_ns, stream.first_ns), max(last_ns, stream.last_ns)
         spans = sorted(of_node.values())
-        until_ns = spans[0][1]
+        # Of malformed telegrams alone, there is no stream.
+        until_ns = spans[0][1] if spans else 0
         for since_ns, last_ns in spans[1:]:
             if since_ns < until_ns:
                 rows.append((finding.list_number, since_ns, min(until_ns, last_ns), Mark.SEVERAL_SENDERS.value))

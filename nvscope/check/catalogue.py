@@ -16,7 +16,9 @@ from nvscope.check.checks import (
     presence,
     shapes,
     timing,
+    transactions,
     variables,
+    writes,
 )
 
 CATALOGUE: Mapping[str, Check] = MappingProxyType(
@@ -27,6 +29,8 @@ CATALOGUE: Mapping[str, Check] = MappingProxyType(
             *presence.CHECKS,
             *counters.CHECKS,
             *answers.CHECKS,
+            *transactions.CHECKS,
+            *writes.CHECKS,
             *shapes.CHECKS,
             *variables.CHECKS,
             *expressions.CHECKS,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from nvscope.capture.recordings import recordings
 from nvscope.capture.source import SourceInfo
@@ -26,6 +26,9 @@ from nvscope.tracker.subjects import Subject
 from nvscope.tracker.summary import Summary
 from nvscope.view.fields.field import TelegramField
 
+if TYPE_CHECKING:  # most plants have no Parameter Manager, and then nothing of it is imported
+    from nvscope.tracker.parameter.transactions import Transactions
+
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
@@ -36,7 +39,8 @@ class Evidence:
     many packets the capture says it lost, ``truncated`` why it ends before its end, "" where it does not; ``starts_ns``
     is when each of the captures begins, ``infos`` what is known of each; ``ends_early``: before the warm-up is over.
     ``first_telegram`` of a stream is when it came, and its frame; ``open_waits`` are since when telegrams of lists
-    wait, ``open_requests`` nodes that ask.
+    wait, ``open_requests`` nodes that ask. ``parameters`` are the requests of the Parameter Manager, None without any;
+    ``heard`` tells whether anything at all came that rules can be about, of whatever protocol.
     """
 
     summary: Summary
@@ -59,6 +63,8 @@ class Evidence:
     first_telegram: Callable[[int], tuple[int, int] | None] = lambda stream: None
     open_waits: Mapping[int, Sequence[int]] = field(default_factory=dict)
     open_requests: Mapping[int, Sequence[int]] = field(default_factory=dict)
+    parameters: Transactions | None = None
+    heard: bool = True
     _there: dict[tuple[Of, ListKey], list[tuple[int, Subject]]] = field(default_factory=dict)
     _unused: set[int] = field(default_factory=set)
     _scopes: dict[int, Scope] = field(default_factory=dict)
@@ -192,7 +198,7 @@ class Check:
     ``[[rule]]`` beside the id. ``watch`` makes an observer for a rule whose figures nobody counts otherwise; the judge
     finds it under "watched" beside the parameters. ``by_moment``: it looks at telegrams one by one, so that it can be
     judged only ``when`` something is so; ``at_times``: so it can be, though it does not. ``needs_definitions``: without
-    any, it cannot be judged.
+    any, it cannot be judged. ``of_requests``: it is about requests and replies, and can be judged without any list.
     """
 
     name: str
@@ -207,3 +213,4 @@ class Check:
     by_moment: bool = False
     at_times: bool = False
     needs_definitions: bool = False
+    of_requests: bool = False

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from ipaddress import ip_address
 
 from nvscope.check.check import Evidence
 from nvscope.check.lists import CalledLists
@@ -13,6 +12,7 @@ from nvscope.check.rules import Mistakes, Rule
 from nvscope.check.stage import StageKey
 from nvscope.check.verdict import Judged, Verdict, worst_of
 from nvscope.check.while_so import NEVER_SO, WhileSo
+from nvscope.check.who_asks import NODES, is_address, is_name
 from nvscope.engine.run import Observer
 from nvscope.errors import ConfigurationError, UsageError
 from nvscope.list_key import ListKey
@@ -77,7 +77,8 @@ def decided(watched: WatchedRule, evidence: Mapping[StageKey, Evidence], called:
         came = (known.keys[one.list] for one in known.of(Of.LIST, lists) if one.list is not None)
         told_of = {one.list for one in judged}.union(came)
         judged += [_never_came(key) for key in lists if key not in told_of]
-    if not any(one.measured.telegrams for one in known.of(Of.LIST, known.keys.values())):
+    is_heard = known.heard and rule.check.of_requests
+    if not is_heard and not any(one.measured.telegrams for one in known.of(Of.LIST, known.keys.values())):
         # What must not be there never is where nothing was recorded: that keeps no rule.
         nothing = Judged(Verdict.INCONCLUSIVE, reason="no telegram was recorded", vacuous=True)
         judged = [nothing if one.verdict is Verdict.PASS else one for one in judged]
@@ -116,22 +117,24 @@ def unknown_nodes(rules: Sequence[Rule], known: Evidence) -> Iterator[Configurat
 
     Whether an address is there tells the capture alone.
     """
+    if not known.project.node_names:
+        return
+    words = known.node_words
+    lower = {word.lower() for word in words}
     for rule in rules:
-        for name in known.unknown_nodes(rule.parameters.get("node") or ()):
-            if known.project.node_names and not _is_address(name):
+        for one in rule.check.parameters:
+            told = rule.parameters.get(one.name) or ()
+            names: Sequence[str] = ()
+            if one.kind is NODES:
+                names = [name for name in told if is_name(name) and name.lower() not in lower]
+            elif one.name == "node":
+                names = [name for name in known.unknown_nodes(told) if not is_address(name)]
+            for name in names:
                 error = UsageError(
                     f"no node is called '{name}', neither by the project nor in the capture",
-                    next_step=nearest(name, sorted(known.node_words)),
+                    next_step=nearest(name, sorted(words)),
                 )
-                yield rule.mistake(error, "node")
-
-
-def _is_address(text: str) -> bool:
-    try:
-        ip_address(text)
-    except ValueError:
-        return False
-    return True
+                yield rule.mistake(error, one.name)
 
 
 def unknown_lists(

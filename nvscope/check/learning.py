@@ -21,6 +21,7 @@ from nvscope.check.learnt_limits import (
     time_with_room,
 )
 from nvscope.check.learnt_lists import LearntList, learnt_lists
+from nvscope.check.learnt_transactions import learnt_pairs, loosest_transactions
 from nvscope.check.rules import rules_of
 from nvscope.check.run import Checked, checked
 from nvscope.check.verdict import Judged, Verdict
@@ -115,6 +116,7 @@ def _loosest(lists: Sequence[LearntList], defined: bool) -> Iterator[dict[str, A
     }  # fmt: skip
     for name, limit in limits.items():
         yield {"id": name, "check": name, **limit}
+    yield from loosest_transactions()
     if defined:
         yield {"id": "definition", "check": "definition"}
     for one in lists:
@@ -153,7 +155,7 @@ class _Teacher:
         lesson.since_ns, lesson.until_ns = self._summary.start_ns, self._summary.end_ns
         plant = (
             self._quality, self._present, self._senders, self._nodes, self._loss, self._counters, self._coherence,
-            self._boot_up, self._definition, self._buses, self._causes,
+            self._boot_up, self._definition, self._buses, self._transactions, self._causes,
         )  # fmt: skip
         for make in plant:
             lesson.add("the plant", make())
@@ -298,6 +300,10 @@ class _Teacher:
                 keys = {"channel": one.channel, "max": f"{most:g}%"}
                 told = f"the busiest second of {duration(self._span_ns)}: {load(100 * one.worst)}"
                 yield Learnt(f"load-of-{one.channel}", "bus_load", keys, told, thin=self._span_ns < 60 * 10**9)
+
+    def _transactions(self) -> Iterator[Learnt]:
+        for one in learnt_pairs(self._decided, self._summary):
+            yield Learnt(one.id, "transaction", one.keys, one.told, one.is_thin)
 
     def _causes(self) -> Iterator[Learnt]:
         causes = [one for one in self._found.known.causes if one.severity >= Severity.WARNING]

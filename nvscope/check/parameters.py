@@ -69,6 +69,15 @@ def _percent_or_time(value: Any, place: Place) -> float | int:
     return length_ns
 
 
+def _amount_or_percent(value: Any, place: Place) -> float | int:
+    """Return a share as a float, a number as an int."""
+    if isinstance(value, str):
+        return _ratio(value, place)
+    if not isinstance(value, int) or isinstance(value, bool):
+        raise place.error("a whole number or a share in percent is expected", 'Write 3 or "1%".')
+    return _amount(value, place)
+
+
 def _name(value: Any, place: Place) -> str:
     """Return a name as text; an identifier may stand without quotes."""
     if isinstance(value, int) and not isinstance(value, bool):
@@ -117,6 +126,10 @@ RATIO = ValueKind("share in percent", _ratio, schema=_PERCENT_SCHEMA)
 PERCENTS = (RATIO,)
 """Those whose values are shares."""
 AMOUNT = ValueKind("whole number, not negative", _amount, schema={"type": "integer", "minimum": 0})
+AMOUNT_OR_PERCENT = ValueKind(
+    "whole number, or a share in percent", _amount_or_percent,
+    schema={"anyOf": [{"type": "integer", "minimum": 0}, _PERCENT_SCHEMA]},
+)  # fmt: skip
 PERCENT_OR_TIME = ValueKind("share in percent, or a time", _percent_or_time, schema={"type": "string"})
 
 

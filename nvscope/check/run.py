@@ -262,7 +262,8 @@ def _evidence(inquiry: Inquiry, scene: Scene, stage: Stage) -> Evidence:
         summary, list(subjects(summary)), keys, names, findings, causes, frames, project, inquiry.pdos,
         matching, begin_ns, known.summary.end_ns, drops, truncated,
         [info.start_ns for info in known.infos if info.start_ns is not None], known.infos, counted.is_ahead,
-        stage.telegrams.of, *_open_waits(stage.state, since_ns),
+        stage.telegrams.of, *_open_waits(stage.state, since_ns), stage.state.parameters.known,
+        stage.state.parameters.known is not None or any(known.summary.others.values()),
     )  # fmt: skip
 
 

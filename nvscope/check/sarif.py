@@ -79,7 +79,10 @@ def _plain(text: str) -> str:
 
 def _fingerprint(decided: Decided, judged: Judged) -> str:
     """Return what tells a result from others, whenever it was: the rule and the subject."""
+    parts: tuple[object, ...]
     parts = decided.rule.id, judged.list, judged.node, judged.subindex, judged.variable, judged.channel
+    if judged.protocol is not None:
+        parts = *parts, judged.protocol, judged.partner, judged.port
     return sha256("\0".join("" if one is None else str(one) for one in parts).encode("utf-8", "replace")).hexdigest()
 
 

@@ -9,6 +9,7 @@ from typing import ClassVar, NamedTuple
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.capture.source import Source
 from nvscope.check.answered_while import AnsweredWhile
+from nvscope.check.asked_while import AskedWhile
 from nvscope.check.behind_warm_up import BehindWarmUp
 from nvscope.check.counted_while import CountedWhile
 from nvscope.check.cycle_watcher import CycleWatcher
@@ -17,6 +18,7 @@ from nvscope.check.first_frames import FirstFrames
 from nvscope.check.first_telegrams import FirstTelegrams
 from nvscope.check.rules import Rule
 from nvscope.check.stream_intervals import IntervalWatcher
+from nvscope.check.written_while import WrittenWhile
 from nvscope.engine.events import EventListener
 from nvscope.engine.run import Observer
 from nvscope.engine.told import Told
@@ -54,7 +56,9 @@ class Stage:
         figures = [one for one in watchers if isinstance(one, FigureWindows)]
         self._windows = list({id(one.windows): one.windows for one in figures if one.windows is not None}.values())
         counts = list({id(one.counts): one.counts for one in figures if one.counts is not None}.values())
-        of_answers = [one for one in watchers if isinstance(one, CountedWhile | AnsweredWhile)]
+        of_answers = [
+            one for one in watchers if isinstance(one, CountedWhile | AnsweredWhile | AskedWhile | WrittenWhile)
+        ]
         self._measuring = [one for one in watchers if isinstance(one, IntervalWatcher | CycleWatcher)] + counts
         self.listeners: Sequence[EventListener] = (self.frames, *of_answers, *counts)
         self._inquiry, self._since_ns = inquiry, since_ns

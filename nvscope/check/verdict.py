@@ -24,6 +24,9 @@ _WORST_FIRST = tuple(Verdict)
 class Judged:
     """One subject of a rule, as far as it is one: a list, a stream or a variable of it, a CAN channel, the capture.
 
+    Or a ``node`` that asks another one, by a ``protocol``: ``partner`` is who is asked, on which ``port``; without a
+    partner, whomever it asks.
+
     ``worst`` is the value that is nearest to the ``limit`` or farthest beyond it, in the ``unit`` of the check;
     ``above``: what is above the limit breaks the rule, else what is below. None where nothing was measured, or there is
     no limit. ``reason`` is why it is inconclusive, or what broke it. ``frames`` are the first ten of ``count``.
@@ -45,6 +48,9 @@ class Judged:
     first_ns: int | None = None
     frames: Sequence[int] = ()
     vacuous: bool = False
+    protocol: str | None = None
+    partner: str | None = None
+    port: int | None = None
 
     @property
     def margin(self) -> float | None:

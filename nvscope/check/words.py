@@ -49,6 +49,9 @@ def subject(found: Checked, judged: Judged) -> str:
     """Return what it is about: ``list 7 axis, 192.168.1.10``; "" where that is the capture."""
     if judged.channel is not None:
         return f"channel {visible(judged.channel)}"
+    if judged.protocol is not None and judged.node is not None:
+        whom = "" if judged.partner is None else f" → {units.endpoint(judged.partner, judged.port or 0)}"
+        return f"{judged.protocol} {judged.node}{whom}"
     if judged.list is None:
         return visible(judged.variable or "")
     name = found.names.get(judged.list)

@@ -33,7 +33,8 @@ class EventBatch:
 
     What a Counter shows depends on what it counts, which is known in the end: such an event is told for the stream's
     own sequence and for the node's, as ``scope`` says (``nvscope.tracker.counters.Scope``). None where no Counter is
-    looked at.
+    looked at. ``pair`` are numbers of who asks whom, by which a protocol tells conversations apart; None where it does
+    not.
     """
 
     kind: IntEnum
@@ -48,6 +49,7 @@ class EventBatch:
     peer: I64
     detail: I64
     scope: int | None = None
+    pair: I64 | None = None
 
     def __len__(self) -> int:
         return len(self.frame)
@@ -61,6 +63,7 @@ class EventBatch:
         return EventBatch(
             self.kind, self.list[rows], self.node[rows], self.subindex[rows], self.channel[rows], self.since_ns[rows],
             self.time_ns[rows], self.frame[rows], self.amount[rows], self.peer[rows], self.detail[rows], self.scope,
+            None if self.pair is None else self.pair[rows],
         )  # fmt: skip
 
     @staticmethod
@@ -68,6 +71,7 @@ class EventBatch:
         kind: IntEnum, time_ns: I64, frame: I64, *, lists: I64 | None = None, node: I64 | None = None,
         subindex: I64 | None = None, channel: I64 | None = None, since_ns: I64 | None = None,
         amount: I64 | None = None, peer: I64 | None = None, detail: I64 | None = None, scope: int | None = None,
+        pair: I64 | None = None,
     ) -> EventBatch:  # fmt: skip
         """Return events of which nothing else is to be told."""
 
@@ -77,7 +81,7 @@ class EventBatch:
         return EventBatch(
             kind, filled(lists, NOWHERE), filled(node, NOWHERE), filled(subindex, NOWHERE), filled(channel, NOWHERE),
             time_ns if since_ns is None else since_ns, time_ns, frame, filled(amount, 1), filled(peer, NOWHERE),
-            filled(detail, 0), scope,
+            filled(detail, 0), scope, pair,
         )  # fmt: skip
 
 

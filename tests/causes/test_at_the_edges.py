@@ -133,3 +133,12 @@ def test_a_controller_that_says_it_is_back_was_off_till_then(tmp_path: Path) -> 
     bus.rows.append((START_NS + 23 * SECOND, ERROR | RESTARTED, bytes(8)))
     ((kind, since_s, until_s),) = told_of_bus(bus, tmp_path)
     assert (kind, since_s, until_s) == ("bus-off", 20, 23)
+
+
+def test_two_senders_of_malformed_telegrams_alone_are_told_as_two(tmp_path: Path) -> None:
+    """There is no stream of such a list, and nobody sends it at any time."""
+    frames = [
+        data_frame(at * 50 * MILLISECOND, (PRESS, SAW)[at % 2], ALL, telegram(list_id=3, counter=at, length=3))
+        for at in range(40)
+    ]
+    assert titles(causes_in([*frames, *GOES_ON], tmp_path)) != []

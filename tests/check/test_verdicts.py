@@ -287,7 +287,7 @@ _NEEDS = {
     "sequence": 'steps = ["var.safety.bStop", "var.valve.bClosed"]\nwithin = "1s"', "always": 'expr = "nv.index == 7"',
     "never": 'expr = "cause.kind == \\"second-sender\\""', "eventually": 'expr = "nv.index == 7"',
     "hops": 'from = "safety.nMode"\nto = "valve.nCount"\nmax_delay = "1s"', "baseline": 'file = "x.rules.toml"',
-    "known_nodes": 'nodes = "10.0.0.7"',
+    "known_nodes": 'nodes = "10.0.0.7"', "transaction": 'max_errors = "0%"', "writes": 'only_by = "10.0.0.7"',
 }  # fmt: skip
 
 

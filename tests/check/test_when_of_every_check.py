@@ -25,6 +25,8 @@ RULES = [
     'check = "silence"\nmax = "300ms"', 'check = "present"\nwithin = "1s"', 'check = "absent"', 'check = "loss"',
     'check = "gap"', 'check = "duplicates"', 'check = "overtaken"', 'check = "restarts"', 'check = "malformed"',
     'check = "single_sender"', 'check = "known_nodes"\nnodes = "nobody"', 'check = "acknowledged"\nwithin = "20ms"',
+    'check = "transaction"\nmax_latency = "50ms"\npercentile = 80', 'check = "transaction"\nmax_errors = 0',
+    'check = "writes"\nonly_by = "10.0.0.1"', 'check = "writes"\nonly_to = "0x2000:*"',
     'check = "boot_up"', 'check = "coherence"\nskew = "5ms"', 'check = "coherence"', 'check = "definition"',
     'check = "findings"\nseverity = "note"', 'check = "causes"\nseverity = "note"', 'check = "bus_load"\nmax = "30%"',
     'check = "occurrence"\nper = "1s"\nmin = 3', 'check = "never"\nexpr = "list.lost > 0"\nwindow = "1s"',
@@ -65,7 +67,10 @@ def test_what_is_never_so_leaves_nothing(name: str, tmp_path: Path) -> None:
 
 def counts(one: Decided) -> dict[Any, int]:
     """Return how often each subject of a rule broke it."""
-    return {(subject.list, subject.node, subject.subindex): subject.count for subject in one.subjects}
+    return {
+        (subject.list, subject.node, subject.subindex, subject.partner, subject.port): subject.count
+        for subject in one.subjects
+    }
 
 
 def cycles(one: Decided) -> int:
@@ -76,7 +81,8 @@ def cycles(one: Decided) -> int:
 
 ADDED = [
     'check = "duplicates"', 'check = "restarts"', 'check = "malformed"', 'check = "acknowledged"',
-    'check = "boot_up"', 'check = "coherence"', 'check = "absent"',
+    'check = "boot_up"', 'check = "coherence"', 'check = "absent"', 'check = "transaction"\nmax_unanswered = 0',
+    'check = "writes"\nonly_by = "10.0.0.1"',
 ]  # fmt: skip
 
 
@@ -112,6 +118,8 @@ def test_halves_make_a_whole(tmp_path_factory: pytest.TempPathFactory, name: str
         ("can-missing-pdo", 'check = "coherence"\nmax = "0.2%"', "frame.number < 140", "frame.number >= 140"),
         ("acknowledgement-missing", 'check = "acknowledged"', "frame.number < 190", "frame.number < 210"),
         ("boot-up", 'check = "boot_up"', "frame.number < 20", "frame.number >= 20"),
+        ("parameter-manager", 'check = "transaction"\nmax_unanswered = 0', "frame.number < 50", "frame.number > 50"),
+        ("parameter-writes", 'check = "writes"\nonly_by = "*.20"', "frame.number < 71", "frame.number >= 71"),
         ("shape-change", 'check = "findings"\nseverity = "note"', "frame.number < 95", "frame.number < 105"),
     ],
 )

@@ -10,6 +10,7 @@ from nvscope.check.catalogue import CATALOGUE
 from nvscope.check.parameters import REQUIRED
 from nvscope.check.rules import COMMON, DEFAULTS, SEVERITIES, TEST
 from nvscope.check.verdict import Verdict
+from nvscope.check.who_asks import PROTOCOLS
 from nvscope.toml_table import ValueKind
 from tests.schemas.report import capture
 from tests.schemas.shapes import (
@@ -34,10 +35,15 @@ def check() -> Schema:
     verdict = word([one.value for one in Verdict])
     subject = {
         "list": maybe(LIST_KEY),
-        "node": maybe(text("address of the sender, where it is a stream")),
+        "node": maybe(
+            text("address of the sender, where it is a stream; of who asks, or writes, where it is about requests")
+        ),
         "subindex": maybe(SUBINDEX | {"description": "of the stream"}),
         "variable": maybe(text("name of the variable; of a pair, of both")),
         "channel": maybe(text("the CAN channel")),
+        "protocol": maybe(word(PROTOCOLS) | {"description": "of requests; null where it is about none"}),
+        "partner": maybe(text("address of who is asked; null of writes, which are to whomever")),
+        "port": maybe(whole("on which that is asked")),
         "verdict": verdict,
         "reason": text("why it is so, where the numbers do not say it"),
         "worst": maybe(number("the value nearest to the limit, or farthest beyond it, in the unit")),
@@ -57,6 +63,8 @@ def check() -> Schema:
                 "frames",
                 "per second",
                 "s per second",
+                "requests",
+                "writes",
                 "",
             )
         ),

@@ -114,6 +114,7 @@ ODD_COMMANDS = (
     "report alike.log -Y 'can.id == 0x303'",
     "report one.pcap --project named.toml",
     "check dropped.log --rules odd.rules.toml",
+    "check refusing.pcap --project named.toml --rules requests.rules.toml",
     "check eth.pcap can.log --gvl eth.gvl --gvl can.gvl --bitrate 250k,2M --rules variables.rules.toml",
     "vars eth.pcap --gvl eth.gvl --gvl before.gvl --gvl after.gvl",
     "vars eth.pcap --gvl elsewhere.gvl",

@@ -70,6 +70,11 @@ def make_odd_plant(folder: Path) -> None:
         '[[rule]]\nid = "still"\ncheck = "frozen"\nvariable = "*"\nmax = "1s"\n'
         '[[rule]]\nid = "load"\ncheck = "bus_load"\nmax = "50%"\n'
     )
+    (folder / "requests.rules.toml").write_text(
+        '[[rule]]\nid = "answered"\ncheck = "transaction"\nmax_errors = "10%"\n'
+        '[[rule]]\nid = "few"\ncheck = "transaction"\nmax_errors = 1\n'
+        '[[rule]]\nid = "who"\ncheck = "writes"\nonly_by = "saw"\n'
+    )
     values = [_values(number) for number in range(_SENT)]
     frames = []
     for number, data in enumerate(values):

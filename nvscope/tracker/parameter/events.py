@@ -1,6 +1,7 @@
 """What happens between who asks for a parameter and who is asked, as events.
 
-``node`` is who asks, ``peer`` who is asked, ``detail`` Index and SubIndex of the parameter (``parameter_of``).
+``node`` is who asks, ``peer`` who is asked, ``pair`` their number with the port (``Transactions.pairs``), ``detail``
+Index and SubIndex of the parameter (``parameter_of``).
 """
 
 from __future__ import annotations
@@ -13,8 +14,9 @@ from nvscope import units
 class ParameterEvent(IntEnum):
     """What is told of transactions, in frames of replies but for timeouts, which are told of the first request.
 
-    ``since_ns`` is when the request came first. The amount is the service of the reply; of a timeout, that of the
-    request. No other enumeration of events has the same numbers: who listens for kinds compares numbers.
+    ``WRITE_ASKED`` is a request to write, told of its first frame. ``since_ns`` is when the request came first. The
+    amount is the service of the reply; of what has none, that of the request. No other enumeration of events has the
+    same numbers: who listens for kinds compares numbers.
     """
 
     REPLIED = 1001
@@ -23,6 +25,7 @@ class ParameterEvent(IntEnum):
     TIMEOUT = 1004
     UNEXPECTED_REPLY = 1005
     SLOW = 1006
+    WRITE_ASKED = 1007
 
 
 def parameter_name(detail: int) -> str:
@@ -30,5 +33,5 @@ def parameter_name(detail: int) -> str:
     return units.parameter(detail >> 16, detail & 0xFFFF)
 
 
-USUAL = (ParameterEvent.REPLIED, ParameterEvent.BUSY)
+USUAL = (ParameterEvent.REPLIED, ParameterEvent.BUSY, ParameterEvent.WRITE_ASKED)
 """The events with which nothing is wrong."""

@@ -174,6 +174,9 @@ class Transactions:
         if not told.hears_answers:
             found = found._replace(closing=found.closing[:0], closed=NOTHING_OPEN, open=NOTHING_OPEN)
         self._open = found.open
+        if told.is_heard:
+            asked = opened.take(opened.service == Service.ODWriteRequest)
+            self._tell(told, ParameterEvent.WRITE_ASKED, asked, asked.time_ns)
         untold = self.writes.observe(told, opened, messages.take(found.closing), found.closed)
         for what, left_out in zip((Beyond.WRITE, Beyond.VALUE), untold, strict=True):
             self._leave_out(what, left_out.time_ns, left_out.packet + told.first_frame)
@@ -222,7 +225,7 @@ class Transactions:
         self._tell(told, ParameterEvent.UNEXPECTED_REPLY, unexpected, unexpected.time_ns)
 
     def _tell(self, told: Told, event: ParameterEvent, messages: Messages, since_ns: I64) -> None:
-        """Tell of some replies, and log what is a finding."""
+        """Tell of some requests or replies, and log what is a finding."""
         if len(messages):
             frame = messages.packet + told.first_frame
             self._note(told, event, messages, messages.time_ns, frame, since_ns)
@@ -249,7 +252,7 @@ class Transactions:
             told.tell(
                 EventBatch.of(
                     event, time_ns, frame, node=of.node, peer=of.peer, since_ns=since_ns, amount=of.service,
-                    detail=parameter_of(of.word),
+                    detail=parameter_of(of.word), pair=of.pair,
                 )
             )  # fmt: skip
 
