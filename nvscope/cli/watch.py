@@ -113,8 +113,8 @@ def watch(
         from nvscope.record.attachments import attachments_of
         from nvscope.record.circumstances import circumstances_of
         from nvscope.record.file_series import FileRule
+        from nvscope.record.recorded_topics import RecordedTopics
         from nvscope.record.recorder import Beside, Recorder
-        from nvscope.record.topics import ListTopics
         from nvscope.tui.run import run_screen
         from nvscope.view.escape import visible
         from nvscope.view.lines.plant.source_blocks import recorded_in_words
@@ -124,7 +124,7 @@ def watch(
                 lambda: () if isinstance(captures, Sequence) else captures.channels,
                 attachments_of(plant.inputs, plant.path),
                 lambda: circumstances_of(() if isinstance(captures, Sequence) else captures.infos, live.bpf),
-                None if inquiry.layouts is None else ListTopics(inquiry.layouts),
+                RecordedTopics.of(plant.definition, inquiry.layouts),
             ),
             FileRule(rule.get("duration"), rule.get("packets"), rule.get("filesize"), rule.get("files")),
         )
