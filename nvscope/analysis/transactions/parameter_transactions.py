@@ -67,7 +67,8 @@ class ParameterTransactions:
         became = self._known.observe(told)
         self._describe(self._known)
         found = sorted(self._found(self._known, told, became, last), key=_order)
-        return Brought(self._pairs, became.asked.pair, became.asked.packet, found)
+        asked = became.asked
+        return Brought(self._pairs, asked.pair, asked.packet, asked.service == _WRITE, found)
 
     def _describe(self, known: Transactions) -> None:
         """Tell pairs by their texts."""

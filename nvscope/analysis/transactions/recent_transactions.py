@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64
+from dissectors.batch import I64, Bool
 from nvscope.analysis.transactions.parameter_transactions import ParameterTransactions
 from nvscope.analysis.transactions.transaction import Brought, Group, Outcome, Pair, Room, Transaction
 from nvscope.analysis.transactions.visu_transactions import VisuTransactions
@@ -33,16 +33,19 @@ _ROOM = Room(said=20, characters=120)
 class PairSeen:
     """The last transactions of a pair, the oldest first; a write and what became of it are one.
 
-    ``per_s`` is how many requests came a second of late, None where nobody knows.
+    ``writes`` is how many writes were asked for, ``per_s`` how many requests came a second of late; None where nobody
+    knows.
     """
 
     transactions: Sequence[Transaction] = ()
+    writes: int | None = None
     per_s: float | None = None
 
     @property
     def last_write(self) -> Transaction | None:
         """The last write that was asked for or answered; None without any."""
-        return next((one for one in reversed(self.transactions) if one.writes), None)
+        found = (one for one in reversed(self.transactions) if one.writes and one.asked_frame is not None)
+        return next(found, None)
 
 
 NOTHING_SEEN = PairSeen()
@@ -50,10 +53,11 @@ NOTHING_SEEN = PairSeen()
 
 @dataclass(frozen=True)
 class TransactionsSeen:
-    """What is known of pairs at a moment: ``kept`` are the last transactions of each, by its number."""
+    """What is known of pairs at a moment, by their numbers: the last transactions of each, and how many write."""
 
     numbers: Mapping[Pair, int]
     kept: Sequence[Sequence[Transaction]]
+    writes: Sequence[int]
     pace: PaceSeen
 
     def of(self, pair: Pair, seconds: int = 5) -> PairSeen:
@@ -61,13 +65,13 @@ class TransactionsSeen:
         number = self.numbers.get(pair)
         if number is None:
             return NOTHING_SEEN
-        return PairSeen(self.kept[number], self.pace.per_second(number, seconds))
+        return PairSeen(self.kept[number], self.writes[number], self.pace.per_second(number, seconds))
 
     def __len__(self) -> int:
         return sum(map(len, self.kept))
 
 
-NO_TRANSACTIONS = TransactionsSeen({}, (), Pace().seen())
+NO_TRANSACTIONS = TransactionsSeen({}, (), (), Pace().seen())
 
 
 class _PairLog:
@@ -76,6 +80,7 @@ class _PairLog:
     def __init__(self) -> None:
         self._last: tuple[deque[Transaction], ...] = tuple(deque(maxlen=KEPT) for _ in Group)
         self._seen: Sequence[Transaction] | None = None
+        self.writes = 0
 
     def take(self, one: Transaction) -> None:
         self._seen = None
@@ -115,22 +120,25 @@ class RecentTransactions:
         """Take a batch, which follows those observed so far."""
         brought = [source.of(told, KEPT) for source in self._sources]
         asked = [self._asked(part, own) for part, own in zip(brought, self._own, strict=True)]
-        number, row = (np.concatenate(columns) for columns in zip(*asked, strict=True))
+        number, row, writes = (np.concatenate(columns) for columns in zip(*asked, strict=True))
         self._pace.observe_others(told, len(self._logs), number, row)
+        for one, count in zip(*np.unique(number[writes], return_counts=True), strict=True):
+            self._logs[one].writes += int(count)
         for part in brought:
             for one in part.transactions:
                 if one.pair in self._numbers:
                     self._logs[self._numbers[one.pair]].take(one)
 
-    def _asked(self, part: Brought, own: list[int]) -> tuple[I64, I64]:
-        """Return the numbers of the pairs of requests, and the rows of these; there is a log of each pair then."""
+    def _asked(self, part: Brought, own: list[int]) -> tuple[I64, I64, Bool]:
+        """Return of requests the pairs, the rows, and which of them write; there is a log of each pair then."""
         for pair in part.pairs[len(own) : MOST_PAIRS]:
             own.append(len(self._logs))
             self._numbers[pair] = len(self._logs)
             self._logs.append(_PairLog())
         near = part.pair < len(own)
-        return np.array(own, np.int64)[part.pair[near]], part.row[near]
+        return np.array(own, np.int64)[part.pair[near]], part.row[near], part.writes[near]
 
     def seen(self) -> TransactionsSeen:
         """Return what is known at this moment."""
-        return TransactionsSeen(dict(self._numbers), tuple(log.seen() for log in self._logs), self._pace.seen())
+        kept, writes = tuple(log.seen() for log in self._logs), tuple(log.writes for log in self._logs)
+        return TransactionsSeen(dict(self._numbers), kept, writes, self._pace.seen())

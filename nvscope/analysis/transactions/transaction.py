@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dissectors.batch import I64
+from dissectors.batch import I64, Bool
 
 
 class Protocol(StrEnum):
@@ -112,12 +112,14 @@ class Transaction:
 class Brought(NamedTuple):
     """What a batch brings of one protocol: transactions, in the order in which they are known.
 
-    ``pairs`` are all so far. ``pair`` and ``row`` are those of each request that is no repetition, of shape (n,).
+    ``pairs`` are all so far. ``pair`` and ``row`` are those of each request that is no repetition, and ``writes`` tells
+    which of these write, of shape (n,).
     """
 
     pairs: Sequence[Pair] = ()
     pair: I64 = np.empty(0, np.int64)
     row: I64 = np.empty(0, np.int64)
+    writes: Bool = np.empty(0, np.bool_)
     transactions: Sequence[Transaction] = ()
 
 

@@ -77,7 +77,7 @@ class VisuTransactions:
         shown = set(reads[last_of_each(messages.pair[reads], group, last)].tolist())
         rows = self._to_read(part, reads[kind[reads] == Kind.REPLY], np.flatnonzero(writes), shown, last)
         found = [one for row in rows.tolist() if (one := self._take(told, part, row, row in shown)) is not None]
-        return Brought(self._pairs, messages.pair[asks], messages.row[asks], found)
+        return Brought(self._pairs, messages.pair[asks], messages.row[asks], kind[asks] == Kind.WRITE, found)
 
     def _describe(self, part: VisuBatch) -> None:
         """Tell pairs by their texts."""
