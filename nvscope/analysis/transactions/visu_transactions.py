@@ -27,7 +27,7 @@ from nvscope.engine.told import Told
 from nvscope.tracker.visu.on_demand import NAME
 
 if TYPE_CHECKING:  # most plants have none
-    from dissectors.webvisu import Entry, Request
+    from dissectors.webvisu import Entry, Place, Request
     from nvscope.tracker.visu.messages import VisuBatch
     from nvscope.view.lines.visu_words import Variable
 
@@ -35,6 +35,9 @@ MOST_REMEMBERED = 100_000
 """So many values are remembered, to be told as old ones where they are written over."""
 
 _MOST_OPEN = 10_000
+_HIDDEN = "(hidden)"
+"""What ``visu_words`` says in place of what may be secret, which is not imported before there is any."""
+
 _OK = 200
 _NUMBER = re.compile(r"-?[0-9]{1,15}(\.[0-9]{1,15})?\Z")
 _OLD = tuple[str | None, ...]
@@ -50,7 +53,7 @@ class VisuTransactions:
     def __init__(self, room: Room) -> None:
         self._room = room
         self._pairs: list[Pair] = []
-        self._values: dict[tuple[str, str], str] = {}
+        self._values: dict[tuple[str, Place | str], str] = {}
         self._olds: dict[tuple[int, int], deque[_OLD]] = {}
 
     def of(self, told: Told, last: int | None = None) -> Brought:
@@ -147,7 +150,7 @@ class VisuTransactions:
 
         key = number, asked_frame
         if kind == Kind.WRITE:
-            olds = tuple(self._values.get((pair.server, one.address)) for one in request.entries)
+            olds = tuple(self._values.get((pair.server, one.place)) for one in request.entries)
             if len(self._olds) >= _MOST_OPEN:
                 del self._olds[next(iter(self._olds))]
             self._olds.setdefault(key, deque()).append(olds)
@@ -171,23 +174,21 @@ class VisuTransactions:
         ]
 
     def _remember(self, pair: Pair, variables: Sequence[Variable]) -> None:
-        from nvscope.view.lines.visu_words import HIDDEN  # noqa: PLC0415
-
+        values, server = self._values, pair.server
         for entry, _, value in variables:
-            key = pair.server, entry.address
-            if value is not None and value != HIDDEN and (
-                key in self._values or len(self._values) < MOST_REMEMBERED
-            ):  # fmt: skip
-                self._values[key] = value
+            if value is not None and value != _HIDDEN:
+                key = server, entry.place
+                if len(values) < MOST_REMEMBERED or key in values:
+                    values[key] = value
 
     def _said(self, variable: Variable, old: str | None) -> Said:
-        from nvscope.view.lines.visu_words import HIDDEN  # noqa: PLC0415
-
         entry, name, value = variable
         cut = self._room.cut
-        if value == HIDDEN and old is not None:
-            old = HIDDEN  # it may have had no name when it was read
-        text, old_text = (None if one is None else cut(one) for one in (value, old))
+        text = None if value is None else cut(value)
+        if old is None:
+            return Said(cut(name), json_value(entry, text), text)
+        # It may have had no name when it was read.
+        old_text = _HIDDEN if value == _HIDDEN else cut(old)
         return Said(cut(name), json_value(entry, text), text, json_value(entry, old_text), old_text)
 
 

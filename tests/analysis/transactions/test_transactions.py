@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dissectors.batch import PacketBatch
+from nvscope.analysis.transactions import visu_transactions
 from nvscope.analysis.transactions.parameter_transactions import ParameterTransactions
 from nvscope.analysis.transactions.recent_transactions import KEPT, RecentTransactions
 from nvscope.analysis.transactions.transaction import Group, Outcome, Pair, Protocol, Room, Transaction
@@ -19,6 +20,7 @@ from nvscope.definition.parameters import ParameterDefinition, Parameters
 from nvscope.definition.scalars import SCALARS
 from nvscope.engine.run import run
 from nvscope.engine.told import Told
+from nvscope.view.lines import visu_words
 from tests.analysis.transactions.talk import PANEL, PRESS, SERVICE, both, sdo_talk, visu_talk
 from tests.laws import examples, some
 from tests.oracle.builders import MILLISECOND
@@ -55,9 +57,10 @@ def watched(batches: Iterable[PacketBatch], *observers: Any) -> None:
 
 
 def transactions(frames: list[Frame], size: int = 1 << 20, **how: Any) -> list[Transaction]:
+    """Return all of them, those of one protocol behind those of the other."""
     found = Everything(**how)
     watched(cut(batch_of(frames), size), found)
-    return found.found
+    return sorted(found.found, key=lambda one: one.pair.protocol)
 
 
 def lines(found: Iterable[Transaction]) -> list[str]:
@@ -118,6 +121,10 @@ def test_parameters_have_the_names_and_types_of_the_project() -> None:
         "2 (1) read answered Ramp=5 3 ms", "3 write asked Ramp=5→6", "4 (3) write written Ramp=5→6 2 ms",
     ]  # fmt: skip
     assert [(said.value, said.old) for one in found[1:2] for said in one.said] == [(6, 5)]
+
+
+def test_what_hides_a_value_is_known_by_both() -> None:
+    assert visu_transactions._HIDDEN == visu_words.HIDDEN
 
 
 def test_without_its_list_of_names_a_text_may_be_a_password() -> None:

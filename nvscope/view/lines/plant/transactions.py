@@ -61,7 +61,7 @@ def pair_measures(now_ns: int) -> Sequence[Measure]:
         Measure(Column("odd", right=True, importance=2), lambda row: count_cell(row["odd"], Tone.WARNING)),
         Measure(Column("writes", right=True, importance=9), lambda row: count_cell(row["writes"], Tone.NOTE)),
         Measure(Column("last write", shortest=24, importance=7, verbatim=True), _last_write),
-        Measure(Column("ago", right=True, importance=7), lambda row: _ago(row, now_ns)),
+        Measure(Column("ago", right=True, importance=5), lambda row: _ago(row, now_ns)),
     )  # fmt: skip
 
 
