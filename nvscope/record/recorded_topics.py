@@ -15,6 +15,7 @@ from nvscope.record.transaction_topics import TransactionTopics
 if TYPE_CHECKING:
     from nvscope.definition.layouts import Layouts
     from nvscope.definition.model import Definition
+    from nvscope.definition.parameters import Parameters
 
 _PIECE_ROWS, _PIECE_BYTES = 8192, 4 << 20
 
@@ -36,16 +37,24 @@ class TopicPart(Protocol):
 
 
 class RecordedTopics:
-    """The topics of some parts, together."""
+    """The topics of the lists that are defined, and of transactions, together.
 
-    def __init__(self, parts: Sequence[TopicPart]) -> None:
-        self._parts = parts
+    What it observes is one stretch of frames, which may go to several files.
+    """
+
+    def __init__(self, lists: ListTopics | None, parameters: Parameters | None) -> None:
+        self._lists, self._parameters = lists, parameters
+        transactions = TransactionTopics(parameters)
+        self._parts: Sequence[TopicPart] = (transactions,) if lists is None else (lists, transactions)
 
     @staticmethod
     def of(definition: Definition, layouts: Layouts | None) -> RecordedTopics:
-        """Return those of the lists that are defined, and of transactions."""
-        lists = [] if layouts is None else [ListTopics(layouts)]
-        return RecordedTopics([*lists, TransactionTopics(definition.parameters)])
+        """Return those of a project."""
+        return RecordedTopics(None if layouts is None else ListTopics(layouts), definition.parameters)
+
+    def anew(self) -> RecordedTopics:
+        """Return the same for another stretch of frames: nothing is known of what was open, or said, before."""
+        return RecordedTopics(self._lists, self._parameters)
 
     def declare(self, sink: TopicSink) -> None:
         """Have those topics in a file of which it is known beforehand that they are there."""

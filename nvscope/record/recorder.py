@@ -59,6 +59,10 @@ class Beside:
     topics: RecordedTopics | None = None
     diary: bool = False
 
+    def anew(self) -> Beside:
+        """Return the same for another stretch of frames."""
+        return self if self.topics is None else replace(self, topics=self.topics.anew())
+
 
 class Recorder:
     """An observer that writes to a file, or by a ``rule`` to one after the other; nothing while it is off.
@@ -103,6 +107,7 @@ class Recorder:
             if self._sink is not None:
                 raise UsageError("something is being recorded already", where=path, next_step="end that first")
             self._series = FileSeries(path, self._rule)
+            self._beside = self._beside.anew()
             self._before = 0, 0
             self._flushed_ns = self._on_disk_ns = time.monotonic_ns()
             first = self._begin_file()

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dissectors.batch import Bool
 from nvscope.analysis.transactions.parameter_transactions import ParameterTransactions
-from nvscope.analysis.transactions.transaction import Pair, Transaction
+from nvscope.analysis.transactions.transaction import Brought, Outcome, Pair, Transaction
 from nvscope.analysis.transactions.visu_transactions import VisuTransactions
 from nvscope.capture.mcap.sink import TopicSink
 from nvscope.engine.told import Told
@@ -22,6 +23,7 @@ MOST_SERVERS = 1_000
 """So many servers of a protocol have a topic of their own; the others share one."""
 
 _OTHERS = "others"
+_MOST_ASKED = 1 << 16
 
 
 class TransactionTopics:
@@ -35,6 +37,7 @@ class TransactionTopics:
         self._declared: set[str] = set()
         self._topics: dict[tuple[str, str, int], str] = {}
         self._servers: Counter[str] = Counter()
+        self._asked: set[int] = set()  # frames of requests that were chosen
         self._waiting: list[Transaction] = []
 
     def declare(self, sink: TopicSink) -> None:
@@ -42,10 +45,23 @@ class TransactionTopics:
         self._declared = set()
 
     def observe(self, told: Told) -> None:
-        """Take a batch, whose messages are asked for next."""
+        """Take a batch, whose messages are asked for next: those of frames that the filter chooses, or of all."""
         for source in self._sources:
-            self._waiting += source.of(told).transactions
+            brought = source.of(told)
+            self._waiting += brought.transactions if told.chosen is None else self._chosen(told, told.chosen, brought)
         self._waiting.sort(key=lambda one: one.known_frame)
+
+    def _chosen(self, told: Told, chosen: Bool, brought: Brought) -> Iterator[Transaction]:
+        """Yield what is told of chosen frames; what nobody answered is told of the request."""
+        if len(self._asked) > _MOST_ASKED:
+            self._asked.clear()
+        self._asked.update((brought.row[chosen[brought.row]] + told.first_frame).tolist())
+        for one in brought.transactions:
+            is_asked = one.asked_frame in self._asked
+            if one.outcome is not Outcome.ASKED:
+                self._asked.discard(one.asked_frame or 0)
+            if is_asked if one.outcome is Outcome.UNANSWERED else chosen[one.known_frame - told.first_frame]:
+                yield one
 
     def write(self, sink: TopicSink, first_frame: int, behind_frame: int) -> None:
         """Write the messages of what is known with frames up to one."""

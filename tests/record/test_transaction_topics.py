@@ -20,6 +20,7 @@ from nvscope.definition.model import Definition
 from nvscope.engine.run import run
 from nvscope.record import transaction_topics
 from nvscope.record.recorded_topics import RecordedTopics
+from nvscope.record.recorder import Beside, Recorder
 from nvscope.record.transaction_topics import TransactionTopics
 from tests.analysis.transactions.talk import ESCAPES, PANEL, PRESS, SERVICE, both, sdo_talk, visu_talk
 from tests.capture.mcap.recordings import Packet, packets_of, read, write
@@ -195,6 +196,57 @@ def test_what_nobody_answered_is_told_with_the_packet_that_shows_it_or_the_next_
     )
     assert told[-2:] == [("unanswered", 7, frames[6].ts_ns + 500_000_000), ("unexpected", 8, frames[7].ts_ns)]
     assert told == whole
+
+
+def test_of_frames_that_are_chosen_their_transactions_are_there_alone(tmp_path: Path) -> None:
+    capture = written(tmp_path / "x.pcap", both())
+    done = run_text("convert", capture, "-Y", "visu.latency > 5ms", "-w", tmp_path / "x.mcap")
+    assert done.returncode == 0, done.stderr
+    ((name, told),) = messages_in(tmp_path / "x.mcap").items()
+    assert name == VISU
+    assert [one["latency_ns"] for _, one in told] == [7_000_000, 2_001_000_000]
+    assert len(read(tmp_path / "x.mcap").packets) == 2
+
+
+def test_each_file_of_a_flight_recorder_knows_what_is_in_it_alone(tmp_path: Path) -> None:
+    later = [one._replace(ts_ns=one.ts_ns + 10**11) for one in visu_talk()]
+    other = [one._replace(ts_ns=one.ts_ns + 2 * 10**11) for one in both(port=50_001)]
+    capture = written(tmp_path / "x.pcap", [*sdo_talk(), *later, *other])
+    done = run_text(
+        "record", capture, "--trigger", "sdo.write || visu.kind == \"write\"", "--pre", "5s", "--post", "5s",
+        "-w", f"{tmp_path}/e.mcap",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    files = sorted(path for path in tmp_path.glob("e-*.mcap"))
+    found = [messages_in(path) for path in files]
+    assert [set(one) for one in found] == [{SDO}, {VISU}, {SDO, VISU}]
+    (first,), (second,) = found[0].values(), found[1].values()
+    assert [told for _, told in first] == [one for _, one in _numbered(sdo_talk())]
+    assert [told for _, told in second] == [one for _, one in _numbered(later)]
+    whole = _numbered(other)
+    assert {name: [told for _, told in one] for name, one in found[2].items()} == {
+        name: [told for topic, told in whole if topic == name] for name in (SDO, VISU)
+    }
+
+
+def _numbered(frames: Sequence[Frame]) -> list[tuple[str, dict[str, Any]]]:
+    """Return topics and messages of frames that are counted from the first of them."""
+    return [(topic, told) for topic, told, _, _ in noted([batch_of(frames)]).messages_of]
+
+
+def test_what_was_said_while_nothing_was_recorded_is_not_known(tmp_path: Path) -> None:
+    frames = visu_talk()
+    recorder = Recorder(Beside(topics=RecordedTopics.of(Definition(()), None)), is_live=False)
+    recorder.start(str(tmp_path / "a.mcap"))
+    for place, _ in enumerate(run(Batches(cut(batch_of(frames), 1)), reading(), [recorder])):
+        if place == 6:  # the first read is answered
+            recorder.stop()
+        if place == 8:  # a write, and what came of it, that nobody has recorded
+            recorder.start(str(tmp_path / "b.mcap"))
+    recorder.stop()
+    ((_, first),) = messages_in(tmp_path / "b.mcap").items()
+    assert [told.get("old") for _, told in first][:2] == [None, None]
+    assert first[0][1]["values"] == {"PRG.rSpeed": 99}
 
 
 def test_beyond_so_many_servers_one_topic_has_all_further_ones(monkeypatch: pytest.MonkeyPatch) -> None:
