@@ -210,7 +210,7 @@ def test_of_frames_that_are_chosen_their_transactions_are_there_alone(tmp_path: 
 
 def test_each_file_of_a_flight_recorder_knows_what_is_in_it_alone(tmp_path: Path) -> None:
     later = [one._replace(ts_ns=one.ts_ns + 10**11) for one in visu_talk()]
-    other = [one._replace(ts_ns=one.ts_ns + 2 * 10**11) for one in both(port=50_001)]
+    other = [one._replace(ts_ns=one.ts_ns + 2 * 10**11) for one in both(panel="10.0.0.9")]
     capture = written(tmp_path / "x.pcap", [*sdo_talk(), *later, *other])
     done = run_text(
         "record", capture, "--trigger", "sdo.write || visu.kind == \"write\"", "--pre", "5s", "--post", "5s",

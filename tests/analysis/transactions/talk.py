@@ -27,9 +27,9 @@ def reply(body: str | bytes, status: str = "200 OK") -> bytes:
     return b"HTTP/1.1 %s\r\nContent-Length: %d\r\n\r\n%s" % (status.encode(), len(data), data)
 
 
-def visu_talk(*, names: bool = True, text: str = "on", port: int = 50_000) -> list[Frame]:
+def visu_talk(*, names: bool = True, text: str = "on", panel: str = PANEL) -> list[Frame]:
     """Return what a page says: it reads all, writes a speed, and another one that is refused, and reads in vain."""
-    line = Line((PANEL, port), (PRESS, 80), now=START).open()
+    line = Line((panel, 50_000), (PRESS, 80), now=START).open()
     if names:
         line.ask(b"GET /plc/visu_ini.xml HTTP/1.1\r\n\r\n").answer(reply(NAMES))
     line.ask(post(READ_ALL)).answer(reply(f"|21.5|secret|{text}|"))
@@ -57,6 +57,6 @@ def sdo_talk() -> list[Frame]:
     ]  # fmt: skip
 
 
-def both(*, port: int = 50_000) -> list[Frame]:
-    """Return both at the same time; the page has one of these ports."""
-    return sorted([*visu_talk(port=port), *sdo_talk()], key=lambda frame: frame.ts_ns)
+def both(*, panel: str = PANEL) -> list[Frame]:
+    """Return both at the same time; the page is on one of these nodes."""
+    return sorted([*visu_talk(panel=panel), *sdo_talk()], key=lambda frame: frame.ts_ns)
