@@ -58,7 +58,7 @@ class TransactionTopics:
         self._asked.update((brought.row[chosen[brought.row]] + told.first_frame).tolist())
         for one in brought.transactions:
             is_asked = one.asked_frame in self._asked
-            if one.outcome is not Outcome.ASKED:
+            if one.outcome is not Outcome.OPEN:
                 self._asked.discard(one.asked_frame or 0)
             if is_asked if one.outcome is Outcome.UNANSWERED else chosen[one.known_frame - told.first_frame]:
                 yield one

@@ -112,8 +112,8 @@ def test_the_reference_library_reads_who_asked_what_of_whom(verb: str, tmp_path:
                 assert frames[told["_nv"]["frame"] - 1].ts_ns == time_ns
     asked = [one for _, one in found[SDO]]
     assert [(one["operation"], one["outcome"], one["values"], one.get("old")) for one in asked] == [
-        ("read", "answered", {"Ramp": 5}, None), ("write", "asked", {"Ramp": 6}, {"Ramp": 5}),
-        ("write", "written", {"Ramp": 6}, {"Ramp": 5}), ("write", "asked", {"Ramp": 7}, {"Ramp": 6}),
+        ("read", "answered", {"Ramp": 5}, None), ("write", "open", {"Ramp": 6}, {"Ramp": 5}),
+        ("write", "confirmed", {"Ramp": 6}, {"Ramp": 5}), ("write", "open", {"Ramp": 7}, {"Ramp": 6}),
         ("write", "refused", {"Ramp": 7}, {"Ramp": 6}), ("read", "unanswered", {"0x2001:1": None}, None),
         ("read", "unexpected", {"Ramp": 6}, None),
     ]  # fmt: skip

@@ -9,6 +9,7 @@ from tests.schemas.shapes import (
     LIST_KEY,
     Schema,
     document,
+    duration,
     maybe,
     number,
     record,
@@ -22,7 +23,7 @@ from tests.schemas.shapes import (
 
 _OF_WRITES = [
     one.value
-    for one in (Outcome.ASKED, Outcome.WRITTEN, Outcome.REFUSED, Outcome.BUSY, Outcome.CUT, Outcome.UNANSWERED)
+    for one in (Outcome.OPEN, Outcome.CONFIRMED, Outcome.REFUSED, Outcome.BUSY, Outcome.CUT, Outcome.UNANSWERED)
 ]
 """What may be known of a write."""
 
@@ -79,7 +80,7 @@ def _pair() -> Schema:
             "latency_ns": record(
                 {
                     "count": whole("replies"),
-                    **{name: maybe(whole("null: without replies")) for name in ("p50", "p99", "max")},
+                    **{name: maybe(duration("null: without replies")) for name in ("p50", "p99", "max")},
                 }
             ),
             "per_s": maybe(number("requests in the last whole second; null: nobody knows", 0)),
@@ -104,7 +105,7 @@ def _transaction() -> Schema:
             "operation": word(["write"]),
             "outcome": word(_OF_WRITES),
             "detail": maybe(text("what a refusal says")),
-            "latency_ns": maybe(whole("null: without a reply")),
+            "latency_ns": maybe(duration("null: without a reply")),
             "variables": several(record(said), "the first ones, texts of which may be cut; passwords are hidden"),
             "left_out": whole("how many more of them there are"),
         }

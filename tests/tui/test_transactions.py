@@ -56,7 +56,7 @@ def test_a_pair_opens_to_its_last_transactions_and_these_to_their_packets(tmp_pa
             "22:13:22.500  read   0x2000:1 = 06 00        unexpected            -     26",
             "22:13:20.530  read   0x2001:1                unanswered            -     19",
             "22:13:20.024  write  0x2000:1 06 00 → 07 00  refused: Access  4.0 ms     18",
-            "22:13:20.012  write  0x2000:1 05 00 → 06 00  written          2.0 ms     12",
+            "22:13:20.012  write  0x2000:1 05 00 → 06 00  confirmed        2.0 ms     12",
             "22:13:20.003  read   0x2000:1 = 05 00        answered         3.0 ms      6",
         ]
         await screen.press("j", "j")

@@ -33,7 +33,7 @@ if TYPE_CHECKING:  # most plants have no such telegrams, and most projects no pa
     from nvscope.tracker.parameter.transactions import Became, Transactions
 
 _OUTCOMES = {
-    Service.ODReadRequestReply: Outcome.ANSWERED, Service.ODWriteRequestReply: Outcome.WRITTEN,
+    Service.ODReadRequestReply: Outcome.ANSWERED, Service.ODWriteRequestReply: Outcome.CONFIRMED,
     Service.ODStateBusy: Outcome.BUSY,
 }  # fmt: skip
 _READ_REPLY, _WRITE_REPLY, _WRITE = Service.ODReadRequestReply, Service.ODWriteRequestReply, Service.ODWriteRequest
@@ -103,7 +103,7 @@ class ParameterTransactions:
             frame = row + told.first_frame
             kept = known.writes.asked_in(frame)
             said = self._said(pair, parameter, value, kept.old if kept is not None else None)
-            yield Transaction(self._pairs[pair], time_ns, frame, frame, frame, True, Outcome.ASKED, (said,))
+            yield Transaction(self._pairs[pair], time_ns, frame, frame, frame, True, Outcome.OPEN, (said,))
 
     def _replies(self, known: Transactions, told: Told, became: Became, last: int | None) -> Iterator[Transaction]:
         rows = last_of_each(became.answers.pair, _group(became.answered.service, became.answers.service), last)

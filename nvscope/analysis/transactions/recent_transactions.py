@@ -85,7 +85,7 @@ class _PairLog:
     def take(self, one: Transaction) -> None:
         self._seen = None
         last = self._last[one.group]
-        if one.writes and one.outcome is not Outcome.ASKED and one.asked_frame is not None:
+        if one.writes and one.outcome is not Outcome.OPEN and one.asked_frame is not None:
             _forget_asked(last, one.asked_frame)
         last.append(one)
 
@@ -99,7 +99,7 @@ class _PairLog:
 def _forget_asked(last: deque[Transaction], frame: int) -> None:
     """Forget that a write was asked for, since it is known now what became of it."""
     for place in range(len(last) - 1, -1, -1):
-        if last[place].outcome is Outcome.ASKED and last[place].asked_frame == frame:
+        if last[place].outcome is Outcome.OPEN and last[place].asked_frame == frame:
             del last[place]
             return
 

@@ -31,12 +31,13 @@ class Pair(NamedTuple):
 class Outcome(StrEnum):
     """What is known of a request with a frame.
 
-    ``ASKED``: of a write, that it was asked for. ``CUT``: the reply is not whole. ``UNEXPECTED``: a reply to nothing.
+    ``OPEN``: a write was asked for, and nobody has seen yet what came of it; of reads, nothing is told then. ``CUT``:
+    the reply is not whole. ``UNEXPECTED``: a reply to nothing.
     """
 
-    ASKED = "asked"
+    OPEN = "open"
     ANSWERED = "answered"
-    WRITTEN = "written"
+    CONFIRMED = "confirmed"
     REFUSED = "refused"
     BUSY = "busy"
     MISCOUNTED = "miscounted"

@@ -122,7 +122,7 @@ class VisuTransactions:
         if request.writes:
             olds = self._old_values(pair, number, asked_frame, kind, request)
             variables = self._written(part, row, request)
-            if outcome is Outcome.WRITTEN:
+            if outcome is Outcome.CONFIRMED:
                 self._remember(pair, variables)
         elif kind is Kind.REPLY:
             variables = variables_of(part, row)
@@ -198,11 +198,11 @@ def _outcome(part: VisuBatch, row: int, kind: int, request: Request) -> Outcome:
 
     if kind == Kind.REPLY:
         return {
-            Replied.DONE: Outcome.WRITTEN if request.writes else Outcome.ANSWERED, Replied.REFUSED: Outcome.REFUSED,
+            Replied.DONE: Outcome.CONFIRMED if request.writes else Outcome.ANSWERED, Replied.REFUSED: Outcome.REFUSED,
             Replied.MISCOUNTED: Outcome.MISCOUNTED, Replied.AMBIGUOUS: Outcome.AMBIGUOUS,
             Replied.STATUS: Outcome.REFUSED if request.writes else Outcome.STATUS,
         }[Replied(int(part.messages.outcome[row]))]  # fmt: skip
-    return {Kind.CUT: Outcome.CUT, Kind.UNANSWERED: Outcome.UNANSWERED}.get(Kind(kind), Outcome.ASKED)
+    return {Kind.CUT: Outcome.CUT, Kind.UNANSWERED: Outcome.UNANSWERED}.get(Kind(kind), Outcome.OPEN)
 
 
 def json_value(entry: Entry, text: str | None) -> Any:

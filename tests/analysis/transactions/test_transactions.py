@@ -79,20 +79,20 @@ def lines(found: Iterable[Transaction]) -> list[str]:
 
 VISU_LINES = [
     "7 (6) read answered PRG.rSpeed=21.5 .CurrentPassword=(hidden) PRG.sText=on 1 ms",
-    "8 write asked PRG.rSpeed=21.5→30.25",
-    "9 (8) write written PRG.rSpeed=21.5→30.25 7 ms",
-    "10 write asked PRG.rSpeed=30.25→99",
+    "8 write open PRG.rSpeed=21.5→30.25",
+    "9 (8) write confirmed PRG.rSpeed=21.5→30.25 7 ms",
+    "10 write open PRG.rSpeed=30.25→99",
     "11 (10) write refused PRG.rSpeed=30.25→99 1 ms",
     "13 (12) read answered PRG.rSpeed=30.25 2001 ms",
-    "14 write asked .CurrentPassword=None→(hidden)",
-    "15 (14) write written .CurrentPassword=None→(hidden) 1 ms",
+    "14 write open .CurrentPassword=None→(hidden)",
+    "15 (14) write confirmed .CurrentPassword=None→(hidden) 1 ms",
     "16 read unanswered PRG.rSpeed=None",
 ]
 SDO_LINES = [
     "2 (1) read answered 0x2000:1=05 00 3 ms",
-    "3 write asked 0x2000:1=05 00→06 00",
-    "4 (3) write written 0x2000:1=05 00→06 00 2 ms",
-    "5 write asked 0x2000:1=06 00→07 00",
+    "3 write open 0x2000:1=05 00→06 00",
+    "4 (3) write confirmed 0x2000:1=05 00→06 00 2 ms",
+    "5 write open 0x2000:1=06 00→07 00",
     "6 (5) write refused 0x2000:1=06 00→07 00 4 ms ODErrorReplyAccess",
     "7 read unanswered 0x2001:1=None",
     "8 read unexpected 0x2000:1=06 00",
@@ -118,7 +118,7 @@ def test_parameters_have_the_names_and_types_of_the_project() -> None:
     known = Parameters((ParameterDefinition(0x2000, 1, "Ramp", SCALARS["INT"]),))
     found = transactions(sdo_talk(), parameters=known)
     assert lines(found)[:3] == [
-        "2 (1) read answered Ramp=5 3 ms", "3 write asked Ramp=5→6", "4 (3) write written Ramp=5→6 2 ms",
+        "2 (1) read answered Ramp=5 3 ms", "3 write open Ramp=5→6", "4 (3) write confirmed Ramp=5→6 2 ms",
     ]  # fmt: skip
     assert [(said.value, said.old) for one in found[1:2] for said in one.said] == [(6, 5)]
 
@@ -160,8 +160,8 @@ def last_of(found: Iterable[Transaction], pair: Pair) -> list[Transaction]:
         if one.pair != pair:
             continue
         last = kept[one.group]
-        if one.writes and one.outcome is not Outcome.ASKED and one.asked_frame is not None:
-            asked = [at for at, two in enumerate(last) if two.outcome is Outcome.ASKED]
+        if one.writes and one.outcome is not Outcome.OPEN and one.asked_frame is not None:
+            asked = [at for at, two in enumerate(last) if two.outcome is Outcome.OPEN]
             asked = [at for at in asked if last[at].asked_frame == one.asked_frame]
             if asked:
                 del last[asked[-1]]
@@ -190,5 +190,5 @@ def test_how_many_ask_a_second_is_told_of_whole_seconds() -> None:
     page = seen.of(Pair(Protocol.VISU, PANEL, PRESS, 80))
     assert page.per_s == pytest.approx(2 / 4)  # the second in which it began is no whole one of it
     assert page.last_write is not None
-    assert lines([page.last_write]) == ["22 (21) write written .CurrentPassword=None→(hidden) 1 ms"]
+    assert lines([page.last_write]) == ["22 (21) write confirmed .CurrentPassword=None→(hidden) 1 ms"]
     assert seen.of(Pair(Protocol.VISU, PRESS, PANEL, 80)).transactions == ()

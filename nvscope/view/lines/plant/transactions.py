@@ -20,7 +20,8 @@ NO_TRANSACTIONS = "No Parameter Manager and no WebVisu was heard: nobody asks a 
 ADVICE = (
     "Parameter Manager: telegrams as of network variables, over UDP. Where they do not begin with 3S-0, "
     "`-d udp.port==PORT,nvl` names their port.",
-    "WebVisu: pages that poll over TCP ports 80 and 8080, in clear. HTTPS (port 443) cannot be read.",
+    "WebVisu: pages that poll over TCP ports 80 and 8080, in clear. HTTPS (port 443) cannot be read. Of an interface, "
+    "only `-f ''` or a filter that lets TCP in shows them.",
     "What two others say to each other is heard at a mirror port, or on one of the two.",
 )
 """What to check where there are none."""
@@ -29,8 +30,8 @@ _TROUBLE = ("refused", "odd")
 _MOST_SAID = 20
 _S_NS = 1_000_000_000
 _TONES = {
-    "answered": Tone.FAINT, "written": Tone.GOOD, "refused": Tone.ERROR, "unanswered": Tone.ERROR,
-    "status": Tone.ERROR, "asked": Tone.PLAIN,
+    "answered": Tone.FAINT, "confirmed": Tone.GOOD, "refused": Tone.ERROR, "unanswered": Tone.ERROR,
+    "status": Tone.ERROR, "open": Tone.PLAIN,
 }  # fmt: skip
 
 
