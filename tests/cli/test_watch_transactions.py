@@ -31,7 +31,7 @@ def test_a_table_of_pairs_below_that_of_lists(tmp_path: Path, monkeypatch: pytes
     assert table == [
         "asks asked rate requests unanswered refused writes last write ago",
         "✗ 10.0.0.2 10.0.0.5 2.0/s 4 1 1 2 0x2000:1 06 00 → 07 00 2 s",
-        "✗ 10.0.0.1 10.0.0.5 - 6 1 1 3 .CurrentPassw…d → (hidden) 0 s",
+        "✗ 10.0.0.1 10.0.0.5 - 6 1 1 3 .CurrentPassw…) → (hidden) 0 s",
     ]
     assert "--wide" not in done.stdout
     assert "secret" not in done.stdout

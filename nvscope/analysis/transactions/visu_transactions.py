@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -35,10 +35,8 @@ MOST_REMEMBERED = 100_000
 """So many values are remembered, to be told as old ones where they are written over."""
 
 _MOST_OPEN = 10_000
-_HIDDEN = "(hidden)"
-"""What ``visu_words`` says in place of what may be secret, which is not imported before there is any."""
-
 _OK = 200
+_UNREADABLE = "???"  # ``dissectors.webvisu.UNREADABLE``, which is not imported before there is any
 _NUMBER = re.compile(r"-?[0-9]{1,15}(\.[0-9]{1,15})?\Z")
 _OLD = tuple[str | None, ...]
 
@@ -47,7 +45,7 @@ class VisuTransactions:
     """Finds transactions from one batch to the next.
 
     The old value of a variable is the one that the controller last told, whoever had asked, or the last one that was
-    written and not refused. Values that may be secret are hidden, and never remembered.
+    written and confirmed. Values that may be secret are hidden from whoever is told of them.
     """
 
     def __init__(self, room: Room) -> None:
@@ -118,22 +116,20 @@ class VisuTransactions:
         asked_frame = known_frame if kind is Kind.WRITE else int(messages.asked_frame[row])
         outcome = _outcome(part, row, kind, request)
         olds: _OLD = ()
-        variables: Sequence[Variable] = ()
         if request.writes:
             olds = self._old_values(pair, number, asked_frame, kind, request)
             variables = self._written(part, row, request)
             if outcome is Outcome.CONFIRMED:
                 self._remember(pair, variables)
-        elif kind is Kind.REPLY:
-            variables = variables_of(part, row)
-            self._remember(pair, variables)
         else:
-            variables = variables_of(part, row)
+            variables = variables_of(part, row, secrets=True)
+            if outcome in (Outcome.ANSWERED, Outcome.MISCOUNTED) and not request.query:
+                self._remember(pair, variables[: int(messages.fields[row])])
         if not (shown or request.writes):
             return None
-        most = self._room.said
+        most, names = self._room.said, part.namings[int(messages.naming[row])]
         said = tuple(
-            self._said(variable, olds[place] if place < len(olds) else None)
+            self._said(variable, olds[place] if place < len(olds) else None, names)
             for place, variable in enumerate(variables[:most])
         )
         status = int(messages.status[row])
@@ -165,30 +161,31 @@ class VisuTransactions:
 
     def _written(self, part: VisuBatch, row: int, request: Request) -> Sequence[Variable]:
         from nvscope.tracker.visu.names import name_of  # noqa: PLC0415
-        from nvscope.view.lines.visu_words import Variable, shown  # noqa: PLC0415
+        from nvscope.view.lines.visu_words import Variable  # noqa: PLC0415
 
         names = part.namings[int(part.messages.naming[row])]
-        return [
-            Variable(one, name_of(one, names), None if one.value is None else shown(one, names, one.value))
-            for one in request.entries
-        ]
+        return [Variable(one, name_of(one, names), one.value) for one in request.entries]
 
     def _remember(self, pair: Pair, variables: Sequence[Variable]) -> None:
+        """Take the values that variables have now; nobody knows those that the controller could not read."""
         values, server = self._values, pair.server
         for entry, _, value in variables:
-            if value is not None and value != _HIDDEN:
-                key = server, entry.place
-                if len(values) < MOST_REMEMBERED or key in values:
-                    values[key] = value
+            key = server, entry.place
+            if value is None or value == _UNREADABLE:
+                values.pop(key, None)
+            elif len(values) < MOST_REMEMBERED or key in values:
+                values[key] = value
 
-    def _said(self, variable: Variable, old: str | None) -> Said:
+    def _said(self, variable: Variable, old: str | None, names: Mapping[Place, str]) -> Said:
+        """Return what is told of a variable: what may be secret is hidden, by the names that are known now."""
+        from nvscope.view.lines.visu_words import shown  # noqa: PLC0415
+
         entry, name, value = variable
         cut = self._room.cut
-        text = None if value is None else cut(value)
+        text = None if value is None else cut(shown(entry, names, value))
         if old is None:
             return Said(cut(name), json_value(entry, text), text)
-        # It may have had no name when it was read.
-        old_text = _HIDDEN if value == _HIDDEN else cut(old)
+        old_text = cut(shown(entry, names, old))
         return Said(cut(name), json_value(entry, text), text, json_value(entry, old_text), old_text)
 
 

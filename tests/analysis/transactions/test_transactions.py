@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dissectors.batch import PacketBatch
+from dissectors.webvisu import UNREADABLE
 from nvscope.analysis.transactions import visu_transactions
 from nvscope.analysis.transactions.parameter_transactions import ParameterTransactions
 from nvscope.analysis.transactions.recent_transactions import KEPT, RecentTransactions
@@ -20,12 +21,12 @@ from nvscope.definition.parameters import ParameterDefinition, Parameters
 from nvscope.definition.scalars import SCALARS
 from nvscope.engine.run import run
 from nvscope.engine.told import Told
-from nvscope.view.lines import visu_words
-from tests.analysis.transactions.talk import PANEL, PRESS, SERVICE, both, sdo_talk, visu_talk
+from tests.analysis.transactions.talk import NAMES, PANEL, PRESS, SERVICE, both, post, reply, sdo_talk, visu_talk
 from tests.laws import examples, some
-from tests.oracle.builders import MILLISECOND
+from tests.oracle.builders import MILLISECOND, START
 from tests.oracle.frame import Frame
 from tests.oracle.parameter_traffic import parameter_traffic
+from tests.oracle.tcp_line import Line
 from tests.oracle.visu_traffic import visu_traffic
 from tests.packets import Batches, batch_of, cut
 from tests.tracker.visu.followed import reading
@@ -84,8 +85,8 @@ VISU_LINES = [
     "10 write open PRG.rSpeed=30.25→99",
     "11 (10) write refused PRG.rSpeed=30.25→99 1 ms",
     "13 (12) read answered PRG.rSpeed=30.25 2001 ms",
-    "14 write open .CurrentPassword=None→(hidden)",
-    "15 (14) write confirmed .CurrentPassword=None→(hidden) 1 ms",
+    "14 write open .CurrentPassword=(hidden)→(hidden)",
+    "15 (14) write confirmed .CurrentPassword=(hidden)→(hidden) 1 ms",
     "16 read unanswered PRG.rSpeed=None",
 ]
 SDO_LINES = [
@@ -123,8 +124,29 @@ def test_parameters_have_the_names_and_types_of_the_project() -> None:
     assert [(said.value, said.old) for one in found[1:2] for said in one.said] == [(6, 5)]
 
 
-def test_what_hides_a_value_is_known_by_both() -> None:
-    assert visu_transactions._HIDDEN == visu_words.HIDDEN
+def test_what_no_controller_could_read_is_no_value() -> None:
+    assert visu_transactions._UNREADABLE == UNREADABLE
+    line = Line((PANEL, 50_000), (PRESS, 80), now=START).open()
+    for reply_to_read in ("|5|", "|???|"):
+        line.ask(post("|0|1|0|4|0|2|1|")).answer(reply(reply_to_read))
+        line.ask(post("|1|1|0|4|0|2|1|7|")).answer(reply("|1|"))
+    assert lines(transactions(line.frames)) == [
+        "5 (4) read answered 4,0,2,1=5 1 ms", "6 write open 4,0,2,1=5→7", "7 (6) write refused 4,0,2,1=5→7 1 ms",
+        "9 (8) read answered 4,0,2,1=None 1 ms", "10 write open 4,0,2,1=None→7",
+        "11 (10) write refused 4,0,2,1=None→7 1 ms",
+    ]  # fmt: skip
+
+
+def test_a_value_that_turns_out_to_be_a_password_is_hidden_from_then_on() -> None:
+    line = Line((PANEL, 50_000), (PRESS, 80), now=START).open()
+    line.ask(post("|0|1|0|4|8|41|4|")).answer(reply("|1234|"))  # no STRING, and nobody has named it yet
+    line.ask(b"GET /plc/visu_ini.xml HTTP/1.1\r\n\r\n").answer(reply(NAMES.replace(b"4,8,41,8", b"4,8,41,4")))
+    line.ask(post("|1|1|0|4|8|41|4|99|")).answer(reply("|0|"))
+    told = lines(transactions(line.frames))
+    assert told[1:] == [
+        "8 write open .CurrentPassword=(hidden)→(hidden)",
+        "9 (8) write confirmed .CurrentPassword=(hidden)→(hidden) 1 ms",
+    ]  # fmt: skip
 
 
 def test_without_its_list_of_names_a_text_may_be_a_password() -> None:
@@ -190,5 +212,5 @@ def test_how_many_ask_a_second_is_told_of_whole_seconds() -> None:
     page = seen.of(Pair(Protocol.VISU, PANEL, PRESS, 80))
     assert page.per_s == pytest.approx(2 / 4)  # the second in which it began is no whole one of it
     assert page.last_write is not None
-    assert lines([page.last_write]) == ["22 (21) write confirmed .CurrentPassword=None→(hidden) 1 ms"]
+    assert lines([page.last_write]) == ["22 (21) write confirmed .CurrentPassword=(hidden)→(hidden) 1 ms"]
     assert seen.of(Pair(Protocol.VISU, PRESS, PANEL, 80)).transactions == ()
