@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from nvscope.analysis.inquiry import Analysis, Inquiry
 from nvscope.analysis.snapshot import Snapshot, snapshot
+from nvscope.analysis.transactions.recent_transactions import NO_TRANSACTIONS, RecentTransactions, TransactionsSeen
 from nvscope.capture.by_second import BySecond
 from nvscope.capture.source import Source, any_live
 from nvscope.engine.events import Listeners
@@ -38,7 +39,8 @@ class Scene:
     ``contacts`` are who sends to whom. ``variables`` are empty without definitions. ``node_names`` are those that
     causes tell nodes by. ``at_ns`` is what the clock showed, up to which the source was watched. ``took_ns``
     is how long the look took that made it, which was done at ``made_ns`` of ``time.monotonic_ns``. ``canopen``
-    tells which CAN frames are CANopen's.
+    tells which CAN frames are CANopen's, ``transactions`` are the last ones of the Parameter Manager and of web
+    visualization pages.
     """
 
     snapshot: Snapshot
@@ -52,6 +54,7 @@ class Scene:
     took_ns: int = 0
     made_ns: int = 0
     canopen: CanOpenSeen = field(default_factory=CanOpenSeen)
+    transactions: TransactionsSeen = NO_TRANSACTIONS
 
     @property
     def at_ns(self) -> int | None:
@@ -124,10 +127,18 @@ class Watched:
         self._witness = Witness(live=any_live(source.infos))
         self._state = inquiry.state(values=True, listeners=(self._witness, *how.listeners))
         self._ring, self._pace = FrameRing(how.ring_bytes), Pace()
+        self._transactions = RecentTransactions(inquiry.project.definition.parameters)
         self._reset = False
         self._base: Counted | None = None
         ring = [self._ring] if how.ring_bytes else []
-        self.observers: list[Observer] = [self._state, self._witness, *ring, self._pace, *how.others]
+        self.observers: list[Observer] = [
+            self._state,
+            self._witness,
+            *ring,
+            self._pace,
+            self._transactions,
+            *how.others,
+        ]
 
     @property
     def state(self) -> TrackerState:
@@ -157,6 +168,7 @@ class Watched:
             found, pace, recent, inquiry, contacts, tuple(self.source.channels), variables, self._names,
             made_ns - began_ns, made_ns,
             CanOpenSeen.of(self._state.buses.canopen, inquiry.pdos.cob_ids if inquiry.pdos else ()),
+            self._transactions.seen(),
         )  # fmt: skip
 
 

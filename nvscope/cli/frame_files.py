@@ -31,7 +31,7 @@ def write_frames(
     from nvscope.capture.output import STDOUT, ChannelNames
     from nvscope.record.circumstances import circumstances_of
     from nvscope.record.frame_file import FrameFile, not_held
-    from nvscope.record.topics import ListTopics
+    from nvscope.record.recorded_topics import RecordedTopics
     from nvscope.view.escape import visible
     from nvscope.whole_files import WholeFiles, is_stdout
 
@@ -43,7 +43,9 @@ def write_frames(
     kept = attachments if target.holds_attachments else ()
     # What is asked of frames is asked of those, too, in which no protocol is found.
     all_frames |= chosen is not None and (chosen.of_any_frame or bool(chosen.of_others))
-    topics = ListTopics(inquiry.layouts) if inquiry.layouts is not None and target.holds_attachments else None
+    topics = None
+    if target.holds_attachments:
+        topics = RecordedTopics.of(inquiry.project.definition, inquiry.layouts)
     # Numbers of frames are those of one file, of which nothing is left out.
     has_comments = target.holds_comments and len(source.infos) == 1 and inquiry.asked is None
 

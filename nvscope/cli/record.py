@@ -189,10 +189,10 @@ def record(
     if not force and not rule and trigger is None and would_be_lost(write):
         raise exists_already(write)
     topics = None
-    if inquiry.layouts is not None and not packets_only:
-        from nvscope.record.topics import ListTopics
+    if not packets_only:
+        from nvscope.record.recorded_topics import RecordedTopics
 
-        topics = ListTopics(inquiry.layouts)
+        topics = RecordedTopics.of(plant.definition, inquiry.layouts)
     beside = Beside(
         lambda: source.channels,
         [*attachments_of(plant.inputs, plant.path), *(source.attachments if plant.recording else ())],

@@ -113,8 +113,8 @@ def watch(
         from nvscope.record.attachments import attachments_of
         from nvscope.record.circumstances import circumstances_of
         from nvscope.record.file_series import FileRule
+        from nvscope.record.recorded_topics import RecordedTopics
         from nvscope.record.recorder import Beside, Recorder
-        from nvscope.record.topics import ListTopics
         from nvscope.tui.run import run_screen
         from nvscope.view.escape import visible
         from nvscope.view.lines.plant.source_blocks import recorded_in_words
@@ -124,7 +124,7 @@ def watch(
                 lambda: () if isinstance(captures, Sequence) else captures.channels,
                 attachments_of(plant.inputs, plant.path),
                 lambda: circumstances_of(() if isinstance(captures, Sequence) else captures.infos, live.bpf),
-                None if inquiry.layouts is None else ListTopics(inquiry.layouts),
+                RecordedTopics.of(plant.definition, inquiry.layouts),
             ),
             FileRule(rule.get("duration"), rule.get("packets"), rule.get("filesize"), rule.get("files")),
         )
@@ -183,13 +183,15 @@ class _Json:
     def text(self, scene: Scene, told: Told) -> str:
         import json
 
+        from nvscope.analysis.transactions.rows import pair_rows
         from nvscope.view.documents.watch import watch_line
         from nvscope.view.escape import json_ascii
 
         known = scene.snapshot
         per_s = {key: scene.pace.per_second(number, 1) for number, key in scene.list_keys.items()}
         line = watch_line(
-            scene.document, known.summary, scene.at_ns, per_s, scene.pace.of_all(1), told.new, told.ended, told.instead
+            scene.document, known.summary, scene.at_ns, per_s, scene.pace.of_all(1), told.new, told.ended, told.instead,
+            pair_rows(scene.document, scene.transactions, 1),
         )  # fmt: skip
         return json_ascii(json.dumps(line, ensure_ascii=False)) + "\n"
 
@@ -211,7 +213,7 @@ class _Plain:
 
         at_ns = scene.at_ns
         text = face.news(told, at_ns, colour=self._colour, width=width(), utc=self._utc)
-        if at_ns is None or not scene.document["lists"]:
+        if at_ns is None or not (scene.document["lists"] or scene.transactions.numbers):
             return text
         left_ns = 0 if self._due_ns is None else self._due_ns - at_ns
         if not 0 < left_ns <= self._every_ns:  # more is left where the clock was set back
@@ -223,10 +225,12 @@ class _Plain:
         return "" if self._shown_ns is not None and scene.at_ns == self._shown_ns else self._table(scene)
 
     def _table(self, scene: Scene) -> str:
+        from nvscope.analysis.transactions.rows import pair_rows
         from nvscope.report import watch as face
 
         self._shown_ns = scene.at_ns
         chronicle = scene.chronicle and scene.chronicle.last(face.STRIP_NS)
         return face.table(
-            scene.document, chronicle, per_s=scene.pace.of_all(), colour=self._colour, width=width(), utc=self._utc
+            scene.document, chronicle, pair_rows(scene.document, scene.transactions), per_s=scene.pace.of_all(),
+            colour=self._colour, width=width(), utc=self._utc,
         )  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import ClassVar, Protocol
+from typing import Protocol
 
 from nvscope.capture.source import Source
 from nvscope.engine.reading import Reading
@@ -21,7 +21,8 @@ class Observer(Protocol):
     ``by_stream``: it needs telegrams laid out by stream. What it comes to does not depend on who else observes.
     """
 
-    by_stream: ClassVar[bool]
+    @property
+    def by_stream(self) -> bool: ...
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""

@@ -166,7 +166,7 @@ class FlightRecorder:
                 self.done.no_room += 1
                 return False
         self._recently.append(time_ns)
-        beside, since_ns = self._beside(), time_ns - self._rule.pre_ns
+        beside, since_ns = self._beside().anew(), time_ns - self._rule.pre_ns
         circumstances = beside.circumstances
         beside = replace(
             beside,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import ClassVar
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from nvscope.capture.formats import CaptureFormat
 from nvscope.capture.mcap.sink import TopicSink
 from nvscope.capture.source import Sink, SourceInfo
 from nvscope.engine.told import Told
-from nvscope.record.topics import ListTopics
+from nvscope.record.recorded_topics import RecordedTopics
 
 Comment = tuple[int | None, str]
 """A comment, and the number of the frame it is to; None where it is to all."""
@@ -27,10 +26,8 @@ class FrameFile:
     whether one of these has a direction.
     """
 
-    by_stream: ClassVar[bool] = False
-
     def __init__(
-        self, sink: Sink, topics: ListTopics | None = None, comments: Callable[[], Sequence[Comment]] = tuple,
+        self, sink: Sink, topics: RecordedTopics | None = None, comments: Callable[[], Sequence[Comment]] = tuple,
         remarks: Iterable[Comment] = (),
     ) -> None:  # fmt: skip
         self._sink = sink
@@ -44,6 +41,11 @@ class FrameFile:
         self.frames = 0
         self.written = 0
         self.has_directions = False
+
+    @property
+    def by_stream(self) -> bool:
+        """Whether there are topics: transactions are found in telegrams by stream."""
+        return self._topics is not None
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""

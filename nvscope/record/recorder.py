@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from nvscope.engine.told import Told
 from nvscope.errors import NvscopeError, UsageError
 from nvscope.record.diary import Entry, declare
 from nvscope.record.file_series import FileRule, FileSeries
-from nvscope.record.topics import ListTopics
+from nvscope.record.recorded_topics import RecordedTopics
 from nvscope.whole_files import is_stdout, would_be_lost
 
 FLUSH_NS = 300_000_000
@@ -49,15 +49,19 @@ class Beside:
     """What each file of a recording has beside its packets, as far as its format can hold that.
 
     ``channels`` are the names of the channels by number, ``attachments`` files, ``circumstances`` are asked for at the
-    begin and at the end of each, ``topics`` are the variables of lists. With a ``diary``, there
-    are the topics of what is noted.
+    begin and at the end of each, ``topics`` are the variables of lists, and transactions. With a ``diary``,
+    there are the topics of what is noted.
     """
 
     channels: Callable[[], Sequence[str]] = tuple
     attachments: Sequence[Attachment] = ()
     circumstances: Callable[[], Circumstances] = Circumstances
-    topics: ListTopics | None = None
+    topics: RecordedTopics | None = None
     diary: bool = False
+
+    def anew(self) -> Beside:
+        """Return the same for another stretch of frames."""
+        return self if self.topics is None else replace(self, topics=self.topics.anew())
 
 
 class Recorder:
@@ -69,8 +73,6 @@ class Recorder:
     as it is gathered. Where a file cannot be written any more, it ends with the last whole frame, and the recorder is
     off.
     """
-
-    by_stream: ClassVar[bool] = False
 
     def __init__(
         self, beside: Beside | None = None, rule: FileRule | None = None, *, to_disk_ns: int | None = None,
@@ -90,6 +92,11 @@ class Recorder:
         self._state: Recording | None = None
 
     @property
+    def by_stream(self) -> bool:
+        """Whether there are topics: transactions are found in telegrams by stream."""
+        return self._beside.topics is not None
+
+    @property
     def state(self) -> Recording | None:
         """What was recorded last, or is being recorded; None where nothing was."""
         return self._state
@@ -100,6 +107,7 @@ class Recorder:
             if self._sink is not None:
                 raise UsageError("something is being recorded already", where=path, next_step="end that first")
             self._series = FileSeries(path, self._rule)
+            self._beside = self._beside.anew()
             self._before = 0, 0
             self._flushed_ns = self._on_disk_ns = time.monotonic_ns()
             first = self._begin_file()

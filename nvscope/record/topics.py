@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dissectors.batch import I64, PacketBatch
 from nvscope.capture.mcap.sink import TopicSink
 from nvscope.capture.spans import stretches
 from nvscope.definition.layouts import Layouts
@@ -19,7 +18,7 @@ from nvscope.view.rows.defined import DefinedRows, DefinedTelegrams
 MAX_ELEMENTS = 10_000
 """A list with more elements has no topic: a message of it would be larger than many packets."""
 
-_PIECE_ROWS, _PIECE_BYTES = 8192, 4 << 20
+_PIECE_BYTES = 4 << 20
 
 
 def topic_of(key: ListKey) -> str:
@@ -69,16 +68,8 @@ class ListTopics:
         """Take a batch, whose messages are asked for next."""
         self._telegrams.observe(told)
 
-    def write_with(self, sink: TopicSink, packets: PacketBatch, frame: I64) -> None:
-        """Write packets of the batch, which have these numbers, and the messages of theirs, in the order of time.
-
-        Both go piece by piece: what waits for its packets is in memory.
-        """
-        for rows in stretches(packets.captured, _PIECE_ROWS, _PIECE_BYTES):
-            self._write(sink, int(frame[rows.start]), int(frame[rows.stop - 1]) + 1)
-            sink.write(packets[rows])
-
-    def _write(self, sink: TopicSink, first_frame: int, behind_frame: int) -> None:
+    def write(self, sink: TopicSink, first_frame: int, behind_frame: int) -> None:
+        """Write the messages of some frames of the batch."""
         rows = self._telegrams.rows
         begin, end = np.searchsorted(rows.frame, [first_frame, behind_frame]).tolist()
         if begin == end:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from nvscope import units
 from nvscope.analysis.news import is_over
 from nvscope.report.ansi import paint
 from nvscope.view.escape import visible, visible_document
-from nvscope.view.lines.plant import content, happenings, strips
+from nvscope.view.lines.plant import content, happenings, strips, transactions
 from nvscope.view.lines.plant.content import Report
-from nvscope.view.lines.table import Cell, Line, Tone, aligned, wrap
+from nvscope.view.lines.plant.tables import cells
+from nvscope.view.lines.table import Cell, Line, Tone, aligned, fitting, heading, table_line, wrap
 
 if TYPE_CHECKING:
     from nvscope.analysis.news import Told
@@ -22,20 +23,27 @@ MIN_WIDTH = 40
 STRIP_NS = 120_000_000_000
 """So much time the strips show at most."""
 
+MOST_PAIRS = 20
+"""So many pairs are shown, the worst of them."""
+
 _UNDER_MARKS = 3
 
 
 def table(
-    report: Report, chronicle: Chronicle | None, *, per_s: float | None = None, colour: bool = False, width: int = 80,
-    utc: bool = False,
+    report: Report, chronicle: Chronicle | None, pairs: Sequence[Mapping[str, Any]] = (), *, per_s: float | None = None,
+    colour: bool = False, width: int = 80, utc: bool = False,
 ) -> str:  # fmt: skip
-    """Return the verdict and a row a list as text of at most ``width`` columns, ending with an empty line."""
+    """Return the verdict, a row a list and one a pair, as text of at most ``width`` columns, ending with an empty line.
+
+    ``pairs`` are those of ``nvscope.watch/1``.
+    """
     shown, width = visible_document(report), max(width, MIN_WIDTH)
-    return paint([*_table(shown, chronicle, per_s, width, utc), []], colour=colour)
+    return paint([*_table(shown, chronicle, visible_document(pairs), per_s, width, utc), []], colour=colour)
 
 
 def _table(
-    report: Report, chronicle: Chronicle | None, per_s: float | None, width: int, utc: bool
+    report: Report, chronicle: Chronicle | None, pairs: Sequence[Mapping[str, Any]], per_s: float | None, width: int,
+    utc: bool,
 ) -> Iterator[Line]:  # fmt: skip
     mark, told = happenings.headline(report)
     clock = content.Clock.of(report, utc=utc)
@@ -55,6 +63,21 @@ def _table(
             yield from wrap([Cell(legend, Tone.FAINT)], width, _UNDER_MARKS)
         if found.left:
             yield from wrap([Cell(strips.left_out(found, "report -v"))], width, _UNDER_MARKS)
+    if pairs:
+        yield from _pairs(pairs, until_ns or 0, width)
+
+
+def _pairs(pairs: Sequence[Mapping[str, Any]], until_ns: int, width: int) -> Iterator[Line]:
+    """Yield the table of who asks whom; columns for which there is no room are seen on the screen."""
+    measures, rows = transactions.pair_table(pairs, until_ns)
+    columns = [measure.column for measure in measures]
+    shown = [cells(measures, row) for row in rows[:MOST_PAIRS]]
+    found = fitting(columns, shown, width)
+    yield heading(columns, found)
+    yield from (table_line(columns, found, row) for row in shown)
+    if len(rows) > len(shown):
+        left = units.count(len(rows) - len(shown))
+        yield from wrap([Cell(f"… and {left} more pairs: report -v shows all")], width, _UNDER_MARKS)
 
 
 def news(

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from dissectors.batch import I64
 from nvscope.engine.rows import DataRows
 from nvscope.engine.told import Told
 
@@ -91,20 +92,44 @@ class Pace:
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
         if len(told):
-            first = self._begun_anew(told)
-            ts_ns = told.packets.ts_ns[first:]
-            self._move(int(ts_ns[0]), int(ts_ns.max()))
-            lists = min(len(told.keys.lists), MOST_LISTS)
-            if lists > self._counts.shape[1]:
-                more = lists - self._counts.shape[1]
-                self._counts = np.pad(self._counts, ((0, 0), (0, more)))
-                self._began_ns = np.pad(self._began_ns, (0, more))
-                self._last_ns = np.pad(self._last_ns, (0, more))
+            first = self._begin(told, len(told.keys.lists))
             for rows in (told.laid.data, told.laid.pdos):
                 if len(rows):
                     self._count(rows, told, first)
         if told.until_ns is not None:
             self._move(told.until_ns, told.until_ns)
+
+    def observe_others(self, told: Told, wide: int, number: I64, packet: I64) -> None:
+        """Take a batch of which something else than lists is counted: so many things, by number, in these packets."""
+        if len(told):
+            first = self._begin(told, wide)
+            near = number < MOST_LISTS
+            number, packet = number[near], packet[near]
+            time_ns = told.packets.ts_ns[packet]
+            np.maximum.at(self._last_ns, number, time_ns)
+            self._note_began(number[self._began_ns[number] == 0], time_ns[self._began_ns[number] == 0])
+            self._add(number, time_ns, packet, first)
+        if told.until_ns is not None:
+            self._move(told.until_ns, told.until_ns)
+
+    def _begin(self, told: Told, wide: int) -> int:
+        """Let time pass up to the end of a batch, and have so many columns; return from which packet on it counts."""
+        first = self._begun_anew(told)
+        ts_ns = told.packets.ts_ns[first:]
+        self._move(int(ts_ns[0]), int(ts_ns.max()))
+        more = min(wide, MOST_LISTS) - self._counts.shape[1]
+        if more > 0:
+            self._counts = np.pad(self._counts, ((0, 0), (0, more)))
+            self._began_ns = np.pad(self._began_ns, (0, more))
+            self._last_ns = np.pad(self._last_ns, (0, more))
+        return first
+
+    def _note_began(self, number: I64, time_ns: I64) -> None:
+        """Take when what had not begun yet did."""
+        if len(number):
+            began_ns = np.full(len(self._began_ns), _NEVER)
+            np.minimum.at(began_ns, number, time_ns)
+            self._began_ns = np.where(began_ns < _NEVER, began_ns, self._began_ns)
 
     def _begun_anew(self, told: Told) -> int:
         """Return from which packet on a batch counts: the first one behind a clock that went far back."""
@@ -120,13 +145,12 @@ class Pace:
         near = own < MOST_LISTS
         np.maximum.at(self._last_ns, own[near], rows.time_ns[rows.stop - 1][near])
         new = near & (self._began_ns[np.minimum(own, len(self._began_ns) - 1)] == 0)
-        if new.any():
-            began_ns = np.full(len(self._began_ns), _NEVER)
-            np.minimum.at(began_ns, own[new], rows.time_ns[rows.start][new])
-            self._began_ns = np.where(began_ns < _NEVER, began_ns, self._began_ns)
-        lists = np.repeat(own, rows.stop - rows.start)
-        second = rows.time_ns // _S_NS
-        kept = (lists < MOST_LISTS) & (second > self._last_s - PACE_SECONDS) & (rows.packet >= first)
+        self._note_began(own[new], rows.time_ns[rows.start][new])
+        self._add(np.repeat(own, rows.stop - rows.start), rows.time_ns, rows.packet, first)
+
+    def _add(self, lists: I64, time_ns: I64, packet: I64, first: int) -> None:
+        second = time_ns // _S_NS
+        kept = (lists < MOST_LISTS) & (second > self._last_s - PACE_SECONDS) & (packet >= first)
         if not kept.all():
             lists, second = lists[kept], second[kept]
         wide = self._counts.shape[1]

@@ -47,6 +47,7 @@ ACTIONS: Sequence[Action] = (
     Action("view.nodes", ("5",), Group.VIEW, "nodes: who sends to whom"),
     Action("view.can", ("6",), Group.VIEW, "CAN: load, identifiers, errors, node states"),
     Action("view.source", ("7",), Group.VIEW, "source: drops, buffers, this program's own load"),
+    Action("view.transactions", ("8",), Group.VIEW, "transactions: who asks whom for parameters and variables"),
     Action("move.down", ("j", "down"), Group.MOVE, "a row down"),
     Action("move.up", ("k", "up"), Group.MOVE, "a row up"),
     Action("move.half-page-down", ("ctrl-d",), Group.MOVE, "half a page down"),

@@ -32,13 +32,7 @@ from nvscope.tui.painting import PALETTES
 from nvscope.tui.prompt import Prompt
 from nvscope.tui.recording import Recorder, Recording
 from nvscope.tui.replay.position_bar import PositionBar
-from nvscope.tui.views.can import CanView
-from nvscope.tui.views.causes import CausesView
-from nvscope.tui.views.lists import ListsView
-from nvscope.tui.views.nodes import NodesView
-from nvscope.tui.views.packets import PacketsView
-from nvscope.tui.views.source import SourceView
-from nvscope.tui.views.variables import VariablesView
+from nvscope.tui.views.all_views import make_views
 from nvscope.tui.views.view import View
 from nvscope.view.escape import visible
 from nvscope.view.lines.table import Cell, Line, Tone
@@ -391,10 +385,3 @@ class WatchApp(App[None], inherit_bindings=False):
             if hasattr(widget, "palette"):
                 widget.palette = palette
                 widget.refresh()
-
-
-def make_views() -> list[View]:
-    """Return the views, in the order of their numbers."""
-    return [
-        ListsView(), CausesView(), VariablesView(), PacketsView(), NodesView(), CanView(), SourceView(),
-    ]  # fmt: skip

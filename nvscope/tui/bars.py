@@ -126,24 +126,44 @@ def head(look: Look, state: str, width: int) -> tuple[Line, Line]:
 
 
 class Tabs(Bar):
-    """The views with their keys; the one in front stands out."""
+    """The views with their keys; the one in front stands out. Where there is little room, they stand closer."""
 
     def __init__(self, titles: Sequence[str], keys: Sequence[str]) -> None:
         super().__init__(id="tabs")
         self._titles = titles
         self._told = [f"{key} {title}".strip() for key, title in zip(keys, titles, strict=True)]
+        self._place = -1
 
     def front(self, place: int) -> None:
         """Show which view is in front."""
+        self._place = place
+        self._lay_out()
+
+    def on_resize(self) -> None:
+        self._lay_out()
+
+    @property
+    def _gap(self) -> int:
+        """How wide it is between two of them: each has a side of its own there, or both share it."""
+        wide = 1 + sum(display_width(told) + 2 for told in self._told)
+        return 2 if wide <= self.size.width else 1
+
+    def _lay_out(self) -> None:
         line: list[Cell] = [Cell(" ")]
         for number, told in enumerate(self._told):
-            line.append(Cell(f"[{told}]", Tone.STRONG) if number == place else Cell(f" {told} ", Tone.FAINT))
+            is_front = number == self._place
+            if self._gap > 1 or not number:
+                line.append(Cell("[" if is_front else " ", Tone.STRONG if is_front else Tone.FAINT))
+            line.append(Cell(told, Tone.STRONG if is_front else Tone.FAINT))
+            before_front = self._gap == 1 and number + 1 == self._place
+            side = "]" if is_front else "[" if before_front else " "
+            line.append(Cell(side, Tone.FAINT if side == " " else Tone.STRONG))
         self.tell(line)
 
     def clicked(self, x: int) -> None:
         at = 1
         for title, told in zip(self._titles, self._told, strict=True):
-            stop = at + display_width(told) + 2
+            stop = at + display_width(told) + self._gap
             if at <= x < stop:
                 self.app.act("view." + title.lower())  # type: ignore[attr-defined]
                 return

@@ -17,8 +17,9 @@ MOST_BYTES = 128 << 20
 
 _APART_NS = 1_000_000_000
 
-# What the parts of a scene take, as measured: of each stream, list, cause, finding and bus.
+# What the parts of a scene take, as measured: of each stream, list, cause, finding, bus, pair and transaction.
 _STREAM_BYTES, _LIST_BYTES, _CAUSE_BYTES, _FINDING_BYTES, _BUS_BYTES = 1_000, 1_400, 1_300, 700, 40_000
+_PAIR_BYTES, _TRANSACTION_BYTES = 1_500, 600
 _BASE_BYTES = 20_000
 
 
@@ -119,6 +120,10 @@ def _size_of(scene: Scene) -> int:
             for column in columns
         )
         + scene.pace.counts.nbytes
+        + scene.transactions.pace.counts.nbytes
+        + _PAIR_BYTES * len(scene.transactions.numbers)
+        # Most of them are in the scenes around it, too.
+        + _TRANSACTION_BYTES * len(scene.transactions)
         + values
     )
 

@@ -15,6 +15,7 @@ from typing import Any
 from nvscope.errors import ExitCode
 from nvscope.view.documents.drawn import plain
 from tests.program import run
+from tests.schemas.asking import make_asking
 from tests.schemas.odd_plant import make_odd_plant
 from tests.simulate.simulation import simulated
 
@@ -135,12 +136,14 @@ ODD_COMMANDS = (
 """Commands on the files of ``make_odd_plant``."""
 
 
-WATCHED = (f"watch {_PLANT}", f"watch {_PRESS}", "watch captures/telegrams.pcap")
+_ASKING = "watch asking.pcap --project asking.toml"
+WATCHED = (f"watch {_PLANT}", f"watch {_PRESS}", "watch captures/telegrams.pcap", _ASKING)
 
 
 def watched(command: str) -> list[dict[str, Any]]:
     """Return the lines that a command prints, each of which is a document."""
-    return [json.loads(line) for line in _printed(command, ROOT).splitlines()]
+    folder = odd_plant() if command == _ASKING else ROOT
+    return [json.loads(line) for line in _printed(command, folder).splitlines()]
 
 
 def asked(command: str, folder: Path = ROOT) -> dict[str, Any]:
@@ -162,6 +165,7 @@ def odd_plant() -> Path:
     folder = Path(mkdtemp())
     atexit.register(rmtree, folder, ignore_errors=True)
     make_odd_plant(folder)
+    make_asking(folder)
     return folder
 
 

@@ -65,6 +65,7 @@ class Open(Columns):
     peer: I64
 
 
+NO_MESSAGES = Messages(*(np.empty(0, np.int64) for _ in fields(Messages)))
 NOTHING_OPEN = Open(*(np.empty(0, np.int64) for _ in fields(Open)))
 
 
@@ -73,7 +74,7 @@ class Matched(NamedTuple):
 
     ``opened``, ``repeated``, ``unexpected`` and ``closing`` are positions among the messages, rising; ``closed`` are
     the requests that the closing ones end, in the same order. ``expired`` are those that nobody answered, in the order
-    in which packets showed it, ``open`` those that still wait.
+    in which packets showed it, and ``shown`` the rows of these packets; ``open`` those that still wait.
     """
 
     opened: I64
@@ -82,6 +83,7 @@ class Matched(NamedTuple):
     closing: I64
     closed: Open
     expired: Open
+    shown: I64
     open: Open
 
 
@@ -142,7 +144,7 @@ def matched(before: Open, new: Messages, clock: Clock, first_frame: int, timeout
     return Matched(
         np.sort(order[opens & own]) - old, np.sort(order[asks & waits & own]) - old,
         np.sort(order[~asks & ~waits]) - old, order[closing] - old, requests(closing), requests(expired),
-        requests(ends[~over]),
+        expires[expired], requests(ends[~over]),
     )  # fmt: skip
 
 

@@ -28,7 +28,7 @@ class ParameterState:
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
         if self.known is None:
-            if not _is_spoken_of(told):
+            if not is_spoken_of(told):
                 return
             from nvscope.tracker.parameter.transactions import Transactions  # noqa: PLC0415
 
@@ -41,7 +41,8 @@ class ParameterState:
             self.known = part.known
 
 
-def _is_spoken_of(told: Told) -> bool:
+def is_spoken_of(told: Told) -> bool:
+    """Tell whether a batch has anything of the Parameter Manager."""
     if not len(told):
         return False
     quoted = told.batch.quoted

@@ -6,7 +6,7 @@ and 100. Where it is silent: a reply repeats Index, SubIndex and Counter of its 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import ClassVar
 
@@ -25,6 +25,7 @@ from nvscope.tracker.events import EventLog
 from nvscope.tracker.latency import Latencies
 from nvscope.tracker.parameter.events import USUAL, ParameterEvent, parameter_name
 from nvscope.tracker.parameter.matching import (
+    NO_MESSAGES,
     NOTHING_OPEN,
     Matched,
     Messages,
@@ -96,6 +97,28 @@ class Asked:
         return parameter_name(self.index << 16 | self.subindex)
 
 
+@dataclass(frozen=True, slots=True)
+class Became:
+    """What is known behind a batch of requests, each in the order of the capture.
+
+    ``asked`` are new ones. ``answers`` are the replies to those in ``answered``, in the same order; ``unexpected`` are
+    replies to none. ``unanswered`` waited too long, as the packets in rows ``shown`` tell; where time has passed
+    without a packet, that is the row behind the last one.
+    """
+
+    asked: Messages
+    answers: Messages
+    answered: Open
+    unexpected: Messages
+    unanswered: Open
+    shown: I64
+
+
+NOTHING_BECAME = Became(
+    NO_MESSAGES, NO_MESSAGES, NOTHING_OPEN, NO_MESSAGES, NOTHING_OPEN, np.empty(0, np.int64)
+)  # fmt: skip
+
+
 class Transactions:
     """The requests of all nodes, and what became of them; an accumulator.
 
@@ -118,21 +141,26 @@ class Transactions:
         self._open = NOTHING_OPEN
         self._forgot_until_ns = _NEVER_NS
 
-    def observe(self, told: Told) -> None:
-        """Take a batch, which follows those observed so far."""
+    def observe(self, told: Told) -> Became:
+        """Take a batch, which follows those observed so far; return what is known of requests by it."""
         self.timeout_ns = told.parameter_timeout_ns
+        became = NOTHING_BECAME
         if len(told) and (len(told.laid.parameters) or len(self._open)):
-            self._observe(told)
+            became = self._observe(told)
         if len(told.batch.quoted):
             self._count_undeliverable(told)
         if told.until_ns is not None and len(self._open):
             late = self._open.last_ns + self.timeout_ns < told.until_ns
-            self._give_up(told, self._sorted(self._open.take(late)))
+            waits = self._sorted(self._open.take(late))
+            self._give_up(told, waits)
             self._open = self._open.take(~late)
+            shown = np.append(became.shown, np.full(len(waits), len(told)))
+            became = replace(became, unanswered=Open.stacked([became.unanswered, waits]), shown=shown)
         for unheard in told.unheard:
             self._resume(unheard)
         self.events.settle()
         self.left_out.settle()
+        return became
 
     def overdue_events(self, at_ns: int) -> EventLog:
         """Return timeouts of requests whose deadline is before a time, and that no frame has shown to be late."""
@@ -155,10 +183,10 @@ class Transactions:
     def _sorted(self, waits: Open) -> Open:
         return waits.take(np.lexsort((waits.frame, waits.last_ns)))
 
-    def _observe(self, told: Told) -> None:
+    def _observe(self, told: Told) -> Became:
         messages = self._messages(told)
         if not len(messages) and not len(self._open):
-            return
+            return NOTHING_BECAME
         found = matched(self._open, messages, told.clock, told.first_frame, self.timeout_ns)
         columns = self.columns
         opened = messages.take(found.opened)
@@ -172,12 +200,17 @@ class Transactions:
         np.add.at(columns.requests, opened.pair, 1)
         np.add.at(columns.retransmissions, messages.pair[found.repeated], 1)
         if not told.hears_answers:
-            found = found._replace(closing=found.closing[:0], closed=NOTHING_OPEN, open=NOTHING_OPEN)
+            nothing = found.closing[:0]
+            found = found._replace(
+                closing=nothing, closed=NOTHING_OPEN, open=NOTHING_OPEN, unexpected=nothing, expired=NOTHING_OPEN,
+                shown=nothing,
+            )  # fmt: skip
         self._open = found.open
         if told.is_heard:
             asked = opened.take(opened.service == Service.ODWriteRequest)
             self._tell(told, ParameterEvent.WRITE_ASKED, asked, asked.time_ns)
-        untold = self.writes.observe(told, opened, messages.take(found.closing), found.closed)
+        closing = messages.take(found.closing)
+        untold = self.writes.observe(told, opened, closing, found.closed)
         for what, left_out in zip((Beyond.WRITE, Beyond.VALUE), untold, strict=True):
             self._leave_out(what, left_out.time_ns, left_out.packet + told.first_frame)
         if told.hears_answers:
@@ -189,6 +222,8 @@ class Transactions:
             self._leave_out(Beyond.OPEN, beyond.since_ns, beyond.frame)
             self._forgot_until_ns = max(self._forgot_until_ns, int(beyond.last_ns.max()) + self.timeout_ns)
             self._open = self._open.take(np.sort(by_frame[:MOST_OPEN]))
+        unexpected = messages.take(found.unexpected)
+        return Became(opened, closing, found.closed, unexpected, found.expired, found.shown)
 
     def _count_undeliverable(self, told: Told) -> None:
         """Count requests of which ICMP messages say that they went nowhere."""

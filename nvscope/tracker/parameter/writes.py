@@ -7,6 +7,7 @@ with a write that it does not confirm: it changes nothing of what is known.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -101,6 +102,11 @@ class Writes:
         self._learn(told, tells, of, number)
         self._answer(told, closing, closed)
         return beyond, untold
+
+    def asked_in(self, frame: int) -> Write | None:
+        """Return the write that was asked for first in a frame; None where that is not kept."""
+        place = bisect_left(self.kept, frame, key=lambda one: one.frame)
+        return self.kept[place] if place < len(self.kept) and self.kept[place].frame == frame else None
 
     def give_up(self, waits: Open) -> None:
         """Take what nobody has answered in time."""

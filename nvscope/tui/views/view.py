@@ -1,4 +1,4 @@
-"""View: one of the seven things that the screen shows, and what all of them can."""
+"""View: one of the eight things that the screen shows, and what all of them can."""
 
 from __future__ import annotations
 

@@ -23,12 +23,14 @@ def watch_line(
     new: Sequence[Cause],
     ended: Sequence[Cause],
     instead: Sequence[Cause | None],
+    transactions: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
     """Return one line as data.
 
     ``report`` is that of the moment (schema ``nvscope.report/2``), ``per_s`` are telegrams a second by the key of their
     list, None where nobody knows, ``of_all`` those of all lists. ``instead`` has the cause that explains now
-    what each of the ended ones did, None where it is over by itself.
+    what each of the ended ones did, None where it is over by itself. ``transactions`` are a row a pair of nodes of
+    which one asks the other for parameters or variables; without any, nothing is told of that.
     """
     capture = report["capture"]
     return {
@@ -49,6 +51,7 @@ def watch_line(
             }
             for entry in report["lists"]
         ],
+        **({"transactions": list(transactions)} if transactions else {}),
         "causes_new": cause_rows(summary, new),
         "causes_ended": [
             {**row, "instead": None if heir is None else heir.title}

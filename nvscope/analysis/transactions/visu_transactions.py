@@ -1,0 +1,209 @@
+"""The transactions of web visualization pages: a reply each, a write that is asked for, and what nobody answered."""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dissectors import address
+from dissectors.batch import I64
+from nvscope.analysis.transactions.transaction import (
+    NOTHING,
+    Brought,
+    Group,
+    Outcome,
+    Pair,
+    Protocol,
+    Room,
+    Said,
+    Transaction,
+    last_of_each,
+)
+from nvscope.engine.told import Told
+from nvscope.tracker.visu.on_demand import NAME
+
+if TYPE_CHECKING:  # most plants have none
+    from dissectors.webvisu import Entry, Place, Request
+    from nvscope.tracker.visu.messages import VisuBatch
+    from nvscope.view.lines.visu_words import Variable
+
+MOST_REMEMBERED = 100_000
+"""So many values are remembered, to be told as old ones where they are written over."""
+
+_MOST_OPEN = 10_000
+_OK = 200
+_UNREADABLE = "???"  # ``dissectors.webvisu.UNREADABLE``, which is not imported before there is any
+_NUMBER = re.compile(r"-?[0-9]{1,15}(\.[0-9]{1,15})?\Z")
+_OLD = tuple[str | None, ...]
+
+
+class VisuTransactions:
+    """Finds transactions from one batch to the next.
+
+    The old value of a variable is the one that the controller last told, whoever had asked, or the last one that was
+    written and confirmed. Values that may be secret are hidden from whoever is told of them.
+    """
+
+    def __init__(self, room: Room) -> None:
+        self._room = room
+        self._pairs: list[Pair] = []
+        self._values: dict[tuple[str, Place | str], str] = {}
+        self._olds: dict[tuple[int, int], deque[_OLD]] = {}
+
+    def of(self, told: Told, last: int | None = None) -> Brought:
+        """Return what a batch brings, which follows those before.
+
+        With ``last``, there are so many of each pair and ``Group`` at most that write nothing: the last ones.
+        """
+        part = told.parts.get(NAME)
+        if part is None:
+            return NOTHING
+        from nvscope.tracker.visu.messages import Kind, VisuBatch  # noqa: PLC0415
+        from nvscope.tracker.visu.messages import Outcome as Replied  # noqa: PLC0415
+
+        assert isinstance(part, VisuBatch)
+        self._describe(part)
+        messages = part.messages
+        kind = messages.kind
+        asks = (kind == Kind.READ) | (kind == Kind.WRITE)
+        asked = np.append(np.array([one.writes for one in part.requests], np.bool_), False)
+        tells = np.isin(kind, (Kind.REPLY, Kind.CUT, Kind.UNANSWERED)) & (messages.asked >= 0)
+        writes = asked[messages.asked] & (tells | (kind == Kind.WRITE))
+        reads = np.flatnonzero(tells & ~writes)
+        group = np.where((kind == Kind.REPLY) & (messages.outcome == Replied.DONE), Group.READ, Group.WRONG)[reads]
+        shown = set(reads[last_of_each(messages.pair[reads], group, last)].tolist())
+        rows = self._to_read(part, reads[kind[reads] == Kind.REPLY], np.flatnonzero(writes), shown, last)
+        found = [one for row in rows.tolist() if (one := self._take(told, part, row, row in shown)) is not None]
+        return Brought(self._pairs, messages.pair[asks], messages.row[asks], kind[asks] == Kind.WRITE, found)
+
+    def _describe(self, part: VisuBatch) -> None:
+        """Tell pairs by their texts."""
+        words = (word[len(self._pairs) :].tolist() for word in part.pairs)
+        for client_hi, client_lo, server_hi, server_lo, port in zip(*words, strict=True):
+            ends = address.text(client_hi, client_lo), address.text(server_hi, server_lo)
+            self._pairs.append(Pair(Protocol.VISU, *ends, int(port)))
+
+    @staticmethod
+    def _to_read(part: VisuBatch, replies: I64, writes: I64, shown: set[int], last: int | None) -> I64:
+        """Return the messages to be looked at, rising: all writes, what is shown, and what tells values over which
+        something is, or may be, written.
+
+        Of replies to the same read with no write between, the last one tells all that the others do.
+        """
+        if last is None:
+            return np.union1d(np.array(sorted(shown), np.int64), writes)
+        messages = part.messages
+        behind = np.searchsorted(writes, replies)
+        order = np.lexsort((replies, messages.asked[replies], behind))
+        keys = np.stack([behind[order], messages.asked[replies[order]]])
+        is_last = np.append((np.diff(keys) != 0).any(0), True) if len(order) else np.empty(0, np.bool_)
+        return np.union1d(np.union1d(np.array(sorted(shown), np.int64), writes), replies[order[is_last]])
+
+    def _take(self, told: Told, part: VisuBatch, row: int, shown: bool) -> Transaction | None:
+        """Take a message, and return what it tells, where that is ``shown`` or of a write."""
+        from nvscope.tracker.visu.messages import Kind  # noqa: PLC0415
+        from nvscope.view.lines.visu_words import variables_of  # noqa: PLC0415
+
+        messages = part.messages
+        kind, number = Kind(int(messages.kind[row])), int(messages.pair[row])
+        pair, request = self._pairs[number], part.requests[int(messages.asked[row])]
+        known_frame = int(messages.row[row]) + told.first_frame
+        time_ns = int(told.packets.ts_ns[messages.row[row]])
+        asked_frame = known_frame if kind is Kind.WRITE else int(messages.asked_frame[row])
+        outcome = _outcome(part, row, kind, request)
+        olds: _OLD = ()
+        if request.writes:
+            olds = self._old_values(pair, number, asked_frame, kind, request)
+            variables = self._written(part, row, request)
+            if outcome is Outcome.CONFIRMED:
+                self._remember(pair, variables)
+        else:
+            variables = variables_of(part, row, secrets=True)
+            if outcome in (Outcome.ANSWERED, Outcome.MISCOUNTED) and not request.query:
+                self._remember(pair, variables[: int(messages.fields[row])])
+        if not (shown or request.writes):
+            return None
+        most, names = self._room.said, part.namings[int(messages.naming[row])]
+        said = tuple(
+            self._said(variable, olds[place] if place < len(olds) else None, names)
+            for place, variable in enumerate(variables[:most])
+        )
+        status = int(messages.status[row])
+        return Transaction(
+            pair, time_ns, asked_frame if kind is Kind.UNANSWERED else known_frame, known_frame, asked_frame,
+            request.writes, outcome, said, max(len(variables) - most, 0),
+            latency_ns=int(messages.latency_ns[row]) if kind is Kind.REPLY else None,
+            detail=f"HTTP status {status}" if kind is Kind.REPLY and status != _OK else "",
+        )  # fmt: skip
+
+    def _old_values(self, pair: Pair, number: int, asked_frame: int, kind: int, request: Request) -> _OLD:
+        """Return the values over which a request writes: those known when it was asked for."""
+        from nvscope.tracker.visu.messages import Kind  # noqa: PLC0415
+
+        key = number, asked_frame
+        if kind == Kind.WRITE:
+            olds = tuple(self._values.get((pair.server, one.place)) for one in request.entries)
+            if len(self._olds) >= _MOST_OPEN:
+                del self._olds[next(iter(self._olds))]
+            self._olds.setdefault(key, deque()).append(olds)
+            return olds
+        waiting = self._olds.get(key)
+        if not waiting:
+            return ()
+        found = waiting.popleft()
+        if not waiting:
+            del self._olds[key]
+        return found
+
+    def _written(self, part: VisuBatch, row: int, request: Request) -> Sequence[Variable]:
+        from nvscope.tracker.visu.names import name_of  # noqa: PLC0415
+        from nvscope.view.lines.visu_words import Variable  # noqa: PLC0415
+
+        names = part.namings[int(part.messages.naming[row])]
+        return [Variable(one, name_of(one, names), one.value) for one in request.entries]
+
+    def _remember(self, pair: Pair, variables: Sequence[Variable]) -> None:
+        """Take the values that variables have now; nobody knows those that the controller could not read."""
+        values, server = self._values, pair.server
+        for entry, _, value in variables:
+            key = server, entry.place
+            if value is None or value == _UNREADABLE:
+                values.pop(key, None)
+            elif len(values) < MOST_REMEMBERED or key in values:
+                values[key] = value
+
+    def _said(self, variable: Variable, old: str | None, names: Mapping[Place, str]) -> Said:
+        """Return what is told of a variable: what may be secret is hidden, by the names that are known now."""
+        from nvscope.view.lines.visu_words import shown  # noqa: PLC0415
+
+        entry, name, value = variable
+        cut = self._room.cut
+        text = None if value is None else cut(shown(entry, names, value))
+        if old is None:
+            return Said(cut(name), json_value(entry, text), text)
+        old_text = cut(shown(entry, names, old))
+        return Said(cut(name), json_value(entry, text), text, json_value(entry, old_text), old_text)
+
+
+def _outcome(part: VisuBatch, row: int, kind: int, request: Request) -> Outcome:
+    from nvscope.tracker.visu.messages import Kind  # noqa: PLC0415
+    from nvscope.tracker.visu.messages import Outcome as Replied  # noqa: PLC0415
+
+    if kind == Kind.REPLY:
+        return {
+            Replied.DONE: Outcome.CONFIRMED if request.writes else Outcome.ANSWERED, Replied.REFUSED: Outcome.REFUSED,
+            Replied.MISCOUNTED: Outcome.MISCOUNTED, Replied.AMBIGUOUS: Outcome.AMBIGUOUS,
+            Replied.STATUS: Outcome.REFUSED if request.writes else Outcome.STATUS,
+        }[Replied(int(part.messages.outcome[row]))]  # fmt: skip
+    return {Kind.CUT: Outcome.CUT, Kind.UNANSWERED: Outcome.UNANSWERED}.get(Kind(kind), Outcome.OPEN)
+
+
+def json_value(entry: Entry, text: str | None) -> Any:
+    """Return a value as JSON has it: a number where the variable is one, text as it was said elsewhere."""
+    if text is None or entry.is_string or not _NUMBER.match(text):
+        return text
+    return float(text) if "." in text else int(text)
