@@ -102,6 +102,23 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
             ("nvscope sdo serve table.toml", "a controller on this machine"),
             ("nvscope sdo serve --keys", "what a table can say"),
         ),
+        "visu list": (
+            ("nvscope visu list 192.168.1.3", "what its visualizations show, and where that lies"),
+            ("nvscope visu list http://192.168.1.3:8080/plc/webvisu.htm --json", "the same for programs"),
+        ),
+        "visu read": (
+            ("nvscope visu read 192.168.1.3 PLC_PRG.rSpeed .OUT0", "by the names of the controller's own lists"),
+            ("nvscope visu read http://192.168.1.3/plc/webvisu.htm 4,146,81,8", "by where it lies"),
+            ("nvscope visu read 192.168.1.3 PLC_PRG.rSpeed --every 1s --count 10", "again and again"),
+        ),
+        "visu write": (
+            ("nvscope visu write 192.168.1.3 PLC_PRG.rSpeed 12.5", "read, asked, written, and read back"),
+            ("nvscope visu write 192.168.1.3 PLC_PRG.xRun TRUE --yes", "without being asked"),
+        ),
+        "visu serve": (
+            ("nvscope visu serve table.toml --port 8080", "a controller on this machine"),
+            ("nvscope visu serve --keys", "what a table can say"),
+        ),
         "simulate": (
             ("nvscope simulate plant.toml -w plant.pcapng", "a capture with faults, and the truth"),
             ("nvscope simulate plant.toml --to udp://127.0.0.1", "a plant on a desk"),

@@ -67,6 +67,10 @@ class VisuClient:
         """Return all variables that are known."""
         return self.document("list", "listed", [variable_row(one, "listed") for one in self.known.listed])
 
+    def forget(self) -> None:
+        """Forget what was asked so far: documents are of what comes now."""
+        self._asked.clear()
+
     def read(self, variables: Sequence[Variable]) -> dict[str, Any]:
         """Read variables, as many at once as a request may ask for; return what came of it.
 

@@ -153,9 +153,7 @@ class Controller:
             touched=touched,
         )  # fmt: skip
 
-    def _written(
-        self, request: HttpRequest, asked: Request, entries: Sequence[Entry | None], delay_ns: int
-    ) -> Handled:
+    def _written(self, request: HttpRequest, asked: Request, entries: Sequence[Entry | None], delay_ns: int) -> Handled:
         """All of it or nothing: nobody documents what controllers do with half of it."""
         wanted = [one.value or "" for one in asked.entries]
         places = _places(asked.entries)

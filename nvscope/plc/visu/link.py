@@ -118,7 +118,9 @@ def _content(response: Any) -> bytes | None:
     return bytes(content)
 
 
-def _failed(error: BaseException, deadline: _Deadline, status: int | None) -> tuple[Ending, int | None, bytes, None, str]:
+def _failed(
+    error: BaseException, deadline: _Deadline, status: int | None
+) -> tuple[Ending, int | None, bytes, None, str]:
     if isinstance(error, TimeoutError | urllib3.exceptions.TimeoutError) or deadline.is_over:
         ending = Ending.SILENT
     elif isinstance(error, http.client.RemoteDisconnected | OSError):

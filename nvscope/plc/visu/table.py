@@ -75,9 +75,7 @@ class ServedVariable:
         ValueKind("value", _any), 'its value at the start: 12.5, true, "0xFF", "T#1s500ms"; zero without one',
         default=None,
     )  # fmt: skip
-    access: str = key(
-        choice(*_ACCESS), "whether it may be read and written, only read, or only written", default="rw"
-    )
+    access: str = key(choice(*_ACCESS), "whether it may be read and written, only read, or only written", default="rw")
     refuse: bool = key(FLAG, "writes of it are refused", default=False)
     unreadable: bool = key(FLAG, "reads of it are answered by ???", default=False)
     stuck: bool = key(FLAG, "writes are confirmed, and change nothing", default=False)
@@ -224,4 +222,3 @@ def read_served(path: str | Path) -> ServedTable:
 def document() -> str:
     """Return all keys of such a file and their meaning, as Markdown."""
     return document_table(ServedTable, "Top of the file", "#")
-

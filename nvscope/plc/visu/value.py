@@ -96,10 +96,8 @@ def entered(place: Place, text: str) -> str:
     kind = scalar_at(place)
     if kind is None:
         raise ValueError(_no_scalar(place, name))
-    if kind.unit_ns and _WHOLE.fullmatch(text.strip()):
-        data = _in_range(kind, int(text))
-    else:
-        data = bytes_of(kind, text)
+    is_number = bool(kind.unit_ns and _WHOLE.fullmatch(text.strip()))
+    data = _in_range(kind, int(text)) if is_number else bytes_of(kind, text)
     if kind.kind is ScalarKind.REAL:
         return _decimal(exact_text(kind, value_of(kind, data)))
     number = value_of(kind, data)

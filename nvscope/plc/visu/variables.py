@@ -70,7 +70,9 @@ class KnownVariables:
         place = place_of(word)
         if place is not None:
             known = self._by_place.get(place)
-            return known or Variable("", place, place.type == STRING or any(_overlap(place, one) for one in self._secrets))
+            return known or Variable(
+                "", place, place.type == STRING or any(_overlap(place, one) for one in self._secrets)
+            )
         name = word.casefold()
         found = self._by_name.get(name) or self._by_name.get(f".{name}") or ()
         if len({one.place for one in found}) == 1:
@@ -88,16 +90,16 @@ class KnownVariables:
 
 
 def place_of(word: str) -> Place | None:
-    """Return the place that a word is, ``ref,offset,size,type``; None for a name. UsageError for a type nobody knows."""
+    """Return the place that a word is, ``ref,offset,size,type``; None for a name. UsageError for an unknown type."""
     found = _ADDRESS.fullmatch(word)
     if found is None:
         return None
-    *numbers, kind = found.groups()
+    ref, offset, size, kind = found.groups()
     if not kind.isdecimal():
         if kind.upper() not in TYPES:
             raise UsageError(f"{word[:60]}: no type is called {kind}", next_step=f"known are {', '.join(TYPES)}")
         kind = str(TYPES.index(kind.upper()))
-    return Place(*map(int, numbers), int(kind))
+    return Place(int(ref), int(offset), int(size), int(kind))
 
 
 def needs_names(words: Iterable[str]) -> bool:
