@@ -21,8 +21,14 @@ GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         READ: ("-r", "--from-time", "--to-time", "-d", "--bitrate", "--ack-timeout"),
         LIVE: ("-i", "--count", "-D", "--for", "-a", "--follow", "-f", "-B", "-p"),
-        SENT: ("--to", "--map", "--port", "--timeout", "--retries", "--yes", "--bind", "--allow-network"),
-        DEFINED: ("--gvl", "--project", "-n", "--type", "--items", "--types", "--a-types", "--b-types"),
+        SENT: (
+            "--to", "--map", "--port", "--timeout", "--retries", "--yes", "--bind", "--every",
+            "--allow-network",
+        ),
+        DEFINED: (
+            "--gvl", "--project", "-n", "--type", "--items", "--types", "--a-types", "--b-types",
+            "--variables", "--page",
+        ),
         WRITTEN: (
             "--json", "--md", "-w", "--force", "-T", "-E", "-t", "-x", "-V", "--utc", "-q", "--wide", "--color",
             "--truth",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -156,7 +157,7 @@ class VisuClient:
         """Return the document of what was asked so far."""
         url = self._link.url
         return document(
-            verb, verdict, url=url.text(self._path), server=self._link.address, server_name=self._server_name,
+            verb, verdict, at_ns=time.time_ns(), url=url.text(self._path), server=self._link.address, server_name=self._server_name,
             port=url.port, known=self.known, variables=rows, exchanges=self._asked,
         )  # fmt: skip
 

@@ -115,12 +115,13 @@ def state_of(variable: Variable, values: Sequence[str | None], at: int, *, secre
 
 
 def document(
-    verb: str, verdict: Verdict, *, url: str, server: str, server_name: str, port: int, known: KnownVariables,
+    verb: str, verdict: Verdict, *, at_ns: int, url: str, server: str, server_name: str, port: int, known: KnownVariables,
     variables: Sequence[dict[str, Any]], exchanges: Sequence[Asked],
 ) -> dict[str, Any]:  # fmt: skip
     """Return the document."""
     return {
         **head(_SCHEMA),
+        "at_ns": str(at_ns),
         "verb": verb,
         "outcome": verdict,
         "url": url,
