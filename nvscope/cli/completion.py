@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from nvscope.errors import NvscopeError
 from nvscope.view.fields.completion import beginning, completions
@@ -85,6 +85,17 @@ def parameter_types(incomplete: str) -> list[str]:
 
     names = [name for name, kind in SCALARS.items() if kind.size_bytes]
     return beginning([*names, "STRING", "WSTRING"], incomplete.upper())
+
+
+def visu_variables(ctx: Any, incomplete: str) -> list[str]:
+    """Return the variables of the files of ``--variables`` that begin like this: nothing is asked of a controller."""
+    from nvscope.plc.visu.variables import known_of_files
+
+    try:
+        listed = known_of_files(ctx.params.get("variables") or ()).listed
+    except NvscopeError:
+        return []
+    return beginning(dict.fromkeys(one.name for one in listed), incomplete)
 
 
 def interfaces(incomplete: str) -> list[str]:

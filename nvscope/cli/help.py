@@ -21,8 +21,14 @@ GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         READ: ("-r", "--from-time", "--to-time", "-d", "--bitrate", "--ack-timeout"),
         LIVE: ("-i", "--count", "-D", "--for", "-a", "--follow", "-f", "-B", "-p"),
-        SENT: ("--to", "--map", "--port", "--timeout", "--retries", "--yes", "--bind", "--allow-network"),
-        DEFINED: ("--gvl", "--project", "-n", "--type", "--items", "--types", "--a-types", "--b-types"),
+        SENT: (
+            "--to", "--map", "--port", "--timeout", "--retries", "--yes", "--bind", "--every",
+            "--allow-network",
+        ),
+        DEFINED: (
+            "--gvl", "--project", "-n", "--type", "--items", "--types", "--a-types", "--b-types",
+            "--variables", "--page",
+        ),
         WRITTEN: (
             "--json", "--md", "-w", "--force", "-T", "-E", "-t", "-x", "-V", "--utc", "-q", "--wide", "--color",
             "--truth",
@@ -101,6 +107,23 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
         "sdo serve": (
             ("nvscope sdo serve table.toml", "a controller on this machine"),
             ("nvscope sdo serve --keys", "what a table can say"),
+        ),
+        "visu list": (
+            ("nvscope visu list 192.168.1.3", "what its visualizations show, and where that lies"),
+            ("nvscope visu list http://192.168.1.3:8080/plc/webvisu.htm --json", "the same for programs"),
+        ),
+        "visu read": (
+            ("nvscope visu read 192.168.1.3 PLC_PRG.rSpeed .OUT0", "by the names of the controller's own lists"),
+            ("nvscope visu read http://192.168.1.3/plc/webvisu.htm 4,146,81,8", "by where it lies"),
+            ("nvscope visu read 192.168.1.3 PLC_PRG.rSpeed --every 1s --count 10", "again and again"),
+        ),
+        "visu write": (
+            ("nvscope visu write 192.168.1.3 PLC_PRG.rSpeed 12.5", "read, asked, written, and read back"),
+            ("nvscope visu write 192.168.1.3 PLC_PRG.xRun TRUE --yes", "without being asked"),
+        ),
+        "visu serve": (
+            ("nvscope visu serve table.toml --port 8080", "a controller on this machine"),
+            ("nvscope visu serve --keys", "what a table can say"),
         ),
         "simulate": (
             ("nvscope simulate plant.toml -w plant.pcapng", "a capture with faults, and the truth"),

@@ -25,6 +25,7 @@ VERBS = {
     "diff": "nvscope.cli.diff:diff",
     "gvl": "nvscope.cli.gvl:app",
     "sdo": "nvscope.cli.sdo:app",
+    "visu": "nvscope.cli.visu:app",
     "simulate": "nvscope.cli.simulate:simulate",
     "explain": "nvscope.cli.explain:explain",
     "doctor": "nvscope.cli.doctor:doctor",

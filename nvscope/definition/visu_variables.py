@@ -7,7 +7,7 @@ Source: ``webvisu.md`` section 4: ``variablelist/variable`` of any file of a vis
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -30,12 +30,14 @@ _SIZES = {
 class VisuVariables:
     """The variables of a list: their names by where they lie.
 
-    ``stamp`` is what the file says of its time, '' where it says nothing; ``left_out`` how many there was no room for.
+    ``listed`` are all of them in the order of the file, also several names of one place. ``stamp`` is what the file
+    says of its time, '' where it says nothing; ``left_out`` how many there was no room for.
     """
 
     names: Mapping[Place, str] = field(default_factory=dict)
     stamp: str = ""
     left_out: int = 0
+    listed: Sequence[tuple[str, Place]] = ()
 
 
 def read_visu_variables(path: str, content: bytes | None = None) -> VisuVariables:
@@ -46,14 +48,18 @@ def read_visu_variables(path: str, content: bytes | None = None) -> VisuVariable
     """
     root = read_xml(read_source(path, content=content))
     names: dict[Place, str] = {}
+    listed: list[tuple[str, Place]] = []
     left_out = 0
     for name, place in _listed(root):
-        if len(names) >= MOST_VARIABLES:
+        if len(listed) >= MOST_VARIABLES:
             left_out += 1
         elif name:
             names[place] = name
+            listed.append((name, place))
     stamp = root.child("time-stamp")
-    return VisuVariables(MappingProxyType(names), "" if stamp is None else stamp.text[:100], left_out)
+    return VisuVariables(
+        MappingProxyType(names), "" if stamp is None else stamp.text[:100], left_out, tuple(listed)
+    )  # fmt: skip
 
 
 def variables_in(content: bytes) -> VisuVariables:

@@ -111,7 +111,10 @@ def test_parts_of_texts_and_open_sets_may_be_anything(expression: str) -> None:
 
 
 def verbs() -> list[tuple[str, ...]]:
-    below = {"gvl": ("layout", "lint", "diff"), "sdo": ("read", "write", "serve")}
+    below = {
+        "gvl": ("layout", "lint", "diff"), "sdo": ("read", "write", "serve"),
+        "visu": ("read", "list", "write", "serve"),
+    }  # fmt: skip
     return [*((verb,) for verb in VERBS), *((verb, one) for verb, several in below.items() for one in several)]
 
 
@@ -145,9 +148,9 @@ def test_every_option_stands_in_a_group_that_is_its_own() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("verb", [verb for verb in EXAMPLES if not verb.startswith("sdo ")])
+@pytest.mark.parametrize("verb", [verb for verb in EXAMPLES if not verb.startswith(("sdo ", "visu "))])
 def test_examples_do_what_they_say(verb: str, tmp_path: Path) -> None:
-    """Each of them runs, on a capture and definitions of these names; those of ``sdo``, in its tests, ask somebody."""
+    """Each of them runs, on a capture and definitions of these names; those of ``sdo`` and ``visu``, in their tests, ask somebody."""
     (tmp_path / "plc").mkdir()
     for name in ("axis.gvl", "axis_types.st", "batch.gvl"):
         shutil.copy(PEERS / name, tmp_path / "plc" / name)

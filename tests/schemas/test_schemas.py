@@ -13,8 +13,10 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from nvscope.plc.parameter.document import Verdict
+from nvscope.plc.visu.document import Verdict as VisuVerdict
 from tests.report_laws import broken_laws
 from tests.schemas.asked_parameters import documents_of_parameters
+from tests.schemas.asked_visu import documents_of_visu
 from tests.schemas.corpus import (
     COMMANDS,
     ODD_COMMANDS,
@@ -107,12 +109,22 @@ def test_what_is_told_of_parameters_is_valid() -> None:
 
 
 @cache
+def of_visu() -> tuple[dict[str, Any], ...]:
+    return tuple(documents_of_visu())
+
+
+def test_what_is_told_of_a_webvisu_is_valid() -> None:
+    assert [mistakes_in(document) for document in of_visu()] == [[]] * len(of_visu())
+    assert {document["outcome"] for document in of_visu()} == set(get_args(VisuVerdict)) - {"cancelled"}
+
+
+@cache
 def corpus() -> tuple[dict[str, Any], ...]:
     """Return all documents; whoever changes one changes a copy."""
     printed = (asked(command) for command in COMMANDS)
     odd = (asked(command, odd_plant()) for command in ODD_COMMANDS)
     lines = (line for command in WATCHED for line in watched(command))
-    others = of_nothing(), *of_parameters()
+    others = of_nothing(), *of_parameters(), *of_visu()
     return (*printed, *odd, *lines, *others, *(document for path in SCENARIOS for document in of_scenario(path)))
 
 

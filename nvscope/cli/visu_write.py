@@ -1,0 +1,127 @@
+"""``nvscope visu write``: a variable of a controller, written by its WebVisu after a look and a question."""
+
+from __future__ import annotations
+
+import re
+import sys
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from nvscope.cli.completion import visu_variables
+from nvscope.cli.definitions import ProjectOption
+from nvscope.cli.sdo_serve import NetworkOption
+from nvscope.cli.terminal import ColourOption, colour_wanted, echo
+from nvscope.cli.visu_asked import (
+    JsonOption,
+    PageOption,
+    SecretsOption,
+    TimeoutOption,
+    UrlArgument,
+    VariablesOption,
+    Wanted,
+    client_of,
+    finish,
+    known_variables,
+)
+from nvscope.errors import UsageError
+
+if TYPE_CHECKING:
+    from dissectors.webvisu import Place
+
+_OPTION = re.compile(r"--?[A-Za-z]")
+
+
+def write(
+    url: UrlArgument,
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME",
+            help="The variable: its name, in any case, or where it lies: ref,offset,size,type.",
+            autocompletion=visu_variables,
+        ),
+    ],
+    value: Annotated[
+        str, typer.Argument(metavar="VALUE", help="Its value: 12, 0xFF, 12.5, TRUE, T#1s500ms or ms, a text.")
+    ],
+    yes: Annotated[bool, typer.Option("--yes", help="Write without asking.")] = False,
+    variables: VariablesOption = None,
+    page: PageOption = None,
+    project: ProjectOption = None,
+    timeout: TimeoutOption = "5s",
+    allow_network: NetworkOption = False,
+    show_secrets: SecretsOption = False,
+    as_json: JsonOption = False,
+    colour: ColourOption = "auto",
+) -> None:
+    """Write a variable of a controller: read it, ask, write it, and read it back.
+
+    Without a terminal nobody can be asked, and nothing is written without --yes. Exits as read does, with 1 also where
+    something else is read back than was written, with 3 where nothing could be, with 130 where the answer was no.
+    """
+    if wrong := next((word for word in (name, value) if _OPTION.match(word)), None):
+        raise UsageError(
+            f"{wrong[:60]} is no option",
+            next_step="`nvscope help visu write` lists them; a text that begins with a dash stands in single quotes "
+            "within those of the shell",
+        )
+    if not yes and not _can_ask():
+        raise UsageError(
+            "nobody can be asked: there is no terminal, and nothing is written without being asked",
+            next_step="--yes writes without asking",
+        )
+    wanted = Wanted(url, project, variables or (), page or (), timeout, allow_network, show_secrets)
+    shown = colour_wanted(colour)
+    client = client_of(wanted)
+
+    from nvscope.plc.visu.variables import place_of
+
+    if (place := place_of(name)) is not None:
+        _sent(place, value)  # before anything is asked
+    found, failed = known_variables(client, wanted, [name])
+    if failed is not None:
+        finish(client.document("write", failed), as_json=as_json, colour=shown)
+        return
+    (variable,) = found
+    sent = _sent(variable.place, value)
+    agreed = _Agreed(asks=not yes)
+    try:
+        document = client.write(variable, sent, agreed)
+    except KeyboardInterrupt:
+        if agreed.said_yes:
+            echo("nvscope: broken off: it may have been written.", err=True)
+        raise
+    finish(document, as_json=as_json, colour=shown)
+
+
+def _sent(place: Place, value: str) -> str:
+    """Return a value as it goes onto the wire; UsageError where it is none of the type."""
+    from nvscope.plc.visu.value import entered, type_name
+
+    try:
+        return entered(place, value)
+    except ValueError as error:
+        kind = type_name(place.type) or f"type {place.type}"
+        raise UsageError(str(error), next_step=f"the variable is a {kind} of {place.size} bytes") from None
+
+
+class _Agreed:
+    """Whether a value may be written: a person is asked who sees that before, or has said so from the beginning."""
+
+    def __init__(self, *, asks: bool) -> None:
+        self._asks = asks
+        self.said_yes = False
+
+    def __call__(self, before: dict[str, Any]) -> bool:
+        from nvscope.report.visu import question
+
+        if self._asks:
+            echo(f"{question(before)} [y/N]", err=True, nl=False)
+            echo(" ", err=True, nl=False)  # apart: it would be lost where a line ends
+        self.said_yes = not self._asks or sys.stdin.readline().strip().lower() in ("y", "yes")
+        return self.said_yes
+
+
+def _can_ask() -> bool:
+    return sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()

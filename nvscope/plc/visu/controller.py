@@ -1,0 +1,219 @@
+"""What a controller answers to requests of WebVisu pages, without sockets: a request in, bytes of a reply out."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from xml.sax.saxutils import quoteattr
+
+from dissectors.webvisu import STRING, UNREADABLE, Place, Request, read_request
+from dissectors.webvisu import Entry as AskedEntry
+from nvscope.plc.visu.http_reply import reply
+from nvscope.plc.visu.http_request import Flaw, HttpRequest
+from nvscope.plc.visu.table import Entry, ServedTable
+from nvscope.plc.visu.url import beside
+from nvscope.plc.visu.value import shown
+
+_HTML, _XML, _TEXT = "text/html", "text/xml", "text/plain"
+_PAGE = b"<html><head><title>WebVisu</title></head><body></body></html>\n"
+_DONE, _REFUSED = b"|0|", b"|1|"
+_SURPLUS = "0"
+_LIST = """<?xml version="1.0" encoding="ISO-8859-1"?>
+<{tag}>
+\t<time-stamp>{stamp}</time-stamp>
+\t<variablelist>
+{rows}\t</variablelist>
+</{tag}>
+"""
+
+
+class Result(Enum):
+    """What became of a request."""
+
+    ANSWERED = "answered"
+    REFUSED = "refused"
+    FILE = "file"
+    NOT_FOUND = "not_found"
+    MALFORMED = "malformed"
+    SILENT = "silent"
+    DROPPED = "dropped"
+
+
+@dataclass(frozen=True, slots=True)
+class Touched:
+    """A variable that a request was about; ``before`` is its value as it was read, or was before it was written.
+
+    ``entry`` is None where no variable lies there. ``wanted`` and ``after`` are of writes, None of reads.
+    """
+
+    place: Place
+    entry: Entry | None
+    before: str | None = None
+    wanted: str | None = None
+    after: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Handled:
+    """A request and what became of it: the bytes that are sent ``delay_ns`` later, and whether that ends it.
+
+    ``status`` is 0 where nothing is answered. ``declared`` is how many variables it says it is about.
+    """
+
+    result: Result
+    method: str
+    target: str
+    status: int
+    reply: bytes
+    closes: bool
+    delay_ns: int = 0
+    writes: bool = False
+    declared: int = 0
+    touched: Sequence[Touched] = ()
+
+
+class Controller:
+    """The variables of a table and their values, which writes change.
+
+    ``results`` counts requests by what became of them.
+    """
+
+    def __init__(self, table: ServedTable) -> None:
+        self._table = table
+        self._values = {place: entry.value for place, entry in table.by_place.items()}
+        self._files = {table.path: (_HTML, _PAGE)}
+        if table.lists:
+            system, own = ([one for one in table.entries if one.is_of_system is which] for which in (True, False))
+            stamp = table.stamp
+            self._files[beside(table.path, "plc_visu.xml")] = _XML, _listed("visualisation", stamp, own)
+            self._files[beside(table.path, "visu_ini.xml")] = _XML, _listed("visu-ini-file", stamp, system)
+        self.results: Counter[Result] = Counter()
+
+    def received(self, request: HttpRequest | Flaw) -> Handled:
+        """Take a request, or what is none."""
+        if isinstance(request, Flaw):
+            handled = self._plain(Result.MALFORMED, "", "", request.value, _reason(request), closes=True)
+        elif request.method == "POST":
+            handled = self._posted(request)
+        elif request.method in ("GET", "HEAD"):
+            handled = self._fetched(request)
+        else:
+            handled = self._plain(Result.MALFORMED, request.method, request.target, 405, "GET and POST alone")
+        self.results[handled.result] += 1
+        return handled
+
+    def _fetched(self, request: HttpRequest) -> Handled:
+        found = self._files.get(request.target.partition("?")[0])
+        if found is None:
+            return self._plain(Result.NOT_FOUND, request.method, request.target, 404, "no such file")
+        return self._handled(Result.FILE, request, 200, found[1], found[0])
+
+    def _posted(self, request: HttpRequest) -> Handled:
+        if request.target.partition("?")[0] != self._table.path:
+            return self._plain(Result.NOT_FOUND, "POST", request.target, 404, "no such page")
+        asked = read_request(request.body)
+        # Who counts wrong in a read gets what he names, as controllers do; nothing is written by guess.
+        if asked is None or not asked.entries or (asked.writes and asked.is_miscounted):
+            return self._plain(Result.MALFORMED, "POST", request.target, 400, "no request of a WebVisu page")
+        entries = [self._table.by_place.get(one.place) for one in asked.entries if isinstance(one.place, Place)]
+        known = [one.settings for one in entries if one is not None]
+        delay_ns = max((one.delay for one in known), default=0)
+        status = next((one.status for one in known if one.status != 200), 200)
+        if any(one.silent or one.drop for one in known):
+            result = Result.SILENT if any(one.silent for one in known) else Result.DROPPED
+            touched = tuple(Touched(*pair) for pair in zip(_places(asked.entries), entries, strict=True))
+            return Handled(
+                result, "POST", request.target, 0, b"", result is Result.DROPPED, delay_ns, asked.writes,
+                asked.declared, touched,
+            )  # fmt: skip
+        if status != 200:
+            touched = tuple(Touched(*pair) for pair in zip(_places(asked.entries), entries, strict=True))
+            return self._handled(
+                Result.REFUSED, request, status, b"", _HTML, delay_ns=delay_ns, asked=asked, touched=touched
+            )  # fmt: skip
+        if asked.writes:
+            return self._written(request, asked, entries, delay_ns)
+        surplus = sum(one.surplus for one in known)
+        return self._read(request, asked, entries, delay_ns, surplus)
+
+    def _read(
+        self, request: HttpRequest, asked: Request, entries: Sequence[Entry | None], delay_ns: int, surplus: int
+    ) -> Handled:
+        touched = tuple(
+            Touched(place, entry, self._values[place] if entry is not None and entry.is_readable else None)
+            for place, entry in zip(_places(asked.entries), entries, strict=True)
+        )
+        values = [UNREADABLE if one.before is None else one.before for one in touched]
+        values = [*values, *[_SURPLUS] * surplus][: max(len(values) + surplus, 0)]
+        content = "".join(f"|{value}" for value in values) + "|" * self._table.trailing_pipe
+        return self._handled(
+            Result.ANSWERED, request, 200, content.encode("iso-8859-1"), _HTML, delay_ns=delay_ns, asked=asked,
+            touched=touched,
+        )  # fmt: skip
+
+    def _written(self, request: HttpRequest, asked: Request, entries: Sequence[Entry | None], delay_ns: int) -> Handled:
+        """All of it or nothing: nobody documents what controllers do with half of it."""
+        wanted = [one.value or "" for one in asked.entries]
+        places = _places(asked.entries)
+        may = all(
+            entry is not None and entry.is_writable and _fits(entry.place, value)
+            for entry, value in zip(entries, wanted, strict=True)
+        )
+        touched = []
+        for place, entry, value in zip(places, entries, wanted, strict=True):
+            before = self._values.get(place)
+            after = value if may and entry is not None and not entry.settings.stuck else before
+            if may and after is not None:
+                self._values[place] = after
+            touched.append(Touched(place, entry, before, value, after))
+        return self._handled(
+            Result.ANSWERED if may else Result.REFUSED, request, 200, _DONE if may else _REFUSED, _HTML,
+            delay_ns=delay_ns, asked=asked, touched=tuple(touched),
+        )  # fmt: skip
+
+    def _plain(
+        self, result: Result, method: str, target: str, status: int, text: str, *, closes: bool = False
+    ) -> Handled:
+        closes = closes or not self._table.keep_alive
+        content = f"{text}\n".encode("ascii")
+        sent = reply(self._table, status, content, _TEXT, closes=closes, bodiless=method == "HEAD")
+        return Handled(result, method, target, status, sent, closes)
+
+    def _handled(
+        self, result: Result, request: HttpRequest, status: int, content: bytes, kind: str, *, delay_ns: int = 0,
+        asked: Request | None = None, touched: Sequence[Touched] = (),
+    ) -> Handled:  # fmt: skip
+        closes = not self._table.keep_alive
+        sent = reply(self._table, status, content, kind, closes=closes, bodiless=request.method == "HEAD")
+        writes, declared = (asked.writes, asked.declared) if asked is not None else (False, 0)
+        return Handled(
+            result, request.method, request.target, status, sent, closes, delay_ns, writes, declared, touched
+        )  # fmt: skip
+
+
+def _places(entries: Iterable[AskedEntry]) -> list[Place]:
+    return [one.place for one in entries if isinstance(one.place, Place)]
+
+
+def _fits(place: Place, value: str) -> bool:
+    """Tell whether a controller takes a value for a variable."""
+    if place.type == STRING:
+        return len(value) < place.size
+    return shown(place, value).value is not None
+
+
+def _listed(tag: str, stamp: str, entries: Iterable[Entry]) -> bytes:
+    rows = "".join(
+        f"\t\t<variable name={quoteattr(one.name)}>{one.place.text}</variable>\n" for one in entries
+    )  # fmt: skip
+    return _LIST.format(tag=tag, stamp=_escaped(stamp), rows=rows).encode("iso-8859-1", "xmlcharrefreplace")
+
+
+def _escaped(text: str) -> str:
+    return quoteattr(text)[1:-1]
+
+
+def _reason(flaw: Flaw) -> str:
+    return {Flaw.NO_HTTP: "no request", Flaw.BODY_TOO_LONG: "too much", Flaw.HEAD_TOO_LONG: "too much"}[flaw]

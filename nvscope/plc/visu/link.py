@@ -1,0 +1,192 @@
+"""HTTP to one controller: whom it may go to, how long it may take, and how much may come.
+
+Every request is a connection of its own. Nothing is followed that a reply redirects to, no proxy is asked, and the
+name of the controller is looked up once: what was allowed is what is connected to.
+"""
+
+from __future__ import annotations
+
+import http.client
+import socket
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import urllib3
+from urllib3.connection import HTTPConnection
+
+from dissectors.http import MOST_BODY_BYTES
+from nvscope.errors import CaptureError, UsageError
+from nvscope.plc.permission import is_near, plain_address, refuse_far
+from nvscope.plc.visu.exchange import TIMEOUT_NS, Ending, Exchange
+from nvscope.plc.visu.url import VisuUrl
+
+_PIECE_BYTES = 1 << 16
+_LONGEST_LOCATION = 300
+_HEADERS = {"Accept": "*/*", "Accept-Encoding": "identity", "Connection": "close", "User-Agent": "nvscope"}
+
+Address = tuple[int, Any]
+"""A family of addresses, and an address with its port as sockets take it."""
+
+
+class VisuLink:
+    """Asks one controller; UsageError where nothing may be sent there, CaptureError where nobody knows its name."""
+
+    def __init__(self, url: VisuUrl, *, allow_network: bool = False, timeout_ns: int = TIMEOUT_NS) -> None:
+        self.url = url
+        self._timeout_ns = timeout_ns
+        self._addresses = _resolved(url)
+        found = [str(plain_address(target[0])) for _, target in self._addresses]
+        for address in found:
+            one = plain_address(address)
+            if one.is_multicast or one.is_unspecified or address == "255.255.255.255":
+                raise UsageError(f"{address} is no node", next_step="name the address of the controller")
+            if not allow_network and not is_near(address):
+                raise refuse_far(address)
+        self.address = found[0]
+
+    def get(self, path: str) -> Exchange:
+        """Ask for a file."""
+        return self._ask("GET", path, None)
+
+    def post(self, path: str, body: bytes) -> Exchange:
+        """Ask for variables, or write them."""
+        return self._ask("POST", path, body)
+
+    def _ask(self, method: str, path: str, body: bytes | None) -> Exchange:
+        begun_ns = time.monotonic_ns()
+        deadline = _Deadline(begun_ns + self._timeout_ns)
+        connected: _TimedSocket | None = None
+        status, location = None, ""
+        try:
+            try:
+                connected = self._connected(deadline)
+            except OSError as error:
+                ending = Ending.SILENT if isinstance(error, TimeoutError) else Ending.UNDELIVERED
+                return Exchange(method, path, ending, why=_why(error))
+            connection = _Connection(self.url, connected)
+            typed = {"Content-Type": "application/x-www-form-urlencoded"} if body is not None else {}
+            connection.request(method, path, body, _HEADERS | typed, preload_content=False)
+            with connection.getresponse() as response:
+                status = response.status
+                location = response.headers.get("Location", "")[:_LONGEST_LOCATION]
+                content = _content(response)
+        except (http.client.HTTPException, urllib3.exceptions.HTTPError, OSError) as error:
+            return Exchange(method, path, *_failed(error, deadline, status), location=location)
+        finally:
+            if connected is not None:
+                connected.close()
+        latency_ns = time.monotonic_ns() - begun_ns
+        if content is None:
+            why = f"more than {MOST_BODY_BYTES} bytes"
+            return Exchange(method, path, Ending.OVERSIZED, status, why=why, location=location)
+        return Exchange(method, path, Ending.REPLIED, status, content, latency_ns, location=location)
+
+    def _connected(self, deadline: _Deadline) -> _TimedSocket:
+        for place, (family, target) in enumerate(self._addresses):
+            one = _TimedSocket(family, deadline)
+            try:
+                one.settimeout(deadline.left_s())
+                one.connect(target)
+            except OSError:
+                one.close()
+                if place == len(self._addresses) - 1:
+                    raise
+            else:
+                return one
+        raise AssertionError("a name without an address")
+
+
+def _resolved(url: VisuUrl) -> Sequence[Address]:
+    try:
+        found = socket.getaddrinfo(url.host, url.port, type=socket.SOCK_STREAM)
+    except (OSError, UnicodeError) as error:
+        raise CaptureError(
+            f"nobody knows this name: {_why(error)}", where=url.host,
+            next_step="check the name, or write the address of the controller",
+        ) from error  # fmt: skip
+    return [(int(family), target) for family, _, _, _, target in found]
+
+
+def _content(response: Any) -> bytes | None:
+    """Return the body of a reply, whatever it is coded in; None where it is too long."""
+    content = bytearray()
+    while piece := response.read(_PIECE_BYTES):
+        content += piece
+        if len(content) > MOST_BODY_BYTES:
+            return None
+    return bytes(content)
+
+
+def _failed(
+    error: BaseException, deadline: _Deadline, status: int | None
+) -> tuple[Ending, int | None, bytes, None, str]:
+    if isinstance(error, TimeoutError | urllib3.exceptions.TimeoutError) or deadline.is_over:
+        ending = Ending.SILENT
+    elif isinstance(error, http.client.RemoteDisconnected | OSError):
+        ending = Ending.BROKEN
+    elif isinstance(error, http.client.HTTPException | urllib3.exceptions.DecodeError):
+        ending = Ending.NO_HTTP
+    else:
+        # What urllib3 wraps of a body that is not whole, or in chunks that are none.
+        ending = Ending.BROKEN
+    return ending, status, b"", None, _why(error)
+
+
+def _why(error: BaseException) -> str:
+    if isinstance(error, TimeoutError):
+        return "timed out"
+    return str(getattr(error, "strerror", None) or error or type(error).__name__)[:200]
+
+
+class _Deadline:
+    """When an exchange is over, however slowly bytes come."""
+
+    def __init__(self, end_ns: int) -> None:
+        self._end_ns = end_ns
+
+    @property
+    def is_over(self) -> bool:
+        return time.monotonic_ns() >= self._end_ns
+
+    def left_s(self) -> float:
+        """Return the time that is left; TimeoutError where that is none."""
+        left_ns = self._end_ns - time.monotonic_ns()
+        if left_ns <= 0:
+            raise TimeoutError
+        return left_ns / 1e9
+
+
+class _TimedSocket(socket.socket):
+    """A socket all of whose waits end at one time: a timeout of each would wait for every byte anew.
+
+    What is sent goes when something is waited for, head and body in one piece: small servers may look at no more than
+    what comes first.
+    """
+
+    def __init__(self, family: int, deadline: _Deadline) -> None:
+        super().__init__(family, socket.SOCK_STREAM)
+        self._deadline = deadline
+        self._held = b""
+
+    def sendall(self, data: Any, *flags: int) -> None:
+        self._held += bytes(data)
+
+    def recv_into(self, *words: Any) -> int:
+        self.settimeout(self._deadline.left_s())
+        if self._held:
+            held, self._held = self._held, b""
+            super().sendall(held)
+            self.settimeout(self._deadline.left_s())
+        return super().recv_into(*words)
+
+
+class _Connection(HTTPConnection):
+    """A connection over a socket that is there already."""
+
+    def __init__(self, url: VisuUrl, connected: socket.socket) -> None:
+        super().__init__(url.host, url.port)
+        self._connected = connected
+
+    def connect(self) -> None:
+        self.sock = self._connected

@@ -1,0 +1,145 @@
+"""Values as WebVisu has them on the wire, as a person enters them, and as a person and a program read them."""
+
+from __future__ import annotations
+
+import re
+from decimal import Decimal
+from math import isclose
+from typing import Any, NamedTuple
+
+from dissectors.webvisu import TYPES, Place
+from nvscope.definition.scalars import SCALARS
+from nvscope.definition.value import value_of
+from nvscope.definition.variables import Scalar, ScalarKind
+from nvscope.plc.visu.body import write_body
+from nvscope.view.entered_value import bytes_of
+from nvscope.view.value_texts import exact_text, json_value
+
+_WHOLE = re.compile(r"[-+]?[0-9]{1,20}", re.ASCII)
+_REAL = re.compile(r"[-+]?(?:[0-9]{1,400}(?:\.[0-9]{0,400})?|\.[0-9]{1,400})(?:e[-+]?[0-9]{1,3})?", re.ASCII | re.I)
+_RELATIVE, _ABSOLUTE = 1e-6, 5e-7
+"""How exactly controllers write numbers: with six digits behind the point."""
+
+_SIGNED_BY_SIZE = {1: "SINT", 2: "INT", 4: "DINT"}
+_BITS_BY_SIZE = {0: "BOOL", 1: "BYTE"}
+_QUOTED = 2
+
+
+class Shown(NamedTuple):
+    """A value: ``raw`` as it came, ``value`` as programs read it (None where it is none of its type), and as text."""
+
+    raw: str
+    value: bool | int | float | str | None
+    text: str
+
+    @property
+    def row(self) -> dict[str, Any]:
+        """The value as documents have it."""
+        return self._asdict()
+
+
+def type_name(code: int) -> str | None:
+    """Return what a type is called, None where nobody knows."""
+    return TYPES[code] if 0 <= code < len(TYPES) else None
+
+
+def scalar_at(place: Place) -> Scalar | None:
+    """Return which elementary type a variable has, None for texts, for others, and for types of another size."""
+    name = type_name(place.type)
+    if name == "ENUM":
+        name = _SIGNED_BY_SIZE.get(place.size)
+    elif name == "BITORBYTE":
+        name = _BITS_BY_SIZE.get(place.size)
+    kind = SCALARS.get(name) if name else None
+    if kind is None or not kind.size_bytes:
+        return None
+    return kind if kind.size_bytes == place.size or (kind.kind is ScalarKind.BOOL and place.size == 0) else None
+
+
+def shown(place: Place, raw: str) -> Shown:
+    """Return a value that came; total: what is none of its type is shown as it came."""
+    if type_name(place.type) == "STRING":
+        return Shown(raw, raw, f"'{raw}'")
+    kind, text = scalar_at(place), raw.strip()
+    if kind is None:
+        return Shown(raw, None, raw)
+    try:
+        data = _data(kind, text)
+    except (ValueError, OverflowError):
+        return Shown(raw, None, raw)
+    value = value_of(kind, data)
+    return Shown(raw, json_value(kind, value), exact_text(kind, value))
+
+
+def _data(kind: Scalar, text: str) -> bytes:
+    """Return the bytes of a value on the wire; ValueError for what is none of the type."""
+    if kind.kind is ScalarKind.REAL:
+        if not _REAL.fullmatch(text):
+            raise ValueError(text[:60])
+        return bytes_of(kind, f"{float(text)!r}")
+    if not _WHOLE.fullmatch(text):
+        raise ValueError(text[:60])
+    if kind.kind is ScalarKind.BOOL:
+        return bytes_of(kind, text)
+    return int(text).to_bytes(kind.size_bytes, "little", signed=kind.kind is ScalarKind.SIGNED or text[0] == "-")
+
+
+def entered(place: Place, text: str) -> str:
+    """Return what a person enters as a value as it goes onto the wire; ValueError where it is none of the type.
+
+    Whole numbers decimal or as 0xFF, 16#FF; TRUE and FALSE; TIME as ``T#1s500ms``, ``1.5s``, or in ms; TOD, DATE and DT
+    as IEC 61131-3 has them, or as numbers; of texts, quotes around them are taken off.
+    """
+    name = type_name(place.type)
+    if name == "STRING":
+        return _text(place, text)
+    kind = scalar_at(place)
+    if kind is None:
+        raise ValueError(_no_scalar(place, name))
+    is_number = bool(kind.unit_ns and _WHOLE.fullmatch(text.strip()))
+    data = _in_range(kind, int(text)) if is_number else bytes_of(kind, text)
+    if kind.kind is ScalarKind.REAL:
+        return _decimal(exact_text(kind, value_of(kind, data)))
+    number = value_of(kind, data)
+    return str(int(number)) if isinstance(number, int) else ""
+
+
+def _no_scalar(place: Place, name: str | None) -> str:
+    if name is None:
+        return f"nobody knows the type {place.type}"
+    if name in SCALARS or name in ("ENUM", "BITORBYTE"):
+        return f"a variable of {place.size} bytes is no {name}"
+    return f"a variable of type {name} has no value that could be written at once"
+
+
+def _in_range(kind: Scalar, number: int) -> bytes:
+    try:
+        return number.to_bytes(kind.size_bytes, "little", signed=kind.kind is ScalarKind.SIGNED)
+    except OverflowError:
+        raise ValueError(f"{number} is out of the range of {kind.name}") from None
+
+
+def _decimal(text: str) -> str:
+    """Return a number with a point, and without an exponent."""
+    plain = format(Decimal(text), "f")
+    return plain if "." in plain else f"{plain}.0"
+
+
+def _text(place: Place, text: str) -> str:
+    if len(text) >= _QUOTED and text[0] == text[-1] == "'":
+        text = text[1:-1]
+    room = max(place.size - 1, 0)
+    write_body(place, text)
+    if len(text) > room:
+        raise ValueError(f"the text has {len(text)} characters, a STRING({room}) has room for {room}")
+    return text
+
+
+def is_same(place: Place, wanted: str, found: str) -> bool:
+    """Tell whether a variable holds what was written, as far as the text of its value can tell."""
+    mine, other = shown(place, wanted).value, shown(place, found).value
+    if mine is None or other is None:
+        return wanted == found.strip()
+    if isinstance(mine, float) and isinstance(other, float | int):
+        return isclose(mine, other, rel_tol=_RELATIVE, abs_tol=_ABSOLUTE)
+    return mine == other
