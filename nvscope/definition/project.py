@@ -14,6 +14,7 @@ from nvscope.definition.model import DEFAULT_PORT, Definition
 
 if TYPE_CHECKING:  # where there is no project file, nothing that reads one is imported
     from nvscope.definition.project_nodes import Node, ReadList
+    from nvscope.definition.project_security import Security
 
 PROJECT_NAME = "nvscope.toml"
 
@@ -25,7 +26,8 @@ class Project:
     ``definition`` are the lists of the definition ``files`` with the settings of the project, and those that only the
     project names (they have no variables). ``nodes`` are keyed by the text of the address as reports write it.
     ``channels`` are the names of channels by those that captures tell. ``recording`` is the path of a recording that
-    brought the definitions, "" where they are files.
+    brought the definitions, "" where they are files. ``security`` is what the project file says of it, None without
+    one.
     """
 
     path: Path | None = None
@@ -38,6 +40,7 @@ class Project:
     keys: Mapping[str, str] = field(default_factory=dict)
     channels: Mapping[str, str] = field(default_factory=dict)
     recording: str = ""
+    security: Security | None = None
 
     @property
     def inputs(self) -> list[str]:
