@@ -56,15 +56,15 @@ class Snapshot:
 def snapshot(
     state: TrackerState, source: Source, project: Project, pdos: Pdos | None = None, *, overdue: bool = False,
     protocols: Sequence[Protocol] = PROTOCOLS, figures: bool = False, witness: Witness | None = None,
-    node_names: Mapping[str, str] | None = None, clock: Callable[[int], str] | None = None,
+    causes: bool = True, node_names: Mapping[str, str] | None = None, clock: Callable[[int], str] | None = None,
 ) -> Snapshot:  # fmt: skip
     """Look at a state; nothing in it changes.
 
     ``pdos`` are those of the project, where they are known already. ``overdue``: what nobody answered in time counts,
     frame or not, as it does of live sources. ``protocols`` are those that are judged. ``figures``: what was counted is
     wanted too, so that it can be compared with that of other moments. ``witness`` has observed what the state did, and
-    listened to it, where causes are wanted; these tell nodes by ``node_names``, else by those of the project, and
-    moments by the ``clock``, else since the beginning.
+    listened to it: what only it knows is judged too, and ``causes``, where they are wanted, are told by it; these tell
+    nodes by ``node_names``, else by those of the project, and moments by the ``clock``, else since the beginning.
     """
     definition = project.definition
     pdos = pdos or pdos_of(definition)
@@ -76,14 +76,18 @@ def snapshot(
     infos = tuple(source.infos)
     overdue = overdue or any_live(infos)
     at_ns = summary.capture.at_ns
-    findings = judge(
-        state, infos, summary=summary, at_ns=at_ns if overdue else None, limits=project.limits, definition=definition,
-        judges=judges_of(protocols, state),
-    )  # fmt: skip
-    happened = None
     if witness is not None:
         witness.settle()
-        facts = Facts(state, summary, infos, at_ns or 0, project.limits, definition, overdue)
+    findings = judge(
+        state, infos, summary=summary, at_ns=at_ns if overdue else None, limits=project.limits, definition=definition,
+        judges=judges_of(protocols, state), nodes=project.nodes, security=project.security, witness=witness,
+    )  # fmt: skip
+    happened = None
+    if witness is not None and causes:
+        facts = Facts(
+            state, summary, infos, at_ns or 0, project.limits, definition, overdue, project.nodes, project.security,
+            witness,
+        )  # fmt: skip
         names = project.node_names if node_names is None else node_names
         happened = _happenings(facts, findings, witness, source.channels, names, clock)
     return Snapshot(summary, tuple(findings), infos, at_ns, Counted.of(state) if figures else None, happened)

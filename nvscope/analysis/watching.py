@@ -154,7 +154,7 @@ class Watched:
         inquiry, began_ns = self.inquiry, time.monotonic_ns()
         found = snapshot(
             self._state, self.source, inquiry.project, inquiry.pdos, overdue=self._overdue,
-            protocols=inquiry.protocols, witness=self._witness if causes else None, node_names=self._names,
+            protocols=inquiry.protocols, witness=self._witness, causes=causes, node_names=self._names,
             clock=self._clock, figures=self._reset or self._base is not None,
         )  # fmt: skip
         if self._reset:

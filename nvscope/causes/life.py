@@ -10,6 +10,7 @@ import numpy as np
 from dissectors.batch import I64, U64, Bool
 from nvscope.findings.facts import Facts
 from nvscope.tracker.evidence.presence import HARDWARE, HARDWARE_BITS, IP, Presence
+from nvscope.tracker.evidence.shared_devices import addresses_by_hardware
 
 
 class Life:
@@ -28,12 +29,6 @@ class Life:
         """Tell whether a node ever sent a frame that is no telegram of a list."""
         numbers = self._numbers(node)
         return bool(len(numbers)) and bool(self._presence.columns.others[numbers].any())
-
-    @property
-    def ip_numbers(self) -> list[tuple[int, int]]:
-        """The nodes whose IP addresses were seen, rising, with the numbers of these."""
-        found = self._presence.addresses.find(np.full(len(self._nodes), IP, np.uint64), *self._nodes.words)
-        return [(node, number) for node, number in enumerate(found.tolist()) if number >= 0]
 
     def numbers_of_ip(self, node: int) -> I64:
         """Return the number of a node's IP address among those that were seen; none where it was not."""
@@ -59,11 +54,7 @@ class Life:
     @cached_property
     def addresses_of(self) -> Mapping[int, Collection[tuple[int, int]]]:
         """The IP addresses, as upper and lower half, whose packets came from each hardware address."""
-        high, low, device, _ = self._presence.pairs.words
-        owners: dict[int, set[tuple[int, int]]] = {}
-        for one, *address in zip((device & HARDWARE_BITS).tolist(), high.tolist(), low.tolist(), strict=True):
-            owners.setdefault(one, set()).add((address[0], address[1]))
-        return owners
+        return addresses_by_hardware(self._presence)
 
     @cached_property
     def _shared_hardware(self) -> set[int]:

@@ -20,6 +20,7 @@ from nvscope.engine.keys import FrameKind
 from nvscope.engine.runs import rows_by
 from nvscope.findings.answers import NO_ACKNOWLEDGEMENT
 from nvscope.findings.consistency import CHECKSUM_CHANGED, SEVERAL_SENDERS, SHAPE_CHANGED
+from nvscope.findings.counter_takeovers import COUNTER_SHARED
 from nvscope.findings.definition import DEFINITION_MISMATCH
 from nvscope.findings.facts import AnyList
 from nvscope.findings.loss import (
@@ -31,6 +32,7 @@ from nvscope.findings.loss import (
     SENDER_RESTART,
     TELEGRAM_GAP,
 )
+from nvscope.findings.security import UNKNOWN_WRITER
 from nvscope.findings.timing import BURST, JITTER, LATE, STOPPED, TORN_CYCLE
 from nvscope.tracker.summary import ListSummary
 from nvscope.units import count, count_of
@@ -47,7 +49,7 @@ _TOGETHER_NS = 1_000_000_000
 _OF_LIST = (SEVERAL_SENDERS, SHAPE_CHANGED, CHECKSUM_CHANGED, DEFINITION_MISMATCH)
 _OF_SENDER = (
     TELEGRAM_GAP, DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM, SENDER_RESTART, COUNTER_UNUSED, COUNTER_SCOPE,
-    COUNTER_ERRATIC, NO_ACKNOWLEDGEMENT, LATE, JITTER, BURST, STOPPED, TORN_CYCLE,
+    COUNTER_ERRATIC, COUNTER_SHARED, UNKNOWN_WRITER, NO_ACKNOWLEDGEMENT, LATE, JITTER, BURST, STOPPED, TORN_CYCLE,
 )  # fmt: skip
 
 

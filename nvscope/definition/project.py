@@ -14,6 +14,7 @@ from nvscope.definition.model import DEFAULT_PORT, Definition
 
 if TYPE_CHECKING:  # where there is no project file, nothing that reads one is imported
     from nvscope.definition.project_nodes import Node, ReadList
+    from nvscope.definition.project_security import Security
     from nvscope.definition.webvisu import WebVisu
 
 PROJECT_NAME = "nvscope.toml"
@@ -26,7 +27,8 @@ class Project:
     ``definition`` are the lists of the definition ``files`` with the settings of the project, and those that only the
     project names (they have no variables). ``nodes`` are keyed by the text of the address as reports write it.
     ``channels`` are the names of channels by those that captures tell. ``recording`` is the path of a recording that
-    brought the definitions, "" where they are files. ``webvisu`` is None where nothing is said of it.
+    brought the definitions, "" where they are files. ``webvisu`` and ``security`` are None where the project file says
+    nothing of them.
     """
 
     path: Path | None = None
@@ -40,6 +42,7 @@ class Project:
     channels: Mapping[str, str] = field(default_factory=dict)
     recording: str = ""
     webvisu: WebVisu | None = None
+    security: Security | None = None
 
     @property
     def inputs(self) -> list[str]:

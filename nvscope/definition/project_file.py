@@ -17,6 +17,7 @@ from nvscope.definition.project import PROJECT_NAME, Project
 from nvscope.definition.project_lists import LIST_TABLES, ListSettings, with_settings
 from nvscope.definition.project_nodes import NODE_TABLES, Node
 from nvscope.definition.project_parameters import PARAMETER_TABLES, Told, parameters_of
+from nvscope.definition.project_security import Security, security_of
 from nvscope.definition.wanted_files import DefinitionFile, wanted_files
 from nvscope.definition.webvisu import WebVisuSettings, webvisu_of
 from nvscope.errors import ConfigurationError
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
 _U16_MAX = 0xFFFF
 _USUAL = Limits()
 _NO_WEBVISU = WebVisuSettings()
+_NOTHING_SAID = Security()
 
 
 def _keys(value: Any, place: Place) -> tuple[tuple[str, str], ...]:
@@ -84,6 +86,9 @@ class ProjectFile:
     )
     limits: Limits = key(  # noqa: RUF009  # a field, not a default
         table_of(Limits), "from where on something is worth a finding", default=_USUAL
+    )
+    security: Security = key(  # noqa: RUF009  # a field, not a default
+        table_of(Security), "who may write, when, and from where telegrams come", default=_NOTHING_SAID
     )
     keys: tuple[tuple[str, str], ...] = key(
         ValueKind("table of text", _keys),
@@ -147,15 +152,16 @@ def _project(told: ProjectFile, path: Path | None, wanted: Sequence[DefinitionFi
     if told.lists:
         lists = with_settings(definition.lists, told.lists, ports[0], str(path))
         definition = replace(definition, lists=lists)
+    addresses = {node.name: address for address, node in told.nodes if node.name}
     if told.parameters:
-        addresses = {node.name: address for address, node in told.nodes if node.name}
         definition = replace(
             definition, parameters=parameters_of(told.parameters, addresses, place, list(files.values()))
         )
     buses = Buses.of_project(told.buses)
+    security = security_of(told.security, addresses, place) if told.security != _NOTHING_SAID else None
     return Project(
         path, tuple(files), definition, dict(told.nodes), ports, told.limits, buses, dict(told.keys),
-        dict(told.channels), webvisu=webvisu_of(told.webvisu, path, place) or None,
+        dict(told.channels), security=security, webvisu=webvisu_of(told.webvisu, path, place) or None,
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Nodes in the project file: what they are called, and which lists they read."""
+"""Nodes in the project file: what they are called, and which lists they read and send."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _LIST_KEY = re.compile(r"udp/(\d{1,5})/(\d{1,5})", re.ASCII)
 _U16_MAX = 0xFFFF
 
 ReadList = tuple[int | None, int]
-"""A list that a node reads: port (None: whichever it has) and identifier."""
+"""A list that a node reads, or sends: port (None: whichever it has) and identifier."""
 
 
 def _read_list(value: Any, place: Place) -> ReadList:
@@ -39,6 +39,11 @@ class Node:
     reads: tuple[ReadList, ...] = key(
         array(ValueKind('identifier or "udp/port/identifier"', _read_list)),
         "lists that the node reads, even if it never answers: it counts what is broadcast on them",
+        default=(),
+    )
+    writes: tuple[ReadList, ...] = key(
+        array(ValueKind('identifier or "udp/port/identifier"', _read_list)),
+        "lists that the node sends; who sends one of them, and is not named so, is an unknown writer (NV961)",
         default=(),
     )
 

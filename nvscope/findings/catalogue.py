@@ -12,17 +12,23 @@ from nvscope.findings import (
     capture,
     cob_ids,
     consistency,
+    counter_takeovers,
     definition,
     header,
     loss,
     parameter,
+    scans,
+    security,
+    subnets,
     timing,
+    unallowed_writes,
     visu,
 )
 from nvscope.findings.kind import FindingKind
 
 THEMES = (
-    header, loss, answers, consistency, definition, timing, cob_ids, can, can_bus, parameter, visu, capture,
+    header, loss, answers, consistency, definition, timing, cob_ids, can, can_bus, parameter, visu, capture, security,
+    unallowed_writes, counter_takeovers, subnets, scans,
 )  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -35,6 +35,10 @@ from nvscope.tracker.timing import NEVER
 if TYPE_CHECKING:  # without definitions, nothing of them is imported
     from nvscope.definition.model import Definition, ListDefinition
     from nvscope.definition.pdos import Pdos
+    from nvscope.definition.project_nodes import Node
+    from nvscope.definition.project_security import Security
+    from nvscope.tracker.evidence.shared_devices import SharedAddress
+    from nvscope.tracker.evidence.witness import Witness
 
 AnyList = ListSummary | CanListSummary
 
@@ -50,7 +54,8 @@ class Facts:
     """What findings are judged from: the state, what follows from it, the sources, the limits, and the time.
 
     ``definition`` is what should be on the wire, None where nobody says. ``overdue``: waits whose deadline has passed
-    at that time count as if a frame had shown it.
+    at that time count as if a frame had shown it. ``nodes`` are those that the project names, by address, ``security``
+    is what it says of that. ``witness`` is who else observed, None where nobody did, and has settled.
     """
 
     state: TrackerState
@@ -60,6 +65,26 @@ class Facts:
     limits: Limits = field(default_factory=Limits)
     definition: Definition | None = None
     overdue: bool = False
+    nodes: Mapping[str, Node] = field(default_factory=dict)
+    security: Security | None = None
+    witness: Witness | None = None
+
+    @cached_property
+    def node_numbers(self) -> dict[str, int]:
+        """The numbers of the nodes, by address."""
+        return {text: number for number, text in enumerate(self.summary.addresses)}
+
+    @cached_property
+    def shared_addresses(self) -> Sequence[SharedAddress]:
+        """The addresses that several devices have; none where nobody has looked for them."""
+        if self.witness is None or not self.witness.presence.columns.shared.any():
+            return ()
+        from nvscope.tracker.evidence.shared_devices import addresses_by_hardware, shared_addresses
+
+        presence = self.witness.presence
+        return shared_addresses(
+            presence, self.witness.shared_addresses, self.state.keys.nodes, addresses_by_hardware(presence)
+        )
 
     @cached_property
     def frames_of_stream(self) -> dict[int, tuple[int, int]]:

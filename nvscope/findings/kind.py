@@ -40,8 +40,8 @@ class FindingKind:
 
     ``causes`` are ordered from the most usual one, ``next_steps`` in the order in which to take them. ``from_event`` is
     the event of the tracker's log that is this finding, None where it takes more to judge it. ``of_capture`` marks what
-    concerns the capture as a whole, ``protocol`` names the one that it is about where that has ports of its own. What
-    is not ``judged`` has its code, and no judge yet.
+    concerns the capture as a whole, ``of_security`` what is about who should not be there, ``protocol`` names the one
+    that it is about where that has ports of its own. What is not ``judged`` has its code, and no judge yet.
     """
 
     code: str
@@ -53,5 +53,6 @@ class FindingKind:
     next_steps: tuple[str, ...]
     from_event: EventKind | None = None
     of_capture: bool = False
+    of_security: bool = False
     protocol: str = ""
     judged: bool = True

@@ -60,6 +60,7 @@ VISU_PASSWORD_IN_CLEAR = FindingKind(
         "Treat the capture as confidential; passwords are masked in what is shown here.",
         "Do not rely on these passwords; separate the network, and use none of them elsewhere.",
     ),
+    of_security=True,
     protocol="visu",
 )
 VISU_COUNT_MISMATCH = FindingKind(

@@ -109,6 +109,7 @@ def document(
                 "name": kind.name,
                 "severity": kind.severity.word,
                 "judged": bool(kind.judged),
+                "security": bool(kind.of_security),
                 "meaning": kind.meaning,
                 "causes": list(kind.causes),
                 "next_steps": list(kind.next_steps),
@@ -176,7 +177,10 @@ def _overview(width: int) -> Iterator[Line]:
     yield from causes_table(width)
     yield []
     yield [Cell("Findings: what a rule saw", Tone.STRONG)]
-    yield from _table([kind for kind in kinds if kind.judged], width)
+    yield from _table([kind for kind in kinds if kind.judged and not kind.of_security], width)
+    yield []
+    yield [Cell("Security: who should not be there, or passes for somebody else", Tone.STRONG)]
+    yield from _table([kind for kind in kinds if kind.judged and kind.of_security], width)
     unjudged = [kind for kind in kinds if not kind.judged]
     if unjudged:
         yield []

@@ -23,6 +23,7 @@ from nvscope.engine.rows import DataRows
 from nvscope.engine.told import Told
 from nvscope.tracker.acknowledgement import Acknowledgement
 from nvscope.tracker.consistency import Consistency
+from nvscope.tracker.counter_takeovers import CounterTakeovers
 from nvscope.tracker.diagnosis import DiagError
 from nvscope.tracker.errors import ErrorEvents, Errors
 from nvscope.tracker.event_kinds import EventKind
@@ -90,6 +91,7 @@ class ListState:
         self.columns = ListColumns()
         self.several_senders = SeveralSenders()
         self.consistency = Consistency()
+        self.counter_takeovers = CounterTakeovers()
         self.acknowledgement = Acknowledgement()
         self.errors = Errors()
         self.events = ListLog()
@@ -119,6 +121,7 @@ class ListState:
             self.several_senders.resume(unheard, self.flows, told.laid.memory, next_frame)
             self.acknowledgement.resume(unheard)
             self.consistency.resume(unheard)
+            self.counter_takeovers.resume(unheard)
             if self.values is not None:
                 self.values.resume(unheard)
         self.errors.observe(errors, len(self.keys.lists))
@@ -131,6 +134,7 @@ class ListState:
         self.columns.take(part.columns, share.lists)
         self.several_senders.take(part.several_senders, share)
         self.consistency.take(part.consistency, share)
+        self.counter_takeovers.take(part.counter_takeovers, share)
         self.acknowledgement.take(part.acknowledgement, share)
         self.errors.take(part.errors, share)
         self.events.take(part.events)
@@ -143,6 +147,7 @@ class ListState:
         errors = self._observe_answers(told, rows)
         if len(rows):
             errors.append(self._observe_consistency(told, rows))
+            self.counter_takeovers.observe(rows, self.keys, told.first_frame)
             if self.values is not None:
                 self.values.observe(told, rows)
         frames = told.laid.pdos

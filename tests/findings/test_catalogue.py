@@ -62,6 +62,12 @@ NV904 unsupported-link-type warning
 NV905 mirrored-twice warning
 NV906 limit-reached warning
 NV907 carrier-lost note
+NV961 unknown-writer error
+NV962 write-not-allowed error
+NV963 two-hardware-addresses error
+NV964 counter-shared error
+NV965 outside-subnet warning
+NV966 scan warning
 """
 
 

@@ -175,6 +175,7 @@ def explain() -> Schema:
         "name": word(kind.name for kind in kinds),
         "severity": word(SEVERITIES),
         "judged": truth("whether any report can have it"),
+        "security": truth("whether it is about who should not be there"),
         "meaning": text(),
         "causes": several(text(), "the most usual one first"),
         "next_steps": several(text(), "in the order in which to take them"),

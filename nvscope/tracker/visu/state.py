@@ -21,12 +21,16 @@ from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages
 from nvscope.tracker.visu.names import name_of
 from nvscope.tracker.visu.writes import Writes
 
+MOST_WRITE_MINUTES = 10_000
+"""Of so many minutes of variables it is known how often they were written; of more, that there were."""
+
 SLOW_NS = 10**9
 """A reply that takes longer is worth a note."""
 
 _OK = 200
 _LATE = (VisuEvent.SLOW, VisuEvent.UNANSWERED)
 _MOST_REMEMBERED = 1 << 14
+_MINUTE_NS = 60 * 10**9
 
 
 class _Message(NamedTuple):
@@ -94,8 +98,9 @@ class VisuCounts:
     """The requests of all pages, and what became of them; an accumulator of what ``VisuFollower`` finds.
 
     ``pairs`` number client, server and port, as in ``VisuBatch.pairs``; ``columns``, ``latencies`` and ``pollings`` are
-    by pair. ``events`` are keyed by ``VisuEvent`` and by subject, which ``subjects`` number. ``writes`` are who wrote
-    what. ``left_out`` is that for which there was no room, keyed by ``Beyond``.
+    by pair. ``events`` are keyed by ``VisuEvent`` and by subject, which ``subjects`` number; ``write_minutes`` are
+    the writes among them by subject and minute since 1970, ``write_minutes_left_out`` those of more minutes. ``writes``
+    are who wrote what. ``left_out`` is that for which there was no room, keyed by ``Beyond``.
     """
 
     def __init__(self) -> None:
@@ -105,8 +110,11 @@ class VisuCounts:
         self.pollings = Latencies()
         self.subjects: dict[Subject, int] = {}
         self.events = EventLog()
+        self.write_minutes = EventLog()
+        self.write_minutes_left_out = 0
         self.left_out = EventLog(1)
         self.writes = Writes()
+        self._minutes: set[tuple[int, int]] = set()
         self._variables: set[tuple[int, str]] = set()
         self._asked: set[tuple[int, Request]] = set()
         self._secrets: dict[tuple[Request, int], Collection[int]] = {}
@@ -125,6 +133,7 @@ class VisuCounts:
         self._note(told, part, pair, messages)
         self._note_writes(told, part, pair, messages)
         self.events.settle()
+        self.write_minutes.settle()
         self.left_out.settle()
 
     def _count(self, pair: I64, messages: VisuMessages, requests: Sequence[Request]) -> None:
@@ -260,6 +269,19 @@ class VisuCounts:
                 number = self.subjects[subject] = len(self.subjects)
             times, frames, kind = _one(time_ns, frame, event)
             self.events.record(times, frames, kind, np.array([number], np.uint64))
+            if event is VisuEvent.WRITTEN:
+                self._log_minute(time_ns, frame, number)
+
+    def _log_minute(self, time_ns: int, frame: int, number: int) -> None:
+        """Log when a subject was written, as closely as hours of a day ask for it."""
+        minute = time_ns // _MINUTE_NS
+        if (number, minute) not in self._minutes:
+            if len(self._minutes) >= MOST_WRITE_MINUTES:
+                self.write_minutes_left_out += 1
+                return
+            self._minutes.add((number, minute))
+        words = np.array([number], np.uint64), np.array([minute], np.int64).view(np.uint64)
+        self.write_minutes.record(np.array([time_ns]), np.array([frame]), *words)
 
     def _leave_out(self, what: Beyond, told: Told, messages: VisuMessages) -> None:
         time_ns, frame = told.packets.ts_ns[messages.row], messages.row + told.first_frame

@@ -1,0 +1,120 @@
+"""What hosts asked for that nobody has: lists, and ports."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from nvscope import units
+from nvscope.engine.keys import FrameKind
+
+if TYPE_CHECKING:
+    from nvscope.findings.facts import Facts
+
+
+class Asked(NamedTuple):
+    """A list, or a port, that a host asked for first at a time."""
+
+    first_ns: int
+    frame: int
+    what: str
+
+
+def dense(asked: Sequence[Asked], least: int, within_ns: int) -> Sequence[Asked]:
+    """Return what was asked for among at least so many within a time, as it was."""
+    if len(asked) < least:
+        return ()
+    ordered = sorted(asked)
+    time_ns = np.array([one.first_ns for one in ordered], np.int64)
+    end = np.searchsorted(time_ns, time_ns + within_ns, "right")
+    begins = np.flatnonzero(end - np.arange(len(end)) >= least)
+    chosen = np.zeros(len(end) + 1, np.int64)
+    np.add.at(chosen, begins, 1)
+    np.add.at(chosen, end[begins], -1)
+    return [ordered[place] for place in np.flatnonzero(np.cumsum(chosen)[:-1] > 0).tolist()]
+
+
+def _requests(facts: Facts) -> Iterator[tuple[int, int, int, int]]:
+    """Yield node, list, first time and frame of each flow of boot-up requests."""
+    flows = facts.state.lists.flows
+    rows = np.flatnonzero((flows.column("kind") == FrameKind.BOOT_UP_REQUEST) & (flows.column("count") > 0))
+    names = ("source", "list", "first_ns", "first_frame")
+    return zip(*(flows.column(name)[rows].tolist() for name in names), strict=True)
+
+
+def _is_nobodys(facts: Facts) -> dict[int, str]:
+    """Return the lists that nobody sends and no definition knows, by number, with their keys."""
+    known = {
+        (port, number) for node in facts.nodes.values() for port, number in (*node.reads, *node.writes)
+    }  # fmt: skip
+    return {
+        entry.number: units.list_key(str(entry.key))
+        for entry in facts.summary.lists
+        if not entry.senders and entry.key not in facts.defined and not facts.misses_data(entry.number)
+        and known.isdisjoint({(None, entry.key.identifier), (entry.key.port, entry.key.identifier)})
+    }  # fmt: skip
+
+
+def lists_in_vain(facts: Facts) -> Mapping[int, Sequence[Asked]]:
+    """Return the lists that each node asked for, and that nobody has."""
+    nobodys = _is_nobodys(facts)
+    found: dict[int, dict[int, Asked]] = defaultdict(dict)
+    for node, number, first_ns, frame in _requests(facts):
+        if number in nobodys:
+            one = Asked(first_ns, frame, nobodys[number])
+            # One a SubIndex, and one a receiver: the first of them counts.
+            found[node][number] = min(found[node].get(number, one), one)
+    return {node: [*asked.values()] for node, asked in found.items()}
+
+
+def ports_in_vain(facts: Facts) -> Mapping[int, Sequence[Asked]]:
+    """Return the ports on which each node asked, and on which nobody sends a list or replies."""
+    found: dict[int, dict[int, Asked]] = defaultdict(dict)
+    _add_ports_of_requests(facts, found)
+    _add_ports_of_parameters(facts, found)
+    return {node: [*asked.values()] for node, asked in found.items()}
+
+
+def _add_ports_of_requests(facts: Facts, ports: dict[int, dict[int, Asked]]) -> None:
+    """Add the ports on which nodes asked for lists, and on which no list is sent."""
+    keys = {entry.number: entry.key for entry in facts.summary.lists}
+    used = {int(entry.key.port) for entry in facts.summary.lists if entry.senders or facts.misses_data(entry.number)}
+    used |= {int(key.port) for key in facts.defined if isinstance(key.port, int)}
+    for node, number, first_ns, frame in _requests(facts):
+        port = int(keys[number].port)
+        if port not in used:
+            _add(ports[node], port, first_ns, frame)
+
+
+def _add_ports_of_parameters(facts: Facts, ports: dict[int, dict[int, Asked]]) -> None:
+    """Add the ports on which nodes asked for parameters, and nobody replied to anybody."""
+    known = facts.state.parameters.known
+    if known is None:
+        return
+    from dissectors import address
+    from nvscope.tracker.parameter.events import ParameterEvent
+    from nvscope.tracker.parameter.transactions import event_parts
+
+    columns, log = known.columns, known.events
+    of_pair = known.pairs.words[4].tolist()
+    answered = (columns.column("replies") + columns.column("busy") + columns.column("unexpected") > 0).tolist()
+    used = {port for port, one in zip(of_pair, answered, strict=False) if one}
+    names = ("first_ns", "frames")
+    for word, parameter, first_ns, frames in zip(
+        log.keys.high.tolist(), log.keys.low.tolist(), *(log.rows.column(name).tolist() for name in names), strict=True
+    ):
+        pair = int(known.parameters.high[parameter])
+        if event_parts(word)[0] != ParameterEvent.TIMEOUT or of_pair[pair] in used:
+            continue
+        halves = int(known.pairs.words[0][pair]), int(known.pairs.words[1][pair])
+        node = facts.node_numbers.get(address.text(*halves))
+        if node is not None:
+            _add(ports[node], of_pair[pair], first_ns, frames[0])
+
+
+def _add(ports: dict[int, Asked], port: int, first_ns: int, frame: int) -> None:
+    one = Asked(first_ns, frame, str(port))
+    ports[port] = min(ports.get(port, one), one)

@@ -1,0 +1,76 @@
+"""NV966: hosts that look for lists, told by how much they ask for that nobody has.
+
+Nothing is counted for it: each list that a host asks for has a flow with its first request, and each parameter that
+nobody answers is logged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from nvscope.findings.finding import Finding
+from nvscope.findings.kind import FindingKind, Severity
+from nvscope.tracker.event_kinds import FRAMES_KEPT
+from nvscope.units import count
+
+if TYPE_CHECKING:
+    from nvscope.findings.asked_in_vain import Asked
+    from nvscope.findings.facts import Facts
+
+SCAN = FindingKind(
+    "NV966",
+    "scan",
+    Severity.WARNING,
+    meaning=(
+        "Within a minute, one host asked by boot-up requests for at least 100 lists that nobody sends and no "
+        "definition knows, or asked in vain on at least 20 ports. A reader that begins asks for the lists that it "
+        "reads, over the few ports of the plant: those that are sent or defined do not count, however many."
+    ),
+    causes=(
+        "a tool that looks for lists, for an inventory or a test",
+        "somebody who explores the plant",
+    ),
+    next_steps=("Ask who works at that host; find it by its hardware address.",),
+    of_security=True,
+)
+
+LEAST_LISTS = 100
+"""So many lists that nobody has. A reader of a plant that is switched off asks for as many as it reads: some tens."""
+
+LEAST_PORTS = 20
+"""So many ports. The lists of a plant are sent over one, or a few."""
+
+_WITHIN_NS = 60_000_000_000
+
+_NAMED = 3
+
+
+def judge_scans(facts: Facts) -> Iterator[Finding]:
+    """Yield each host that asked for so much in vain within a minute."""
+    if not facts.state.lists.acknowledgement.hears_answers:
+        return  # what others were answered, nobody knows
+    from nvscope.findings.asked_in_vain import dense, lists_in_vain, ports_in_vain
+
+    lists, ports = lists_in_vain(facts), ports_in_vain(facts)
+    for node in sorted({*lists, *ports}):
+        told = []
+        of_lists = dense(lists.get(node, ()), LEAST_LISTS, _WITHIN_NS)
+        of_ports = dense(ports.get(node, ()), LEAST_PORTS, _WITHIN_NS)
+        if of_lists:
+            told.append(f"for {count(len(of_lists))} lists that nobody sends ({_shown(of_lists)})")
+        if of_ports:
+            told.append(f"in vain on {count(len(of_ports))} ports ({_shown(of_ports)})")
+        if told:
+            found = sorted({*of_lists, *of_ports})
+            frames = sorted(dict.fromkeys(one.frame for one in found if one.frame))
+            yield Finding(
+                SCAN, f"{facts.address(node)} asked {' and '.join(told)}, at least "
+                f"{count(LEAST_LISTS if of_lists else LEAST_PORTS)} of them within a minute.", len(found),
+                found[0].first_ns, found[-1].first_ns, tuple(frames[:FRAMES_KEPT]), node=node,
+            )  # fmt: skip
+
+
+def _shown(asked: Sequence[Asked]) -> str:
+    named = ", ".join(one.what for one in asked[:_NAMED])
+    return named + (" …" if len(asked) > _NAMED else "")

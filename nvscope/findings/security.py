@@ -1,0 +1,127 @@
+"""NV961 and NV963: who sends what the project gives to others, and two devices that use one address.
+
+Of all that is about security: what needs the project's word is silent without it. What goes by the traffic alone is
+told where nothing simpler than a stranger explains what was seen, as a router, a second way, a copy, a device that has
+another address since, or a reader that begins would.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from nvscope.findings.finding import Finding
+from nvscope.findings.kind import FindingKind, Severity
+from nvscope.units import count_of
+
+if TYPE_CHECKING:
+    from nvscope.findings.facts import Facts
+    from nvscope.tracker.evidence.shared_devices import SharedAddress
+    from nvscope.tracker.summary import ListSummary
+
+UNKNOWN_WRITER = FindingKind(
+    "NV961",
+    "unknown-writer",
+    Severity.ERROR,
+    meaning=(
+        "A node sends a list that the project gives to others: `writes` of [nodes] names who sends it, or `only_nodes` "
+        "of [security] says that [nodes] names all who send any, and this one is not there. Readers take its values."
+    ),
+    causes=(
+        "a node that was added, or got another address, and is not in the project file yet",
+        "a spare controller, a copied project, or a test program on a PC",
+        "somebody who should not be there",
+    ),
+    next_steps=(
+        "Find the node by its hardware address (`nvscope packets -e ip.src -e eth.src -e nv.index`).",
+        "Stop it, or name it in `nvscope.toml`: `writes` of its entry in [nodes].",
+    ),
+    of_security=True,
+)
+TWO_HARDWARE_ADDRESSES = FindingKind(
+    "NV963",
+    "two-hardware-addresses",
+    Severity.ERROR,
+    meaning=(
+        "One IP address is used by two devices at the same time: their frames take turns, and either both claim it by "
+        "ARP, or each counts for itself. Who sends to it reaches the one or the other."
+    ),
+    causes=(
+        "one address given to two devices, by hand or by a copied project",
+        "a device that answers ARP in the name of another one, to read or change what is sent to it",
+    ),
+    next_steps=(
+        "Find the switch port of each hardware address, and unplug the one that should not be there.",
+        "Give each device an address of its own.",
+    ),
+    of_security=True,
+)
+
+_BOTH = 2
+
+
+def judge_security(facts: Facts) -> Iterator[Finding]:
+    """Yield who sends that should not, and who shares an address, as far as that is sure."""
+    yield from _unknown_writers(facts)
+    yield from _shared_addresses(facts)
+
+
+def _unknown_writers(facts: Facts) -> Iterator[Finding]:
+    """Yield each sender of a list that the project gives to others alone."""
+    only_nodes = facts.security is not None and facts.security.only_nodes
+    named = {listed for node in facts.nodes.values() for listed in node.writes}
+    if not named and not only_nodes:
+        return
+    for entry in facts.summary.lists:
+        own = {address for address, node in facts.nodes.items() if _is_of(entry, node.writes)}
+        for node in dict.fromkeys(stream.node for stream in entry.streams):
+            if facts.address(node) in (own or (facts.nodes if only_nodes else {facts.address(node)})):
+                continue
+            yield _unknown_writer(facts, entry, node, own)
+
+
+def _is_of(entry: ListSummary, lists: tuple[tuple[int | None, int], ...]) -> bool:
+    return any(number == entry.key.identifier and port in (None, entry.key.port) for port, number in lists)
+
+
+def _unknown_writer(facts: Facts, entry: ListSummary, node: int, own: set[str]) -> Finding:
+    streams = [stream for stream in entry.streams if stream.node == node]
+    telegrams = sum(stream.telegrams for stream in streams)
+    sent = f"{facts.address(node)} sent {count_of(telegrams, 'telegram')} of this list"
+    message = f"{sent}: [nodes] names all who send lists, and not this one."
+    hint = ""
+    if own:
+        message = f"{sent}: the project gives it to {', '.join(sorted(own))} alone."
+        if not own & {facts.address(stream.node) for stream in entry.streams}:
+            hint = (
+                f"{' and '.join(sorted(own))} sent nothing of it in this capture: see whether it has another address "
+                "now, or is behind a router that translates addresses."
+            )
+    return Finding(
+        UNKNOWN_WRITER, message, telegrams, min(one.first_ns for one in streams), max(one.last_ns for one in streams),
+        (min(facts.frames_of_stream[one.stream][0] for one in streams),), entry.number, node, hint=hint,
+    )  # fmt: skip
+
+
+def _shared_addresses(facts: Facts) -> Iterator[Finding]:
+    """Yield addresses that two devices use at the same time."""
+    for shared in facts.shared_addresses:
+        if shared.is_interleaved:
+            yield _shared_address(facts, shared)
+
+
+def _shared_address(facts: Facts, shared: SharedAddress) -> Finding:
+    from nvscope.tracker.evidence.shared_devices import hardware_text
+
+    devices = shared.devices
+    each = ", ".join(
+        f"{hardware_text(one.hardware)} ({count_of(one.frames, 'frame')}, {count_of(one.alternations, 'turn')})"
+        for one in devices
+    )
+    number = "Two" if len(devices) == _BOTH else str(len(devices))
+    proof = "; ".join(shared.told_by)
+    return Finding(
+        TWO_HARDWARE_ADDRESSES, f"{number} hardware addresses send from {facts.address(shared.node)} in turns: {each}; "
+        f"{proof}.", sum(one.alternations for one in devices), devices[1].first_ns,
+        max(one.last_ns for one in devices), (devices[1].first_frame,), node=shared.node,
+    )  # fmt: skip

@@ -1,0 +1,153 @@
+"""NV962: writes by hosts that may not write, and at times at which nobody may."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from nvscope import units
+from nvscope.findings.finding import Events, Finding, events_of
+from nvscope.findings.kind import FindingKind, Severity
+from nvscope.units import count_of
+
+if TYPE_CHECKING:
+    from nvscope.definition.project_security import Security
+    from nvscope.findings.facts import Facts
+
+WRITE_NOT_ALLOWED = FindingKind(
+    "NV962",
+    "write-not-allowed",
+    Severity.ERROR,
+    meaning=(
+        "A parameter (SDO) or a variable (WebVisu) was written by a host that [security] of the project does not name "
+        "in `writers`, or at a time outside its `hours`, local time. Neither protocol asks for a user: whoever reaches "
+        "the controller can write."
+    ),
+    causes=(
+        "a panel or a PC that was added, and is not in the project file yet",
+        "work on the plant outside the usual hours",
+        "somebody who should not be there",
+    ),
+    next_steps=(
+        "See what was written: the tables of writes in `nvscope report -v`, or `nvscope packets -Y sdo.write`.",
+        "Ask who worked at that address at that time; what may be so belongs into [security].",
+        "Keep controllers in a network of their own, which only those who write can reach.",
+    ),
+    of_security=True,
+)
+
+_NAMED = 3
+_MINUTE_NS = 60_000_000_000
+
+
+@dataclass(slots=True)
+class _Written:
+    """What a host wrote at a partner that it should not have, or not then; names of it in their order."""
+
+    events: Events | None = None
+    names: dict[str, None] = field(default_factory=dict)
+    is_stranger: bool = False
+    first_outside_ns: int | None = None
+
+    def add(self, name: str, events: Events, *, is_stranger: bool) -> None:
+        """Take some more, in any order."""
+        self.names[name] = None
+        self.is_stranger |= is_stranger
+        if not is_stranger:
+            known = self.first_outside_ns
+            self.first_outside_ns = events.first_ns if known is None else min(known, events.first_ns)
+        self.events = events if self.events is None else self.events.among(events)
+
+
+def judge_writes(facts: Facts) -> Iterator[Finding]:
+    """Yield a finding for each host and controller between which there were such writes, by protocol."""
+    security = facts.security
+    if security is None or not security.judges_writes:
+        return
+    of_parameters, at_least = _parameters(facts, security)
+    for (writer, partner), written in sorted(of_parameters.items()):
+        yield _finding(facts, security, writer, partner, f"sdo/{partner}", written, at_least=at_least)
+    of_variables, at_least = _variables(facts, security)
+    for (writer, partner), written in sorted(of_variables.items()):
+        yield _finding(facts, security, writer, partner, f"visu/{partner}", written, at_least=at_least)
+
+
+_Found = dict[tuple[str, str], _Written]
+
+
+def _parameters(facts: Facts, security: Security) -> tuple[_Found, bool]:
+    """Return what was written by SDO, and whether there may be more of it than was kept."""
+    from nvscope.tracker.parameter.writes import MOST_WRITES
+
+    found: _Found = defaultdict(_Written)
+    kept = facts.summary.parameter_writes
+    for write in kept:
+        is_stranger = not security.lets_write(write.requester)
+        if is_stranger or not security.lets_write_at(write.time_ns):
+            events = Events(1, write.time_ns, write.time_ns, (write.frame,))
+            name = _parameter(facts, write.partner, write.index, write.subindex)
+            found[write.requester, write.partner].add(name, events, is_stranger=is_stranger)
+    return found, len(kept) >= MOST_WRITES
+
+
+def _parameter(facts: Facts, partner: str, index: int, subindex: int) -> str:
+    if facts.definition is None or facts.definition.parameters is None:
+        return units.parameter(index, subindex)
+    return facts.definition.parameters.name_of(partner, index, subindex)
+
+
+def _variables(facts: Facts, security: Security) -> tuple[_Found, bool]:
+    """Return what was written by web visualization, and whether there may be more of it than was kept."""
+    from nvscope.tracker.visu.on_demand import NAME, VisuState
+
+    found: _Found = defaultdict(_Written)
+    state = facts.state.others.get(NAME)
+    if not isinstance(state, VisuState) or state.known is None:
+        return found, False
+    from nvscope.tracker.visu.events import VisuEvent
+
+    counts = state.known
+    subjects = list(counts.subjects)
+    log = counts.events
+    for row, (event, number) in enumerate(zip(log.keys.high.tolist(), log.keys.low.tolist(), strict=True)):
+        client, server, variable = subjects[number]
+        if event == VisuEvent.WRITTEN and not security.lets_write(client):
+            found[client, server].add(variable, events_of(log.rows, row), is_stranger=True)
+    minutes = counts.write_minutes
+    words = minutes.keys.high.tolist(), minutes.keys.low.view("int64").tolist()
+    for row, (number, minute) in enumerate(zip(*words, strict=True)):
+        client, server, variable = subjects[number]
+        if security.lets_write(client) and not security.lets_write_at(minute * _MINUTE_NS):
+            found[client, server].add(variable, events_of(minutes.rows, row), is_stranger=False)
+    return found, counts.write_minutes_left_out > 0
+
+
+def _finding(
+    facts: Facts, security: Security, writer: str, partner: str, variable: str, written: _Written, *, at_least: bool
+) -> Finding:  # fmt: skip
+    events = written.events
+    assert events is not None
+    how = "by SDO" if variable.startswith("sdo/") else "by WebVisu"
+    number = f"{'at least ' if at_least else ''}{count_of(events.count, 'time')}"
+    message = f"{writer} wrote {number} to {partner} {how} ({_named([*written.names])}): "
+    if written.is_stranger:
+        assert security.writers is not None
+        allowed = ", ".join(str(one).removesuffix("/32").removesuffix("/128") for one in security.writers)
+        message += f"the project lets {f'only {allowed}' if allowed else 'nobody'} write."
+    else:
+        assert written.first_outside_ns is not None
+        hours = ", ".join(one.text for one in security.hours)
+        message += (
+            f"outside the hours {hours}, first at {units.absolute_time(written.first_outside_ns, utc=False, digits=0)}."
+        )
+    return Finding(
+        WRITE_NOT_ALLOWED, message, events.count, events.first_ns, events.last_ns, events.frames,
+        node=facts.node_numbers.get(writer), variable=variable,
+    )  # fmt: skip
+
+
+def _named(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more

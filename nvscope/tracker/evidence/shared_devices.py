@@ -1,0 +1,214 @@
+"""SharedAddress: an IP address that several devices have, what tells them from one, and whether they use it in turns.
+
+One device whose frames come by two ways (a router, a mirror of both its sides), one that got another device's address,
+and a pair of which the one takes over from the other are none of these.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from dissectors.keys import KeyTable
+from nvscope.tracker.evidence.presence import BY_ARP, HARDWARE_BITS, IP, Presence
+from nvscope.tracker.evidence.shared_addresses import ALL_DEVICES, ALL_LISTS, SharedAddresses
+
+LEAST_ALTERNATIONS = 3
+_MOST_IPS = 2  # a hardware address with more of them is a router's
+_REPEATED_PERCENT = 80
+_REGULAR_PERCENT = 90
+_LEAST_STEPS = 3
+
+_TURNS_EACH = 5
+_TURNS_PERCENT = 10
+"""A pair that takes over from each other does so a few times, and for long: its turns are few beside its frames."""
+
+_MOST_HOPS = 8
+"""By so much less a time to live is that of the same frame behind some routers; those of systems are further apart."""
+
+
+class Device(NamedTuple):
+    """A hardware address that sends from an address others have, too; ``alternations`` are its turns behind others."""
+
+    hardware: int
+    first_frame: int
+    first_ns: int
+    last_ns: int
+    alternations: int
+    frames: int
+    times_to_live: Collection[int]
+
+
+@dataclass(frozen=True, slots=True)
+class SharedAddress:
+    """The devices that have the address of a node, by their first frames, and what tells them from one device.
+
+    ``by_counters``: the Counters of their telegrams do.
+    """
+
+    node: int
+    devices: Sequence[Device]
+    told_by: Sequence[str]
+    by_counters: bool
+
+    @property
+    def alternations(self) -> int:
+        """How many turns they took in all."""
+        return sum(one.alternations for one in self.devices)
+
+    @property
+    def is_interleaved(self) -> bool:
+        """Whether they use it at the same time, so that neither a router nor a change of hands explains it."""
+        rarest = min(self.devices, key=lambda one: one.frames)
+        if min(one.alternations for one in self.devices) < _TURNS_EACH:
+            return False
+        if 100 * rarest.alternations < _TURNS_PERCENT * rarest.frames:
+            return False
+        return self.by_counters or not _is_behind_a_router(self.devices)
+
+
+def _is_behind_a_router(devices: Sequence[Device]) -> bool:
+    """Tell whether frames of one device look as if those of another had passed routers."""
+    return any(
+        0 < abs(one - other) <= _MOST_HOPS
+        for place, device in enumerate(devices)
+        for further in devices[place + 1 :]
+        for one in device.times_to_live
+        for other in further.times_to_live
+    )
+
+
+def shared_addresses(
+    presence: Presence, shared: SharedAddresses, nodes: KeyTable, addresses_of: Mapping[int, Collection[object]]
+) -> Sequence[SharedAddress]:
+    """Return the addresses of ``nodes`` that several devices have, by node; ``presence`` has settled.
+
+    ``addresses_of`` are the IP addresses that each hardware address sends from.
+    """
+    if not presence.columns.shared.any():
+        return ()
+    pairs = _Pairs(presence, addresses_of)
+    numbers = presence.addresses.find(np.full(len(nodes), IP, np.uint64), *nodes.words)
+    found = []
+    for node, number in enumerate(numbers.tolist()):
+        if number < 0 or not presence.columns.shared[number]:
+            continue
+        devices = _devices(presence, shared, number, pairs)
+        if len(devices) < 2 or sum(one.alternations for one in devices) < LEAST_ALTERNATIONS:
+            continue
+        told, by_counters = _told_by(presence, shared, number, devices)
+        if told:
+            found.append(SharedAddress(node, devices, told, by_counters))
+    return found
+
+
+def addresses_by_hardware(presence: Presence) -> Mapping[int, Collection[tuple[int, int]]]:
+    """Return the IP addresses, as upper and lower half, whose packets came from each hardware address."""
+    high, low, device, _ = presence.pairs.words
+    owners: dict[int, set[tuple[int, int]]] = {}
+    for one, *address in zip((device & HARDWARE_BITS).tolist(), high.tolist(), low.tolist(), strict=True):
+        owners.setdefault(one, set()).add((address[0], address[1]))
+    return owners
+
+
+def hardware_text(hardware: int) -> str:
+    """Return a hardware address as it is written: ``02:00:00:00:00:01``."""
+    return hardware.to_bytes(6, "big").hex(":")
+
+
+class _Pairs:
+    """Which addresses came from which hardware, looked up once for all: a flood makes very many of them."""
+
+    def __init__(self, presence: Presence, addresses_of: Mapping[int, Collection[object]]) -> None:
+        high, low, device, _ = presence.pairs.words
+        self._hardware = (device & HARDWARE_BITS).tolist()
+        self._rows: dict[tuple[int, int], list[int]] = defaultdict(list)
+        for row, place in enumerate(zip(high.tolist(), low.tolist(), strict=True)):
+            self._rows[place].append(row)
+        self._routers = {one for one, several in addresses_of.items() if len(several) > _MOST_IPS}
+
+    def of(self, high: int, low: int) -> dict[int, list[int]]:
+        """Return the rows of an address by hardware address, routers left out."""
+        rows: dict[int, list[int]] = defaultdict(list)
+        for row in self._rows[high, low]:
+            if self._hardware[row] not in self._routers:
+                rows[self._hardware[row]].append(row)
+        return rows
+
+
+def _devices(presence: Presence, shared: SharedAddresses, number: int, pairs: _Pairs) -> list[Device]:
+    """Return the devices that have an address, by their first frames: no routers, and none that only repeat."""
+    _, high, low = (int(words[number]) for words in presence.addresses.words)
+    time_to_live = presence.pairs.words[3]
+    found = []
+    for own, of_pairs in pairs.of(high, low).items():
+        if _repeats(shared, high, low, own):
+            continue
+        columns = presence.pair_columns
+        first = min(of_pairs, key=lambda row: int(columns.first_frame[row]))
+        lives = {int(time_to_live[row]) for row in of_pairs} - {BY_ARP}
+        found.append(
+            Device(
+                own, int(columns.first_frame[first]), int(columns.first_ns[first]),
+                max(int(columns.last_ns[row]) for row in of_pairs),
+                sum(int(columns.alternations[row]) for row in of_pairs),
+                sum(int(columns.count[row]) for row in of_pairs), lives,
+            )
+        )  # fmt: skip
+    return sorted(found, key=lambda one: one.first_frame)
+
+
+def _repeats(shared: SharedAddresses, high: int, low: int, hardware: int) -> bool:
+    """Tell whether a device only sends again what another one has sent."""
+    device = _find(shared.devices, _find(shared.addresses, high, low), hardware)
+    if device < 0:
+        return False
+    telegrams, repeated = (int(shared.device_columns.column(name)[device]) for name in ("telegrams", "repeated"))
+    return bool(telegrams) and 100 * repeated >= _REPEATED_PERCENT * telegrams
+
+
+def _find(table: KeyTable, *words: int) -> int:
+    """Return the number of one key, -1 where there is none."""
+    if any(word < 0 for word in words):
+        return -1
+    return int(table.find(*(np.array([word], np.uint64) for word in words))[0])
+
+
+def _told_by(
+    presence: Presence, shared: SharedAddresses, number: int, devices: list[Device]
+) -> tuple[Sequence[str], bool]:  # fmt: skip
+    """Return what tells several devices from one whose frames come by two ways, and whether Counters do."""
+    told = []
+    _, high, low = (words[number] for words in presence.addresses.words)
+    claims = presence.claims.words
+    own = claims[2][(claims[0] == high) & (claims[1] == low)].tolist()
+    address = _find(shared.addresses, int(high), int(low))
+    counters = [_regular(shared, address, one.hardware) for one in devices]
+    together = _regular(shared, address, int(ALL_DEVICES))
+    several = sum(one is not None and any(one) for one in counters) >= 2
+    by_counters = several and together is not None and not any(together)
+    if by_counters:
+        told.append("the counters of each of them are regular, those of both together are not")
+    if sum(one.hardware in own for one in devices) >= 2:
+        told.append("ARP tells both hardware addresses for it")
+    return told, by_counters
+
+
+def _regular(shared: SharedAddresses, address: int, hardware: int) -> tuple[bool, bool] | None:
+    """Tell whether a device counts regularly by stream, and over all that it sends; None where nobody knows."""
+    if address < 0:
+        return None
+    words = shared.sequences.words
+    own = (words[0] == np.uint64(address)) & (words[1] == np.uint64(hardware))
+    whole = words[2] == ALL_LISTS
+    found = []
+    for chosen in (own & ~whole, own & whole):
+        steps, regular = (int(shared.columns.column(name)[chosen].sum()) for name in ("steps", "regular"))
+        found.append(steps >= _LEAST_STEPS and 100 * regular >= _REGULAR_PERCENT * steps)
+        if not steps:
+            return None
+    return found[0], found[1]

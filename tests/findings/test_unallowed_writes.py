@@ -1,0 +1,158 @@
+"""Writes by hosts and at times that the project does not allow, against the rules written a second time."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from datetime import datetime
+from ipaddress import ip_address, ip_network
+from pathlib import Path
+
+import pytest
+
+from nvscope.tracker.visu import state as visu_state
+from tests.findings.security_plants import analysed, found_in, told_in
+from tests.laws import some
+from tests.oracle.builders import data_frame, telegram
+from tests.oracle.frame import Frame
+from tests.oracle.parameter_traffic import conversations
+from tests.oracle.rules.parameter import READ, WRITE, WRITE_REPLY, observed
+from tests.oracle.rules.visu import Visu
+from tests.oracle.tcp_line import Line
+from tests.oracle.visu_traffic import visu_traffic
+
+HOUR = 3600 * 10**9
+MORNING = int(datetime(2024, 1, 1, 5, 30).timestamp()) * 10**9
+"""Half past five on a Monday, wherever the tests run."""
+
+PANEL, PRESS, OTHER = "10.0.0.1", "10.0.0.2", "10.0.0.3"
+
+
+def sdo(ts_ns: int, writer: str, index: int = 0x2000, service: int = WRITE, counter: int = 1) -> list[Frame]:
+    data = b"\1\0" if service == WRITE else b""
+    asked = data_frame(ts_ns, writer, PRESS, telegram(service, index, counter=counter, data=data))
+    return [asked, data_frame(ts_ns + 10**6, PRESS, writer, telegram(WRITE_REPLY, index, counter=counter, data=b""))]
+
+
+def visu(ts_ns: int, client: str, body: str = "|1|1|0|4|0|4|6|1.5|", answer: str = "|0|") -> list[Frame]:
+    line = Line((client, 50_000 + ts_ns // HOUR % 1000), (PRESS, 8080), now=ts_ns).open()
+    head = f"POST /plc/webvisu.htm HTTP/1.1\r\nContent-Length: {len(body)}\r\n\r\n"
+    line.ask((head + body).encode()).answer(
+        f"HTTP/1.1 200 OK\r\nContent-Length: {len(answer)}\r\n\r\n{answer}".encode()
+    )
+    return line.close(True).close(False).frames
+
+
+def writes() -> list[Frame]:
+    """Return an hourly write of the panel by each protocol from half past five on, and a few of another host."""
+    frames = []
+    for hour in range(4):
+        frames += sdo(MORNING + hour * HOUR, PANEL, counter=hour + 1) + visu(MORNING + hour * HOUR + 10**9, PANEL)
+    frames += sdo(MORNING + HOUR, OTHER, 0x2001, counter=9) + sdo(MORNING + 2 * HOUR, OTHER, 0x2000, counter=10)
+    return frames + visu(MORNING + HOUR // 2, OTHER)
+
+
+NOBODY_SAYS = [
+    "", "[security]\nonly_nodes = false\n", '[security]\nsubnets = ["10.0.0.0/8"]\n',
+    '[security]\nwriters = ["10.0.0.0/24"]\n', '[security]\nwriters = ["10.0.0.1", "spare"]\nhours = "05:30-08:31"\n'
+    '[nodes]\n"10.0.0.3" = { name = "spare" }\n', '[security]\nhours = ["mon 05:00-07:00", "07:00-24:00"]\n',
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("project", NOBODY_SAYS)
+def test_what_is_allowed_or_nobody_speaks_of_is_not_told(project: str, tmp_path: Path) -> None:
+    assert not told_in(writes(), tmp_path, project)
+
+
+def test_a_host_that_may_not_write_is_told_with_what_it_wrote(tmp_path: Path) -> None:
+    sdo_finding, visu_finding = found_in(writes(), tmp_path, f'[security]\nwriters = ["{PANEL}", "192.168.0.0/16"]')
+    allowed = f"the project lets only {PANEL}, 192.168.0.0/16 write."
+    assert sdo_finding.message == f"{OTHER} wrote 2 times to {PRESS} by SDO (0x2001:0, 0x2000:0): {allowed}"
+    assert (sdo_finding.variable, sdo_finding.count) == (f"sdo/{PRESS}", 2)
+    assert (sdo_finding.first_ns, sdo_finding.last_ns) == (MORNING + HOUR, MORNING + 2 * HOUR)
+    assert visu_finding.message == f"{OTHER} wrote 1 time to {PRESS} by WebVisu (4,0,4,6): {allowed}"
+    assert visu_finding.variable == f"visu/{PRESS}"
+
+
+def test_a_write_outside_the_hours_is_told_with_when(tmp_path: Path) -> None:
+    found = told_in(writes(), tmp_path, '[security]\nhours = ["06:00-08:00", "sun 00:00-24:00"]')
+    of_panel = [message for _, message, _ in found if message.startswith(PANEL)]
+    why = "outside the hours 06:00-08:00, sun 00:00-24:00, first at 2024-01-01 05:30:0"
+    assert of_panel == [
+        f"{PANEL} wrote 2 times to {PRESS} by SDO (0x2000:0): {why}0.",
+        f"{PANEL} wrote 2 times to {PRESS} by WebVisu (4,0,4,6): {why}1.",
+    ]
+    assert len(found) == 2  # the other host wrote within
+
+
+def test_reads_are_no_writes_and_a_refused_write_is_one(tmp_path: Path) -> None:
+    reads = sdo(MORNING, OTHER, service=READ) + visu(MORNING, OTHER, "|0|1|0|4|0|4|6|", "|1.5|")
+    assert not told_in(reads, tmp_path, "[security]\nwriters = []")
+    refused = visu(MORNING, OTHER, answer="|1|")
+    (finding,) = found_in(refused, tmp_path, "[security]\nwriters = []")
+    assert finding.message.endswith("the project lets nobody write.")
+
+
+def test_a_write_that_nobody_may_is_a_cause_of_its_own(tmp_path: Path) -> None:
+    found = analysed(writes(), tmp_path, f'[security]\nwriters = "{PANEL}"')
+    assert found.happened is not None
+    told = [cause.title for cause in found.happened.causes if any(one.code == "NV962" for one in cause.findings)]
+    assert len(told) == 2
+    assert all(title.startswith(f"{OTHER} wrote ") for title in told)
+
+
+@pytest.mark.parametrize("seed", some(range(20)))
+def test_parameters_that_were_written_are_those_of_the_rules(seed: int, tmp_path: Path) -> None:
+    frames = conversations(seed)
+    base = min(one.ts_ns for one in frames)
+    moved = [one._replace(ts_ns=one.ts_ns - base + MORNING + 50 * 10**9) for one in frames]
+    project = '[security]\nwriters = ["10.0.0.1", "192.168.0.0/16"]\nhours = "00:00-05:31"\n'
+    expected: dict[tuple[str, str], int] = defaultdict(int)
+    for write in observed(sorted(moved, key=lambda one: one.ts_ns)).writes:
+        own = ip_address(write.requester)
+        stranger = str(own) != "10.0.0.1" and not (own.version == 4 and own in ip_network("192.168.0.0/16"))
+        local = datetime.fromtimestamp(write.time // 10**9)
+        if stranger or (local.hour, local.minute) >= (5, 31):
+            expected[str(own), f"sdo/{write.partner}"] += 1
+    analysis = analysed(moved, tmp_path, project)
+    addresses = analysis.summary.addresses
+    found = {
+        ("" if one.node is None else addresses[one.node], one.variable): one.count
+        for one in analysis.findings if one.code == "NV962"
+    }  # fmt: skip
+    assert found == dict(expected)
+
+
+@pytest.mark.parametrize("seed", some(range(40)))
+def test_variables_that_were_written_are_those_of_the_rules(seed: int, tmp_path: Path) -> None:
+    frames = [one for one in visu_traffic(seed) if one.link == 1]
+    if not frames:
+        pytest.skip("nothing on Ethernet")
+    project = '[security]\nwriters = ["10.0.0.1", "fd00::/16"]\nhours = "00:00-00:01"\n'
+    rules = Visu()
+    for frame in sorted(frames, key=lambda one: one.ts_ns):
+        rules.observe(frame)
+    expected: dict[tuple[str, str], int] = defaultdict(int)
+    for (code, client, variable), events in rules.found.items():
+        if code == "NV801":
+            for time_ns, _ in events:
+                local = datetime.fromtimestamp(time_ns // 10**9)
+                stranger = str(client) == "10.0.0.2"
+                expected[str(client), variable.rpartition("/")[0]] += stranger or local.hour + local.minute > 0
+    analysis = analysed(frames, tmp_path, project)
+    addresses = analysis.summary.addresses
+    found = {
+        ("" if one.node is None else addresses[one.node], one.variable): one.count
+        for one in analysis.findings if one.code == "NV962"
+    }  # fmt: skip
+    assert found == {place: count for place, count in expected.items() if count}
+
+
+def test_of_more_minutes_than_are_kept_it_is_said_that_there_are_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(visu_state, "MOST_WRITE_MINUTES", 3)
+    (finding,) = [
+        one for one in found_in(writes(), tmp_path, '[security]\nhours = "12:00-13:00"')
+        if one.variable.startswith("visu/") and one.message.startswith(PANEL)
+    ]  # fmt: skip
+    assert f"{PANEL} wrote at least 2 times to {PRESS} by WebVisu" in finding.message
