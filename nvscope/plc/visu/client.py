@@ -157,8 +157,8 @@ class VisuClient:
         """Return the document of what was asked so far."""
         url = self._link.url
         return document(
-            verb, verdict, at_ns=time.time_ns(), url=url.text(self._path), server=self._link.address, server_name=self._server_name,
-            port=url.port, known=self.known, variables=rows, exchanges=self._asked,
+            verb, verdict, at_ns=time.time_ns(), url=url.text(self._path), server=self._link.address,
+            server_name=self._server_name, port=url.port, known=self.known, variables=rows, exchanges=self._asked,
         )  # fmt: skip
 
 

@@ -115,8 +115,8 @@ def state_of(variable: Variable, values: Sequence[str | None], at: int, *, secre
 
 
 def document(
-    verb: str, verdict: Verdict, *, at_ns: int, url: str, server: str, server_name: str, port: int, known: KnownVariables,
-    variables: Sequence[dict[str, Any]], exchanges: Sequence[Asked],
+    verb: str, verdict: Verdict, *, at_ns: int, url: str, server: str, server_name: str, port: int,
+    known: KnownVariables, variables: Sequence[dict[str, Any]], exchanges: Sequence[Asked],
 ) -> dict[str, Any]:  # fmt: skip
     """Return the document."""
     return {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from nvscope.definition.visu_variables import is_password
+from dissectors.webvisu import is_password
 from nvscope.plc.visu.controller import Controller, Handled, Result, Touched
 from nvscope.plc.visu.value import shown
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
-from dissectors.webvisu import STRING, TYPES, Place
-from nvscope.definition.visu_variables import VisuVariables, is_password, read_visu_variables
+from dissectors.webvisu import STRING, TYPES, Place, is_password
+from nvscope.definition.visu_variables import VisuVariables, read_visu_variables
 from nvscope.errors import ConfigurationError, UsageError
 
 _ADDRESS = re.compile(r"(\d{1,10}),(\d{1,10}),(\d{1,10}),(\d{1,10}|[A-Za-z]{1,20})", re.ASCII)
