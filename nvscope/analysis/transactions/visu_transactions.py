@@ -182,7 +182,7 @@ class VisuTransactions:
 
         entry, name, value = variable
         cut = self._room.cut
-        text = None if value is None else cut(shown(entry, names, value))
+        text = None if value is None or value == _UNREADABLE else cut(shown(entry, names, value))
         if old is None:
             return Said(cut(name), json_value(entry, text), text)
         old_text = cut(shown(entry, names, old))
