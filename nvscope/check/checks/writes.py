@@ -22,6 +22,9 @@ from nvscope.units import count_of
 if TYPE_CHECKING:  # most plants have no Parameter Manager, and then nothing of it is imported
     from nvscope.tracker.parameter.writes import Write
 
+_MOST_SHOWN = 60
+"""So many characters of a value are told."""
+
 _MOST_NAMED = 3
 _UNHEARD = "what nodes ask each other is not to be seen in this capture: others may have written"
 
@@ -128,9 +131,18 @@ def _few(names: Sequence[str]) -> str:
 
 def _value(known: Evidence, written: Written, times: Times, kept: Mapping[int, Write]) -> str:
     """Return what was written the first time, over what, and what came of it, as far as that is known."""
+    frame, _ = times.frames.kept[0]
     if written.pair.protocol != SDO:
-        return f"? → {times.value}"
-    one = kept.get(times.frames.kept[0][0])
+        pages = known.summary.others.get("visu_writes", ())
+        page = next((one for one in pages if one.frame == frame and one.variable == written.called), None)
+        if page is None or page.is_secret:
+            return "a value that is not kept" if page is None else "a value that is hidden"
+        before, after = (
+            "?" if value is None else value[:_MOST_SHOWN] + "…" * (len(value) > _MOST_SHOWN)
+            for value in (page.old, page.new)
+        )
+        return f"{before} → {after}, {page.outcome.value}"
+    one = kept.get(frame)
     if one is None:
         return "a value that is not kept"
     from nvscope.view.documents.parameter_values import ParameterValues  # noqa: PLC0415
