@@ -34,7 +34,7 @@ UNKNOWN_WRITER = FindingKind(
     ),
     next_steps=(
         "Find the node by its hardware address (`nvscope packets -e ip.src -e eth.src -e nv.index`).",
-        "Stop it, or name it in `nvscope.toml`: `writes` of its entry in [nodes].",
+        "Stop it, or name it in the project file: what it writes, in its entry in [nodes].",
     ),
     of_security=True,
 )

@@ -89,7 +89,8 @@ def test_a_device_that_speaks_arp_alone_has_the_address_too(tmp_path: Path) -> N
 
 def test_of_devices_that_send_no_list_arp_tells_and_nothing_need_be_wrong(tmp_path: Path) -> None:
     (cause,) = causes_in(one_address(PLANT + HAS_ARP), tmp_path)
-    assert (cause.kind.name, cause.severity, cause.findings) == ("duplicate-address", Severity.ERROR, ())
+    assert (cause.kind.name, cause.severity) == ("duplicate-address", Severity.ERROR)
+    assert [finding.code for finding in cause.findings] == ["NV963"]
     assert cause.checked[1:] == ("ARP tells both hardware addresses for it",)
 
 

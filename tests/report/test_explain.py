@@ -181,14 +181,27 @@ def test_a_hostile_code_does_not_reach_the_terminal_raw() -> None:
 
 def test_every_kind_is_in_the_overview() -> None:
     told = [line.split() for line in explain.overview(width=60).splitlines()]
-    causes, judged, *others = (list(rows) for empty, rows in groupby(told, lambda row: not row) if not empty)
+    causes, *groups = (list(rows) for empty, rows in groupby(told, lambda row: not row) if not empty)
     assert causes[0] == ["Causes:", "what", "happened"]
     assert [row[0] for row in causes[2:]] == [kind.name for kind in KINDS]
     assert [" ".join(row[1:]) for row in causes[2:]] == [kind.brief for kind in KINDS]
-    beginning = ["severity", "code", "name"]
-    assert judged[:2] == [["Findings:", "what", "a", "rule", "saw"], beginning]
-    assert not others, "there is nothing that nobody judges"
-    assert [(code, name) for _, _, code, name in judged[2:]] == [(kind.code, kind.name) for kind in CATALOGUE.values()]
+    kinds = CATALOGUE.values()
+    expected = {
+        "Findings: what a rule saw": [kind for kind in kinds if kind.judged and not kind.of_security],
+        "Security: who should not be there, or passes for somebody else": [
+            kind for kind in kinds if kind.judged and kind.of_security
+        ],
+        "Nothing judges these yet": [kind for kind in kinds if not kind.judged],
+    }
+    assert [" ".join(rows[0]) for rows in groups] == [title for title, own in expected.items() if own]
+    for rows in groups:
+        assert rows[1] == ["severity", "code", "name"]
+        own = expected[" ".join(rows[0])]
+        assert [(code, name) for _, _, code, name in rows[2:]] == [(kind.code, kind.name) for kind in own]
+
+
+def test_passwords_in_clear_stand_with_all_that_is_about_security() -> None:
+    assert [kind.code for kind in CATALOGUE.values() if kind.of_security][:2] == ["NV803", "NV961"]
 
 
 @pytest.mark.parametrize("code", CATALOGUE)

@@ -82,7 +82,7 @@ class KnownVariables:
             raise UsageError(f"several variables are called '{word[:60]}'", next_step=f"name one of them: {places}")
         from nvscope.toml_table import nearest  # noqa: PLC0415  # only where something is wrong
 
-        hint = "`nvscope visu list` shows what there is; an address has four numbers: 4,0,6,8"
+        hint = "the verb list shows what there is; an address has four numbers: 4,0,6,8"
         raise UsageError(
             f"no variable is called '{word[:60]}'",
             next_step=nearest(word, [one.name for one in self.listed]) or hint,
