@@ -104,12 +104,15 @@ class Writes:
         return np.flatnonzero((messages.kind == Kind.REPLY) & good & valued[messages.asked])
 
     def _learn(self, part: VisuBatch, messages: VisuMessages, replies: I64, frames: I64) -> None:
-        """Note the last one of replies to each request of each server."""
+        """Note the last one of replies to each request of each server.
+
+        Two bodies may ask the same: what came last counts, so they are taken in the order of their replies.
+        """
         last: dict[tuple[int, int], int] = {}
         columns = (replies, messages.pair[replies], messages.asked[replies])
         for row, number, asked in zip(*(column.tolist() for column in columns), strict=True):
             last[number, asked] = row
-        for (number, asked), row in last.items():
+        for (number, asked), row in sorted(last.items(), key=lambda one: one[1]):
             server = int(part.pairs[2][number]), int(part.pairs[3][number])
             body = part.data[int(messages.start[row]) : int(messages.stop[row])]
             self._values.read(server, part.requests[asked], body, int(frames[row]), row)
