@@ -112,8 +112,12 @@ class Streams:
     def _numbered(
         self, packets: PacketBatch, segments: SegmentBatch, first_frame: int
     ) -> tuple[Segments, Bool]:  # fmt: skip
-        """Return the segments of connections by stream, and which of them carry something: data, SYN or FIN."""
+        """Return the segments of connections by stream, and which of them carry something: data, SYN or FIN.
+
+        Whoever resets a connection begins none.
+        """
         carrying = (segments.payload_bytes > 0) | ((segments.flags & (SYN | FIN)) != 0)
+        carrying &= (segments.flags & RST) == 0
         source_hi, source_lo = segments.source_hi, segments.source_lo
         to_hi, to_lo = segments.destination_hi, segments.destination_lo
         port, to_port = segments.source_port.astype(np.uint64), segments.destination_port.astype(np.uint64)

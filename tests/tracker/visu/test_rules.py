@@ -27,6 +27,9 @@ SEEDS = st.integers(0, 20_000)
 BODIES_THAT_ASK_THE_SAME = 8088
 """Two requests in one packet read one variable, of which only one ends with a bar."""
 
+A_RESET_FIRST = 4871
+"""Both ports are claimed, and what comes first has all flags set."""
+
 
 def near(row: dict[str, Any]) -> dict[str, Any]:
     """Return a row with times as far as a histogram tells them."""
@@ -48,7 +51,7 @@ def check(frames: list[Frame]) -> None:
     assert findings == rules.findings()
 
 
-@pytest.mark.parametrize("seed", [*some(range(160)), BODIES_THAT_ASK_THE_SAME])
+@pytest.mark.parametrize("seed", [*some(range(160)), BODIES_THAT_ASK_THE_SAME, A_RESET_FIRST])
 def test_what_becomes_of_requests_is_what_the_rules_say(seed: int) -> None:
     check(visu_traffic(seed))
 
