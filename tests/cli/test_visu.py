@@ -1,4 +1,4 @@
-"""``nvscope visu read``, ``write`` and ``list``: asked of a controller on this machine, and of servers that are none."""
+"""``nvscope visu read``, ``write`` and ``list``: asked of a served controller, and of servers that are none."""
 
 from __future__ import annotations
 
