@@ -13,6 +13,7 @@ import pytest
 from nvscope.definition.project_file import read_project
 from nvscope.list_key import ListKey
 from tests.plc.parameter.peers import served
+from tests.plc.visu.peers import served as served_visu
 from tests.program import run_text
 
 ROOT = Path(__file__).parents[1]
@@ -75,7 +76,7 @@ def test_transcripts_are_what_the_program_prints(here: Path) -> None:
 
 def test_what_a_controller_is_asked_is_what_is_shown(tmp_path: Path) -> None:
     """One after the other, of a controller with the table that stands there; how long it took is as it is."""
-    (table,) = (text for text in PROJECTS if "stuck" in text)
+    (table,) = (text for text in PROJECTS if "stuck" in text and "[parameters]" in text)
     (shown,) = (text for language, text in BLOCKS if language == "console" and "$ nvscope sdo" in text)
     printed = ""
     with served(tmp_path, table.partition("[parameters]")[2]) as controller:
@@ -86,6 +87,21 @@ def test_what_a_controller_is_asked_is_what_is_shown(tmp_path: Path) -> None:
             )  # fmt: skip
             printed += f"$ nvscope {command}\n{done.stdout}{done.stderr}"
     printed = printed.replace(f":{controller.port}:", ":1202:")
+    assert re.sub(r"\d+\.\d [µm]s", "0.3 ms", printed) == shown
+
+
+def test_what_a_webvisu_is_asked_is_what_is_shown(tmp_path: Path) -> None:
+    """The same, of a served WebVisu."""
+    (table,) = (text for text in PROJECTS if "[variables]" in text)
+    (shown,) = (text for language, text in BLOCKS if language == "console" and "$ nvscope visu" in text)
+    head, _, variables = table.partition("[variables]")
+    printed = ""
+    with served_visu(tmp_path, variables, head) as controller:
+        for command in re.findall(r"^\$ nvscope (visu .+)$", shown, re.MULTILINE):
+            own = command.replace(":8080", f":{controller.port}")
+            done = run_text(*own.split(), "--timeout", "20s", cwd=tmp_path, environment={"COLUMNS": "100"})
+            printed += f"$ nvscope {command}\n{done.stdout}{done.stderr}"
+    printed = printed.replace(f":{controller.port}:", ":8080:")
     assert re.sub(r"\d+\.\d [µm]s", "0.3 ms", printed) == shown
 
 

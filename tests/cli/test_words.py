@@ -150,7 +150,7 @@ def test_every_option_stands_in_a_group_that_is_its_own() -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("verb", [verb for verb in EXAMPLES if not verb.startswith(("sdo ", "visu "))])
 def test_examples_do_what_they_say(verb: str, tmp_path: Path) -> None:
-    """Each of them runs, on a capture and definitions of these names; those that ask somebody do in their tests."""
+    """Each of them runs, on a capture and definitions of these names; ``sdo`` and ``visu`` have to ask somebody."""
     (tmp_path / "plc").mkdir()
     for name in ("axis.gvl", "axis_types.st", "batch.gvl"):
         shutil.copy(PEERS / name, tmp_path / "plc" / name)

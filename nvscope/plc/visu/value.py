@@ -107,7 +107,7 @@ def entered(place: Place, text: str) -> str:
 def _no_scalar(place: Place, name: str | None) -> str:
     if name is None:
         return f"nobody knows the type {place.type}"
-    if name in SCALARS or name in ("ENUM", "BITORBYTE"):
+    if name in ("ENUM", "BITORBYTE") or ((kind := SCALARS.get(name)) is not None and kind.size_bytes):
         return f"a variable of {place.size} bytes is no {name}"
     return f"a variable of type {name} has no value that could be written at once"
 
