@@ -101,8 +101,12 @@ def is_start_line(data: bytes, start: int, stop: int, side: Side) -> bool:
     return found is not None and found.end() == stop
 
 
-def read_head(head: bytes, side: Side) -> Head | None:
-    """Read a head with its empty line; None where it is none, or says of the body's length what cannot be."""
+def read_head(head: bytes, side: Side, *, answers_head: bool = False) -> Head | None:
+    """Read a head with its empty line; None where it is none, or says of the body's length what cannot be.
+
+    A response that ``answers_head``, an interim one, and one of 204 or 304 has no body whatever it says (RFC 9112,
+    section 6.3).
+    """
     line = _LINES[side].match(head)
     if line is None:
         return None
@@ -111,6 +115,10 @@ def read_head(head: bytes, side: Side) -> Head | None:
         name, colon, value = text.removesuffix(b"\r").partition(b":")
         if colon:
             headers.setdefault(name.lower(), []).append(value.strip(b" \t"))
+    if side is Side.SERVER:
+        status = int(line["status"])
+        if answers_head or 100 <= status < 200 or status in _NO_BODY:
+            return Head(Body.LENGTH, 0, status=status)
     chunked = headers.get(b"transfer-encoding", [b""])[-1].rpartition(b",")[2].strip().lower() == b"chunked"
     coding = b",".join(headers.get(b"content-encoding", [])).lower().decode("latin-1")
     length = _length(headers.get(b"content-length", []))
@@ -122,9 +130,6 @@ def read_head(head: bytes, side: Side) -> Head | None:
         body = Body.CHUNKS if chunked else nothing if length == _UNTOLD else Body.LENGTH
         target = line["target"].decode("latin-1")
         return Head(body, max(length or 0, 0), method, target, coding=_coding(coding))
-    status = int(line["status"])
-    if 100 <= status < 200 or status in _NO_BODY:
-        return Head(Body.LENGTH, 0, status=status)
     body = Body.CHUNKS if chunked else Body.END if length == _UNTOLD else Body.LENGTH
     return Head(body, max(length or 0, 0), status=status, coding=_coding(coding))
 

@@ -41,7 +41,10 @@ def test_a_response() -> None:
     assert response("Content-Length: 3") == Head(Body.LENGTH, 3, status=200)
     assert response() == Head(Body.END, 0, status=200)
     for status in (100, 101, 204, 304):
-        assert response("Content-Length: 3", status=status) == Head(Body.LENGTH, 0, status=status)
+        for length in ("3", "x"):
+            assert response(f"Content-Length: {length}", status=status) == Head(Body.LENGTH, 0, status=status)
+    to_head = http.read_head(b"HTTP/1.1 200 OK\r\nContent-Length: x\r\n\r\n", Side.SERVER, answers_head=True)
+    assert to_head == Head(Body.LENGTH, 0, status=200)
     interim = response(status=100)
     assert interim is not None
     assert interim.is_interim

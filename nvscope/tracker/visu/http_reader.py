@@ -186,12 +186,12 @@ class HttpReader:
             too_long = end - start >= MOST_HEAD_BYTES
             return self._lose_step(data, start, start + MOST_HEAD_BYTES, found) if too_long else -1
         head = http.read_head(data[start:head_end], self.side)
+        if self.side is Side.SERVER and not (head is not None and head.is_interim) and self._is_to_head(head_end):
+            head = http.read_head(data[start:head_end], self.side, answers_head=True)
         if head is None:
             return self._lose_step(data, start, head_end, found)
         if self.side is Side.CLIENT:
             self.asks_head |= head.method == "HEAD"
-        elif not head.is_interim and self._is_to_head(head_end):
-            head = replace(head, body=Body.LENGTH, length=0, coding="")
         if head.body is Body.LENGTH:
             return self._read_length(data, start, head_end, end, head, found)
         if head.body is Body.CHUNKS:
