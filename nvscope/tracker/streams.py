@@ -8,16 +8,14 @@ behind it waits until it is sure that the missing bytes do not come any more (``
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from dissectors.batch import I64, U8, U64, Bool, PacketBatch
+from dissectors.batch import I64, U8, Bool, PacketBatch
 from dissectors.headers import ACK, FIN, RST, SYN
-from dissectors.keys import KeyTable, first_rows_from
 from dissectors.transport import SegmentBatch
-from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.runs import runs_of, stable_order
+from nvscope.tracker.connections import Connections
 from nvscope.tracker.pieces import ANEW, IN_STEP, ORDER_BITS, Brought, Order, PieceKind, Pieces, no_pieces
 from nvscope.tracker.segments_in_turn import FAR, Segments, SegmentsInTurn, StreamColumns
 
@@ -29,51 +27,17 @@ _WRAP, _HALF = 1 << 32, 1 << 31
 _NEVER = int(np.iinfo(np.int64).max)
 
 
-class Ends(NamedTuple):
-    """Client and server of connections: halves of addresses, and ports; columns of uint64."""
-
-    client: tuple[U64, U64]
-    client_port: U64
-    server: tuple[U64, U64]
-    server_port: U64
-
-
-class _Ends(KeyedColumns):
-    """One row a pair of ends: whether the lower one of them is the server."""
-
-    low_serves: Bool
-    COLUMNS: ClassVar = {"low_serves": (np.bool_(False), 1)}
-
-
 class Streams:
     """The connections over some ports, from one batch to the next.
 
-    ``connections`` number pairs of ends: halves of the lower address, of the higher one, and both ports. Connections in
-    which nothing is missing, late or begun anew are put in order all at once, as columns; the others a segment at a
-    time.
+    Connections in which nothing is missing, late or begun anew are put in order all at once, as columns; the others a
+    segment at a time.
     """
 
     def __init__(self, ports: Sequence[int]) -> None:
-        self._ports = tuple(ports)
-        self.connections = KeyTable(5)
-        self._ends = _Ends()
+        self.connections = Connections(ports)
         self._streams = StreamColumns()
         self._in_turn = SegmentsInTurn(self._streams)
-
-    def ends_of(self, connection: I64) -> Ends:
-        """Return who speaks to whom in connections."""
-        low_hi, low_lo, high_hi, high_lo, ports = (word[connection] for word in self.connections.words)
-        serves = self._ends.low_serves[connection]
-        low_port, high_port = ports >> np.uint64(16), ports & np.uint64(0xFFFF)
-
-        def one(low: U64, high: U64, is_low: Bool) -> U64:
-            chosen: U64 = np.where(is_low, low, high)
-            return chosen
-
-        return Ends(
-            (one(low_hi, high_hi, ~serves), one(low_lo, high_lo, ~serves)), one(low_port, high_port, ~serves),
-            (one(low_hi, high_hi, serves), one(low_lo, high_lo, serves)), one(low_port, high_port, serves),
-        )  # fmt: skip
 
     def forget(self) -> None:
         """Forget where all connections are: what comes next of them begins in the middle."""
@@ -118,25 +82,9 @@ class Streams:
         """
         carrying = (segments.payload_bytes > 0) | ((segments.flags & (SYN | FIN)) != 0)
         carrying &= (segments.flags & RST) == 0
-        source_hi, source_lo = segments.source_hi, segments.source_lo
-        to_hi, to_lo = segments.destination_hi, segments.destination_lo
-        port, to_port = segments.source_port.astype(np.uint64), segments.destination_port.astype(np.uint64)
-        by_low = (source_lo < to_lo) | ((source_lo == to_lo) & (port <= to_port))
-        is_low = (source_hi < to_hi) | ((source_hi == to_hi) & by_low)
-        sixteen = np.uint64(16)
-        words = (
-            np.where(is_low, source_hi, to_hi), np.where(is_low, source_lo, to_lo),
-            np.where(is_low, to_hi, source_hi), np.where(is_low, to_lo, source_lo),
-            np.where(is_low, port << sixteen | to_port, to_port << sixteen | port),
-        )  # fmt: skip
-        known = len(self.connections)
-        number = np.empty(len(segments), np.int64)
-        number[carrying] = self.connections.numbers(*(word[carrying] for word in words))
-        rest = np.flatnonzero(~carrying)
-        number[rest] = self.connections.find(*(word[rest] for word in words))
-        self._name_servers(segments, is_low, np.where(carrying, number, -1), known)
-        own = np.flatnonzero(number >= 0)
-        stream = 2 * number[own] + (is_low[own] == self._ends.low_serves[number[own]])
+        stream = self.connections.streams_of(segments, carrying)
+        own = np.flatnonzero(stream >= 0)
+        stream = stream[own]
         in_order = stable_order(stream, 2 * len(self.connections) + 1)
         order = own[in_order]
         row = segments.row[order]
@@ -147,18 +95,6 @@ class Streams:
             row + first_frame, packets.ts_ns[row],
         )  # fmt: skip
         return rows, carrying[order]
-
-    def _name_servers(self, segments: SegmentBatch, is_low: Bool, number: I64, known: int) -> None:
-        """Find out who is the server of new connections: who has a claimed port, or else who is spoken to first."""
-        self._ends.resize(len(self.connections))
-        if len(self.connections) == known:
-            return
-        first = first_rows_from(number, known, len(self.connections))
-        from_claimed = np.isin(segments.source_port[first], self._ports)
-        to_claimed = np.isin(segments.destination_port[first], self._ports)
-        answers = (segments.flags[first] & (SYN | ACK)) == SYN | ACK
-        to_server = to_claimed & ~(from_claimed & answers)
-        self._ends.low_serves[number[first]] = is_low[first] != to_server
 
     def _plain(self, rows: Segments, carrying: Bool) -> tuple[Bool, Pieces]:
         """Put the segments of connections in order in which nothing is peculiar.

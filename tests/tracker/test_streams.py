@@ -39,7 +39,7 @@ def delivered(batches: Iterable[PacketBatch]) -> dict[Where, list[What]]:
         batch = packets.with_margin()
         brought = streams.observe(batch, peel(batch, claims=Claims(tcp=PORTS)).tcp, first_frame)
         pieces = brought.pieces
-        ends = streams.ends_of(pieces.stream >> 1)
+        ends = streams.connections.ends_of(pieces.stream >> 1)
         for row, (stream, kind, start, size, order) in enumerate(
             zip(*(getattr(pieces, name).tolist() for name in ("stream", "kind", "start", "size", "order")), strict=True)
         ):

@@ -12,8 +12,8 @@ from dissectors.http import Side
 from dissectors.keys import KeyTable
 from dissectors.transport import SegmentBatch
 from dissectors.webvisu import Place, Request
+from nvscope.tracker.connections import Connections
 from nvscope.tracker.pieces import ORDER_BITS
-from nvscope.tracker.streams import Streams
 from nvscope.tracker.visu.asking import NOTHING, Ask, Asking
 from nvscope.tracker.visu.conversation import Conversation, Happened
 from nvscope.tracker.visu.http_messages import HttpMessages
@@ -32,8 +32,8 @@ NO_REQUEST = Request(writes=False, declared=0, entries=())
 class Exchanges:
     """Pairs requests with their replies, from one batch to the next; ``pairs`` number client, server and its port."""
 
-    def __init__(self, streams: Streams, names: Mapping[Place, str]) -> None:
-        self._streams = streams
+    def __init__(self, connections: Connections, names: Mapping[Place, str]) -> None:
+        self._connections = connections
         self._asking = Asking()
         self._conversations: dict[int, Conversation] = {}
         self._names = Names(names)
@@ -200,7 +200,7 @@ class Exchanges:
         return told
 
     def _pairs(self, connection: I64) -> I64:
-        ends = self._streams.ends_of(connection)
+        ends = self._connections.ends_of(connection)
         return self.pairs.numbers(*ends.client, *ends.server, ends.server_port)
 
 

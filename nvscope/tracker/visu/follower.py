@@ -20,7 +20,7 @@ class VisuFollower:
     def __init__(self, ports: Sequence[int], names: Mapping[Place, str] = NO_NAMES) -> None:
         self._streams = Streams(ports)
         self._http = HttpStreams()
-        self._exchanges = Exchanges(self._streams, names)
+        self._exchanges = Exchanges(self._streams.connections, names)
 
     def follow(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> VisuBatch:
         """Return what the segments of a batch bring, which follows those before; its row 0 is frame ``first_frame``."""

@@ -1,0 +1,106 @@
+"""Connections: the pairs of ends between which TCP segments come, numbered, and which of each is the server."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from dissectors.batch import I64, U64, Bool
+from dissectors.headers import ACK, SYN
+from dissectors.keys import KeyTable, first_rows_from
+from dissectors.transport import SegmentBatch
+from nvscope.engine.keyed_columns import KeyedColumns
+
+
+class Ends(NamedTuple):
+    """Client and server of connections: halves of addresses, and ports; columns of uint64."""
+
+    client: tuple[U64, U64]
+    client_port: U64
+    server: tuple[U64, U64]
+    server_port: U64
+
+
+class _Servers(KeyedColumns):
+    """One row a pair of ends: whether the lower one of them is the server."""
+
+    low_serves: Bool
+    COLUMNS: ClassVar = {"low_serves": (np.bool_(False), 1)}
+
+
+class Connections:
+    """The pairs of ends over some ports, numbered in the order in which they appear, until some are forgotten.
+
+    A key is the halves of the lower address, of the higher one, and both ports.
+    """
+
+    def __init__(self, ports: Sequence[int]) -> None:
+        self._ports = tuple(ports)
+        self._keys = KeyTable(5)
+        self._servers = _Servers()
+
+    def __len__(self) -> int:
+        return len(self._keys)
+
+    def streams_of(self, segments: SegmentBatch, carrying: Bool) -> I64:
+        """Return of segments in which stream each is, -1 of those of connections that nobody knows.
+
+        A stream is twice the number of the connection, plus 1 for what the server sends. Segments that are
+        ``carrying`` something make connections known.
+        """
+        source_hi, source_lo = segments.source_hi, segments.source_lo
+        to_hi, to_lo = segments.destination_hi, segments.destination_lo
+        port, to_port = segments.source_port.astype(np.uint64), segments.destination_port.astype(np.uint64)
+        by_low = (source_lo < to_lo) | ((source_lo == to_lo) & (port <= to_port))
+        is_low = (source_hi < to_hi) | ((source_hi == to_hi) & by_low)
+        sixteen = np.uint64(16)
+        words = (
+            np.where(is_low, source_hi, to_hi), np.where(is_low, source_lo, to_lo),
+            np.where(is_low, to_hi, source_hi), np.where(is_low, to_lo, source_lo),
+            np.where(is_low, port << sixteen | to_port, to_port << sixteen | port),
+        )  # fmt: skip
+        known = len(self._keys)
+        number = np.empty(len(segments), np.int64)
+        number[carrying] = self._keys.numbers(*(word[carrying] for word in words))
+        rest = np.flatnonzero(~carrying)
+        number[rest] = self._keys.find(*(word[rest] for word in words))
+        self._name_servers(segments, is_low, np.where(carrying, number, -1), known)
+        stream = np.full(len(segments), -1)
+        own = np.flatnonzero(number >= 0)
+        stream[own] = 2 * number[own] + (is_low[own] == self._servers.low_serves[number[own]])
+        return stream
+
+    def _name_servers(self, segments: SegmentBatch, is_low: Bool, number: I64, known: int) -> None:
+        """Find out who is the server of new connections: who has a claimed port, or else who is spoken to first."""
+        self._servers.resize(len(self._keys))
+        if len(self._keys) == known:
+            return
+        first = first_rows_from(number, known, len(self._keys))
+        from_claimed = np.isin(segments.source_port[first], self._ports)
+        to_claimed = np.isin(segments.destination_port[first], self._ports)
+        answers = (segments.flags[first] & (SYN | ACK)) == SYN | ACK
+        to_server = to_claimed & ~(from_claimed & answers)
+        self._servers.low_serves[number[first]] = is_low[first] != to_server
+
+    def ends_of(self, connection: I64) -> Ends:
+        """Return who speaks to whom in connections."""
+        low_hi, low_lo, high_hi, high_lo, ports = (word[connection] for word in self._keys.words)
+        serves = self._servers.low_serves[connection]
+        low_port, high_port = ports >> np.uint64(16), ports & np.uint64(0xFFFF)
+
+        def one(low: U64, high: U64, is_low: Bool) -> U64:
+            chosen: U64 = np.where(is_low, low, high)
+            return chosen
+
+        return Ends(
+            (one(low_hi, high_hi, ~serves), one(low_lo, high_lo, ~serves)), one(low_port, high_port, ~serves),
+            (one(low_hi, high_hi, serves), one(low_lo, high_lo, serves)), one(low_port, high_port, serves),
+        )  # fmt: skip
+
+    def keep(self, kept: I64) -> None:
+        """Forget all connections but some, which are numbered anew in their order."""
+        keys = KeyTable(5)
+        keys.numbers(*(word[kept] for word in self._keys.words))
+        self._keys, self._servers = keys, self._servers.rows(kept)
