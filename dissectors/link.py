@@ -48,6 +48,7 @@ from dissectors.transport import (
     NO_DATAGRAMS,
     NO_QUOTED,
     NO_SEGMENTS,
+    UNTOLD,
     DatagramBatch,
     IpPackets,
     Place,
@@ -113,7 +114,7 @@ def peel(batch: PacketBatch, rows: I64 | None = None, claims: Claims = NO_CLAIMS
         for is_ipv4, network in network_layers(batch, link, mine):
             transport, in_fragments = ip_packets(batch.data, network, is_ipv4=is_ipv4)
             fragments += len(in_fragments)
-            _peel_transport(batch.data, transport, claims, found)
+            _peel_transport(batch, transport, claims, found)
         if link not in _LINK_READERS:
             unsupported = np.zeros(len(batch), np.bool_) if unsupported is None else unsupported
             unsupported[mine] = True
@@ -257,8 +258,9 @@ def _ipv4(data: U8, network: Place) -> tuple[IpPackets, I64]:
     if not good.all():
         head = take_rows(head, good)
         network, header_bytes, total = network.take(good), header_bytes[good], total[good]
-    stop = np.where(total == 0, network.end, network.at + total)
-    inside = Place(network.row, network.at + header_bytes, np.minimum(network.end, stop), network.group)
+    stop = np.where(total == 0, UNTOLD, network.at + total)
+    end = np.where(total == 0, network.end, np.minimum(network.end, stop))
+    inside = Place(network.row, network.at + header_bytes, end, network.group)
     high = np.broadcast_to(IPV4_HIGH, (len(head),))
     source = head["source"].astype(np.uint64) | IPV4_LOW
     destination = head["destination"].astype(np.uint64) | IPV4_LOW
@@ -273,8 +275,8 @@ def _ipv6(data: U8, network: Place) -> tuple[IpPackets, I64]:
         network, head = network.take(version_good), take_rows(head, version_good)
     length = head["payload_length"].astype(np.int64)
     at = network.at + IPV6.size_bytes
-    stop = np.where(length == 0, network.end, at + length)
-    end = np.minimum(network.end, stop)
+    stop = np.where(length == 0, UNTOLD, at + length)
+    end = np.where(length == 0, network.end, np.minimum(network.end, stop))
     protocol = head["next"].copy()
     alive = np.ones(len(protocol), np.bool_)
     in_fragment = np.zeros(len(protocol), np.bool_)
@@ -301,15 +303,16 @@ def _ipv6(data: U8, network: Place) -> tuple[IpPackets, I64]:
     return whole.take(alive), network.row[in_fragment]
 
 
-def _peel_transport(data: U8, ip: IpPackets, claims: Claims, found: _Found) -> None:
+def _peel_transport(batch: PacketBatch, ip: IpPackets, claims: Claims, found: _Found) -> None:
     """Sort the packets of one IP version into UDP datagrams, quoted ones, and TCP segments that are asked for."""
+    data = batch.data
     is_udp = ip.protocol == PROTOCOL_UDP
     if is_udp.all():
         found.udp.append(datagrams(data, ip))
         return
     found.udp.append(datagrams(data, ip.take(is_udp)))
     if claims.tcp:
-        segment = segments(data, ip.take(ip.protocol == PROTOCOL_TCP))
+        segment = segments(data, ip.take(ip.protocol == PROTOCOL_TCP), batch.offset + batch.original)
         found.tcp.append(segment.take(claims.claim_tcp(segment.source_port, segment.destination_port)))
     icmp, unreachable = (PROTOCOL_ICMP, UNREACHABLE_ICMP) if ip.is_ipv4 else (PROTOCOL_ICMPV6, UNREACHABLE_ICMPV6)
     messages = ip.take(ip.protocol == icmp).with_room(ICMP_HEADER_BYTES)

@@ -19,6 +19,9 @@ GROUP_UNKNOWN = 2
 _TCP_WORD_BYTES = 4
 _OFFSET_SHIFT = 4
 
+UNTOLD = -1
+"""In place of where a packet ends by its header, where that says no length."""
+
 
 @dataclass(frozen=True, slots=True)
 class Place(Columns):
@@ -37,7 +40,8 @@ class Place(Columns):
 class IpPackets:
     """Rows at the start of a transport header, with what the IP header said.
 
-    ``stop`` is where the packet ends by its header, which is behind ``place.end`` where less was captured.
+    ``stop`` is where the packet ends by its header, which is behind ``place.end`` where less was captured; ``UNTOLD``
+    where that leaves it to hardware to fill in.
     """
 
     place: Place
@@ -131,9 +135,9 @@ class SegmentBatch(TransportBatch):
     """TCP segments of a packet batch, in its order, those without data among them.
 
     ``header`` is the absolute offset of the TCP header, which lies in front of ``payload`` with its options, int64.
-    ``payload_bytes`` is what the IP header leaves for data, or, where hardware was to fill in its length, what was
-    captured. ``sequence`` and ``acknowledgement`` are uint32 as sent, ``flags`` uint8 as in ``TCP["flags"]``. Where
-    nothing of the data was captured, ``payload`` may lie behind all that was.
+    ``payload_bytes`` is what the IP header leaves for data, or, where hardware was to fill in its length, the frame.
+    ``sequence`` and ``acknowledgement`` are uint32 as sent, ``flags`` uint8 as in ``TCP["flags"]``. Where nothing of
+    the data was captured, ``payload`` may lie behind all that was.
     """
 
     header: I64
@@ -160,18 +164,22 @@ def datagrams(data: U8, ip: IpPackets) -> DatagramBatch:
     )  # fmt: skip
 
 
-def segments(data: U8, ip: IpPackets) -> SegmentBatch:
-    """Read TCP headers; segments whose header was not captured whole, or contradicts itself, are left out."""
+def segments(data: U8, ip: IpPackets, frame_stop: I64) -> SegmentBatch:
+    """Read TCP headers; segments whose header was not captured whole, or contradicts itself, are left out.
+
+    ``frame_stop`` is where each row of the packet batch ends, captured or not, as an offset in ``data``.
+    """
     ip = ip.with_room(TCP.size_bytes)
     head = TCP.gather(data, ip.place.at)
     header_bytes = (head["offset"] >> _OFFSET_SHIFT).astype(np.int64) * _TCP_WORD_BYTES
     payload = ip.place.at + header_bytes
-    whole = (header_bytes >= TCP.size_bytes) & (payload <= ip.stop)
+    stop = np.where(ip.stop == UNTOLD, frame_stop[ip.place.row], ip.stop)
+    whole = (header_bytes >= TCP.size_bytes) & (payload <= stop)
     if not whole.all():
-        ip, head, payload = ip.take(whole), take_rows(head, whole), payload[whole]
+        ip, head, payload, stop = ip.take(whole), take_rows(head, whole), payload[whole], stop[whole]
     return SegmentBatch(
         ip.place.row, ip.source_hi, ip.source_lo, ip.destination_hi, ip.destination_lo,
-        payload, ip.stop - payload, np.maximum(ip.place.end - payload, 0),
+        payload, stop - payload, np.maximum(ip.place.end - payload, 0),
         head["source_port"].astype(np.uint16), head["destination_port"].astype(np.uint16), ip.place.at,
         head["sequence"].astype(np.uint32), head["acknowledgement"].astype(np.uint32), head["flags"].astype(np.uint8),
     )  # fmt: skip

@@ -134,7 +134,7 @@ NO_BODY, TO_THE_END, CHUNKED = "none", "to the end", "chunked"
 def framing(head: Head, response: bool, to_head: bool) -> int | str:
     """Return the length of the body, or how its end is found."""
     status = head.message.status
-    if response and (status < 200 or status in (204, 304) or to_head):
+    if response and (100 <= status < 200 or status in (204, 304) or to_head):
         return NO_BODY
     codings = [one.strip().lower() for value in head.fields.get(b"transfer-encoding", []) for one in value.split(b",")]
     if codings and codings[-1] == b"chunked":
