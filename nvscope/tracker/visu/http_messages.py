@@ -110,9 +110,7 @@ class HttpStreams:
 
     def _orders(self, brought: Brought, ends: I64, places: Sequence[int]) -> list[int]:
         """Return the orders of what was found at places of ``Forms.at``."""
-        found = self._found
-        at, form = (np.array([column[place] for place in places], np.int64) for column in (found.at, found.form))
-        orders: list[int] = brought.pieces.order[self._places(ends, at, form)].tolist()
+        orders: list[int] = brought.pieces.order[self._places(ends, places)].tolist()
         return orders
 
     def _joined(self, buffer: U8, brought: Brought) -> tuple[bytes, I64]:
@@ -183,18 +181,26 @@ class HttpStreams:
     def _requests(self, brought: Brought, ends: I64, asked: slice, waiting: Iterable[bool]) -> HeadRequests:
         """Return the requests of a connection, of which some were found in this batch."""
         found, orders = self._found, brought.pieces.order
-        places = self._places(ends, np.array(found.at[asked], np.int64), np.array(found.form[asked], np.int64))
+        places = self._places(ends, range(asked.start, asked.stop))
         forms = (found.forms[number] for number in found.form[asked])
         return HeadRequests(waiting, zip(orders[places].tolist(), forms, strict=True), ends, orders)
 
-    def _places(self, ends: I64, at: I64, form: I64) -> I64:
-        """Return the pieces with which what was found was there."""
-        reached = at + np.array(self._found.body_bytes, np.int64)[form]
-        places: I64 = np.where(at >= 0, np.searchsorted(ends, reached), ~at)
+    def _places(self, ends: I64, which: Sequence[int]) -> I64:
+        """Return the pieces with which some of what was found was there."""
+        found = self._found
+        if isinstance(which, range):
+            at, form = found.at[which.start : which.stop], found.form[which.start : which.stop]
+        else:
+            at, form = [found.at[place] for place in which], [found.form[place] for place in which]
+        begin = np.array(at, np.int64)
+        reached = begin + np.array(found.body_bytes, np.int64)[np.array(form, np.int64)]
+        if found.late:
+            reached = np.maximum(reached, [found.late.get(place, 0) for place in which])
+        places: I64 = np.where(begin >= 0, np.searchsorted(ends, reached), ~begin)
         return places
 
     def _told(self, data: bytes, brought: Brought, ends: I64, stream: I64) -> HttpMessages:
         found, pieces = self._found, brought.pieces
         at, form = np.array(found.at, np.int64), np.array(found.form, np.int64)
-        piece = self._places(ends, at, form)
+        piece = self._places(ends, range(len(at)))
         return HttpMessages(data, found.forms, stream, form, at, pieces.order[piece], pieces.arrival_ns[piece])

@@ -65,7 +65,8 @@ class Forms:
 
     ``at`` is where the body of a message begins, of what has none where the stream is; below 0, ``~at`` is a piece.
     ``form`` is a place in ``forms``, of which ``body_bytes`` are known by place. ``known`` are the heads by side of
-    which nothing more is to be known to read a message.
+    which nothing more is to be known to read a message. ``late`` is up to where one had to read to find some, by place
+    in ``at``: those that lie in what was taken for another message at first.
     """
 
     BEGIN, END, ANEW = 0, 1, 2
@@ -73,6 +74,7 @@ class Forms:
     def __init__(self) -> None:
         self.at: list[int] = []
         self.form: list[int] = []
+        self.late: dict[int, int] = {}
         self._clear()
 
     def _clear(self) -> None:
@@ -82,7 +84,7 @@ class Forms:
 
     def renew(self) -> None:
         """Forget what was found, and all forms where there are too many."""
-        self.at, self.form = [], []
+        self.at, self.form, self.late = [], [], {}
         if len(self.forms) > _MOST_FORMS:
             self._clear()
 
@@ -107,8 +109,8 @@ class HttpReader:
     """
 
     __slots__ = (
-        "_answers_head", "_answers_nobody", "_passed", "_passes", "_seeks", "asks_head", "breaks", "requests", "rest",
-        "side",
+        "_answers_head", "_answers_nobody", "_known_at", "_passed", "_passes", "_seeks", "asks_head", "breaks",
+        "requests", "rest", "side",
     )  # fmt: skip
 
     def __init__(self, side: Side) -> None:
@@ -124,6 +126,8 @@ class HttpReader:
         # Bytes that are still to come of a body that is not kept, and what is to be told behind them.
         self._passes = 0
         self._passed: Form | None = None
+        # Up to where one had to read to know that what is read now is no part of another message; 0 of what is not.
+        self._known_at = 0
 
     def begin(self, *, in_step: bool) -> None:
         """Take the begin of a connection; its first bytes begin a message where it is ``in_step``."""
@@ -142,6 +146,7 @@ class HttpReader:
         known, body_bytes, find = found.known[self.side], found.body_bytes, data.find
         tell_at, tell_form = found.at.append, found.form.append
         plain = self.requests is None and not self._answers_nobody
+        self._known_at = known_at = 0
         while begin < end:
             if self._seeks:
                 start = http.start_of_message(data, begin, end, self.side)
@@ -153,7 +158,11 @@ class HttpReader:
             number = known.get(data[begin:head_end]) if plain else None
             if number is None:
                 begin = http.behind_blank_lines(data, begin, end)
+                first = len(found.at)
                 behind = self._read_one(data, begin, end, found)
+                if known_at:
+                    self._note_late(first, known_at, found)
+                known_at = self._known_at
                 if behind < 0:
                     break
                 begin = behind
@@ -163,11 +172,20 @@ class HttpReader:
             if behind > end:
                 self._answers_head = False
                 break
+            if behind < known_at:
+                found.late[len(found.at)] = known_at
             tell_at(head_end)
             tell_form(number)
             self._answers_head = None
             begin = behind
         self.rest = data[begin:end] if not self._passes else b""
+
+    @staticmethod
+    def _note_late(first: int, known_at: int, found: Forms) -> None:
+        """Note what was found, from the place ``first`` on, of what could not be known before ``known_at``."""
+        for place in range(first, len(found.at)):
+            if found.at[place] + found.body_bytes[found.form[place]] < known_at:
+                found.late[place] = known_at
 
     def forget_request(self) -> None:
         """Take that nobody knows any more which request the message answers that is being received, if one is."""
@@ -206,7 +224,7 @@ class HttpReader:
         if self._answers_nobody:
             return False
         if self._answers_head is None:
-            self._answers_head = self.requests is not None and self.requests.answers_head(at)
+            self._answers_head = self.requests is not None and self.requests.answers_head(max(at, self._known_at))
         return self._answers_head
 
     def _answered(self, at: int, head: Head | None) -> bool:
@@ -214,7 +232,7 @@ class HttpReader:
         nobody = self._answers_nobody
         self._answers_head, self._answers_nobody = None, False
         if self.requests is not None and not nobody and not (head is not None and head.is_interim):
-            self.requests.answered(at)
+            self.requests.answered(at if at < 0 else max(at, self._known_at))
         return nobody
 
     def _may_be_known(self, head: Head) -> bool:
@@ -261,6 +279,7 @@ class HttpReader:
 
     def _lose_step(self, data: bytes, start: int, at: int, found: Forms) -> int:
         """Give up what begins at ``start``, as is known when ``at`` is reached; look for a message behind its begin."""
+        self._known_at = at = max(at, self._known_at)
         self._out_of_step(at)
         self.breaks.append(len(found.at))
         found.tell(at, Form(What.BROKEN))

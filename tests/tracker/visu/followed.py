@@ -15,6 +15,7 @@ from nvscope.protocols.visu import VISU
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
 from nvscope.tracker.visu.on_demand import VisuState
+from nvscope.tracker.visu.writes import MOST_CHARACTERS
 from nvscope.view.documents.visu import visu_rows
 from tests.oracle.frame import Frame
 from tests.oracle.rules.visu import Visu
@@ -69,11 +70,15 @@ def writes_of(state: TrackerState) -> list[tuple[Any, ...]]:
 
 
 def writes_by_the_rules(rules: Visu) -> list[tuple[Any, ...]]:
-    """Return the same by the rules."""
+    """Return the same by the rules, longer values cut."""
+
+    def cut(value: str | None) -> str | None:
+        return value if value is None or len(value) <= MOST_CHARACTERS else f"{value[:MOST_CHARACTERS]}…"
+
     return [
         (
-            one.time, one.frame, str(one.pair[0]), str(one.pair[1]), one.pair[2], one.variable, one.old, one.new,
-            one.outcome, one.answer,
+            one.time, one.frame, str(one.pair[0]), str(one.pair[1]), one.pair[2], one.variable, cut(one.old),
+            cut(one.new), one.outcome, one.answer,
         )
         for one in rules.writes
     ]  # fmt: skip
