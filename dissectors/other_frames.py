@@ -189,7 +189,7 @@ class _Reader:
         self._reach(FrameKind.IP, ip.place, fault=ip.place.at > ip.place.end)
         for number, kind, name, read in (
             (PROTOCOL_UDP, FrameKind.UDP, "udp", datagrams),
-            (PROTOCOL_TCP, FrameKind.TCP, "tcp", segments),
+            (PROTOCOL_TCP, FrameKind.TCP, "tcp", self._segments),
             (PROTOCOL_ICMP, FrameKind.ICMP, "icmp", _icmp) if is_ipv4 else (
                 PROTOCOL_ICMPV6, FrameKind.ICMPV6, "icmpv6", _icmp
             ),
@@ -204,6 +204,9 @@ class _Reader:
         part = read(self._packets.data, ip)
         self._frames.fault[part.row] = False
         self._add(name, part)
+
+    def _segments(self, data: U8, ip: IpPackets) -> SegmentBatch:
+        return segments(data, ip, self._packets.offset + self._packets.original)
 
     def _ends(self, network: Place, *, is_ipv4: bool) -> IpEnds:
         """Return from where to where packets went, fragments too; and enter what fragments are of."""
