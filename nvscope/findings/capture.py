@@ -320,7 +320,8 @@ def _pages_left_out(facts: Facts) -> Iterator[tuple[Events, str]]:
     known = getattr(other, "known", None)
     if known is None or not len(known.left_out.rows):
         return
-    from nvscope.tracker.visu.state import Beyond
+    from nvscope.tracker.streams import MOST_CONNECTIONS
+    from nvscope.tracker.visu.limits import MOST_HELD_BYTES, MOST_NAMES, MOST_POLLED, MOST_WAITING, Beyond
     from nvscope.tracker.visu.writes import MOST_WRITES
 
     log = known.left_out
@@ -329,6 +330,14 @@ def _pages_left_out(facts: Facts) -> Iterator[tuple[Events, str]]:
         Beyond.VARIABLE: ("further variable", "of web visualization"),
         Beyond.FINDING: ("event", "of further variables of web visualization"),
         Beyond.WRITE: ("variable", f"written beyond the first {count(MOST_WRITES)}"),
+        Beyond.CONNECTION: ("connection", f"of web visualization beyond {count(MOST_CONNECTIONS)} at a time"),
+        Beyond.WAITING: (
+            "web visualization request",
+            f"beyond the {count(MOST_WAITING)} of a connection that are waited for",
+        ),
+        Beyond.HELD: ("HTTP message", f"beyond the {MOST_HELD_BYTES >> 20} MiB held of those that are not whole"),
+        Beyond.NAMES: ("list", f"of variables of web visualization beyond {count(MOST_NAMES)} names"),
+        Beyond.POLLED: ("read", f"beyond the {count(MOST_POLLED)} whose interval is measured"),
     }
     (whats,) = log.keys.words
     for what, events in sorted(zip(whats.tolist(), all_events(log.rows), strict=True), key=lambda one: one[0]):

@@ -12,7 +12,7 @@ bytes do not come any more:
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import ClassVar
@@ -31,6 +31,9 @@ FAR = 1 << 30
 MOST_KEPT_BYTES = 1 << 18
 MOST_KEPT_IN_ALL_BYTES = 1 << 26
 PATIENCE_NS = 10 * 10**9
+FORGOTTEN_NS = 240 * 10**9
+"""A connection that has ended is forgotten after twice the longest life of a segment (RFC 9293, section 3.4.2)."""
+
 _WRAP, _HALF = 1 << 32, 1 << 31
 
 
@@ -127,6 +130,12 @@ class _Stream:
     kept: list[_Kept] = field(default_factory=list)
     kept_bytes: int = 0
 
+    def forget(self) -> None:
+        """Become a stream that has not begun."""
+        self.begun = self.ended = False
+        self.first = self.acknowledged = -1
+        self.latest_ns = 0
+
     def distance(self, sequence: int) -> int:
         """Return how far a sequence number is from where the stream is."""
         return (sequence - self.next + _HALF) % _WRAP - _HALF
@@ -155,6 +164,17 @@ class SegmentsInTurn:
         """Forget what is kept."""
         self._waiting.clear()
         self._kept_bytes = 0
+
+    def keep(self, numbers: Mapping[int, int], columns: StreamColumns) -> None:
+        """Forget all streams but some, which are numbered anew; ``columns`` are their state from now on."""
+        self._columns = columns
+        waiting, self._waiting = self._waiting, {}
+        for number, stream in waiting.items():
+            if number in numbers:
+                stream.number = numbers[number]
+                self._waiting[stream.number] = stream
+            else:
+                self._kept_bytes -= stream.kept_bytes
 
     def begin(self) -> None:
         """Begin a batch, whose buffer is another one."""
@@ -213,15 +233,16 @@ class SegmentsInTurn:
         payload_bytes: int, captured_bytes: int, frame: int, time_ns: int,
     ) -> None:  # fmt: skip
         own, other = ends[side], ends[1 - side]
+        if own.ended and other.ended and time_ns - max(own.latest_ns, other.latest_ns) > FORGOTTEN_NS:
+            for stream in ends:
+                stream.forget()
         if flags & SYN and not flags & RST:
             answers = flags & ACK
             is_new = own.first != (sequence + 1) % _WRAP and (not answers or own.first >= 0)
             if is_new and (own.begun or other.begun):
                 self._break_off(ends, frame, time_ns, (Order.OLD_CLIENT, Order.OLD_SERVER))
                 for stream in ends:
-                    stream.begun = stream.ended = False
-                    stream.first = stream.acknowledged = -1
-                    stream.latest_ns = 0
+                    stream.forget()
         elif not (own.begun or other.begun) and (flags & RST or not (payload_bytes or flags & FIN)):
             return
         if flags & ACK and (other.acknowledged < 0 or _ahead(acknowledgement, other.acknowledged) > 0):

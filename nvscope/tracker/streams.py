@@ -8,6 +8,7 @@ behind it waits until it is sure that the missing bytes do not come any more (``
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,27 +18,68 @@ from dissectors.transport import SegmentBatch
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.tracker.connections import Connections
 from nvscope.tracker.pieces import ANEW, IN_STEP, ORDER_BITS, Brought, Order, PieceKind, Pieces, no_pieces
-from nvscope.tracker.segments_in_turn import FAR, Segments, SegmentsInTurn, StreamColumns
+from nvscope.tracker.segments_in_turn import FAR, FORGOTTEN_NS, Segments, SegmentsInTurn, StreamColumns
 
 _FEW = 128
 """So many segments take as long one after the other as at once."""
+
+MOST_CONNECTIONS = 1 << 16
+ENOUGH = 1 << 10
+"""Fewer connections are not worth while to be forgotten."""
 
 _APART = 1 << 34
 _WRAP, _HALF = 1 << 32, 1 << 31
 _NEVER = int(np.iinfo(np.int64).max)
 
 
+class Outlived(NamedTuple):
+    """The connections that are kept, by the numbers that they had; and whether only those go that have ended."""
+
+    kept: I64
+    only_ended: bool
+
+
 class Streams:
     """The connections over some ports, from one batch to the next.
 
     Connections in which nothing is missing, late or begun anew are put in order all at once, as columns; the others a
-    segment at a time.
+    segment at a time. Of more than ``enough`` connections those that have ended may be forgotten, and of more than
+    ``most`` others, too (``outlived``).
     """
 
-    def __init__(self, ports: Sequence[int]) -> None:
+    def __init__(self, ports: Sequence[int], enough: int = ENOUGH, most: int = MOST_CONNECTIONS) -> None:
         self.connections = Connections(ports)
         self._streams = StreamColumns()
         self._in_turn = SegmentsInTurn(self._streams)
+        self._latest_ns = 0
+        self._enough = self._least = enough
+        self._most = most
+
+    def outlived(self) -> Outlived | None:
+        """Forget connections where there are many; return None where all are kept.
+
+        Those that have ended go, sooner where there are too many of all, and of too many others those of which nothing
+        came for the longest time. Those kept are numbered anew, in their order.
+        """
+        if len(self.connections) <= self._enough:
+            return None
+        column = self._streams.column
+        latest_ns = np.maximum(column("latest_ns")[0::2], column("latest_ns")[1::2])
+        stays = ~(column("ended")[0::2] & column("ended")[1::2])
+        recent = np.flatnonzero(stays | (latest_ns >= self._latest_ns - FORGOTTEN_NS))
+        kept = recent if len(recent) <= self._most else np.flatnonzero(stays)
+        only_ended = len(kept) <= self._most
+        if not only_ended:
+            newest = np.argpartition(latest_ns[kept], -self._most)[-self._most :]
+            kept = np.sort(kept[newest])
+        self._enough = max(self._least, min(2 * len(kept), self._most))
+        if len(kept) == len(self.connections):
+            return None
+        self.connections.keep(kept)
+        streams = np.stack([2 * kept, 2 * kept + 1], axis=1).ravel()
+        self._streams = self._streams.rows(streams)
+        self._in_turn.keep({old: new for new, old in enumerate(streams.tolist())}, self._streams)
+        return Outlived(kept, only_ended)
 
     def forget(self) -> None:
         """Forget where all connections are: what comes next of them begins in the middle."""
@@ -51,6 +93,7 @@ class Streams:
         rows, carrying = self._numbered(packets, segments, first_frame)
         if not len(rows):
             return Brought(no_pieces())
+        self._latest_ns = max(self._latest_ns, int(rows.time_ns.max()))
         self._streams.resize(2 * len(self.connections))
         found: list[Pieces] = []
         self._in_turn.begin()
@@ -106,6 +149,7 @@ class Streams:
         peculiar = np.zeros(len(self.connections), np.bool_)
         peculiar[rows.stream[(rows.flags & RST) != 0] >> 1] = True
         peculiar |= streams.column("waits")[0::2] | streams.column("waits")[1::2]
+        self._mark_forgotten(whole, peculiar)
         start, stop = runs_of(whole.stream)
         stream, connection = whole.stream[start], whole.stream >> 1
         peculiar[connection[whole.captured_bytes < whole.payload_bytes]] = True
@@ -177,6 +221,15 @@ class Streams:
         streams.latest_ns[moved] = latest[stop[mine] - 1]
         streams.ended[whole.stream[ended]] = True
         return is_plain, pieces
+
+    def _mark_forgotten(self, rows: Segments, peculiar: Bool) -> None:
+        """Mark connections of which something comes long after they have ended."""
+        ended, latest_ns = self._streams.column("ended"), self._streams.column("latest_ns")
+        ended = ended[0::2] & ended[1::2]
+        if ended.any():
+            connection = rows.stream >> 1
+            end_ns = np.maximum(latest_ns[0::2], latest_ns[1::2])[connection]
+            peculiar[connection[ended[connection] & (rows.time_ns > end_ns + FORGOTTEN_NS)]] = True
 
     def _mark_begins(self, rows: Segments, syn: I64, first_frame: I64, peculiar: Bool) -> None:
         """Mark connections with a SYN that is not the first thing of them."""

@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -15,11 +16,13 @@ from dissectors.batch import PacketBatch
 from dissectors.claims import Claims
 from dissectors.link import peel
 from nvscope.tracker.pieces import ORDER_BITS, PieceKind
-from nvscope.tracker.streams import Streams
+from nvscope.tracker.streams import ENOUGH, Streams
 from tests.laws import examples, some
 from tests.oracle.frame import Frame
 from tests.oracle.rules.streams import Delivery
 from tests.oracle.rules.streams import Streams as Rules
+from tests.oracle.tcp import peel_tcp
+from tests.oracle.tcp_line import tcp_frame
 from tests.oracle.visu_traffic import visu_traffic
 from tests.packets import batch_of, cut
 
@@ -31,9 +34,9 @@ What = tuple[str, bytes | int, int]
 """D and bytes, H and how many are missing, E and whether it was broken off; and the frame."""
 
 
-def delivered(batches: Iterable[PacketBatch]) -> dict[Where, list[What]]:
-    """Return what the product brings of each direction."""
-    streams, first_frame = Streams(PORTS), 1
+def delivered(batches: Iterable[PacketBatch], enough: int = ENOUGH) -> dict[Where, list[What]]:
+    """Return what the product brings of each direction; it may forget what has ended of more than ``enough``."""
+    streams, first_frame = Streams(PORTS, enough), 1
     found: dict[Where, list[What]] = defaultdict(list)
     for packets in batches:
         batch = packets.with_margin()
@@ -54,6 +57,7 @@ def delivered(batches: Iterable[PacketBatch]) -> dict[Where, list[What]]:
             elif kind == PieceKind.END:
                 found[where].append(("E", size, frame))
         first_frame += len(packets)
+        streams.outlived()
     return joined(found)
 
 
@@ -102,3 +106,34 @@ def test_each_byte_is_in_its_place(seed: int) -> None:
 def test_so_it_is_however_a_capture_is_cut(seed: int, packets: int) -> None:
     frames = visu_traffic(seed)
     assert delivered(cut(batch_of(frames), packets)) == by_the_rules(frames)
+
+
+@examples(60)
+@given(seed=st.integers(0, 20_000), packets=st.integers(1, 200), pause_s=st.sampled_from([1, 100, 300]))
+def test_what_is_forgotten_would_not_have_been_asked_for(seed: int, packets: int, pause_s: int) -> None:
+    # Whose ports are both claimed may be the server, or not, once it is forgotten who was.
+    once = [frame for frame in visu_traffic(seed) if not _may_both_serve(frame)]
+    later = pause_s * 10**9 + max(frame.ts_ns for frame in once) - min(frame.ts_ns for frame in once)
+    twice = [*once, *(frame._replace(ts_ns=frame.ts_ns + later) for frame in once)]
+    assert delivered(cut(batch_of(twice), packets), enough=0) == by_the_rules(twice)
+
+
+def _may_both_serve(frame: Frame) -> bool:
+    segment = peel_tcp(frame)
+    return segment is not None and {segment.source_port, segment.destination_port} <= set(PORTS)
+
+
+def opened(port: int, second: int) -> Frame:
+    """Return the first data of a connection that a client opens from a port."""
+    return tcp_frame(second * 10**9, ("10.0.0.1", port), ("10.0.0.5", 80), seq=second // 3, data=b"x")
+
+
+def test_of_too_many_connections_those_that_are_silent_for_longest_are_forgotten() -> None:
+    frames = [opened(port, second) for second, port in enumerate([50000, 50001, 50002, 50000, 50003])]
+    streams = Streams(PORTS, enough=0, most=2)
+    batch = batch_of(frames).with_margin()
+    streams.observe(batch, peel(batch, claims=Claims(tcp=PORTS)).tcp, 1)
+    outlived = streams.outlived()
+    assert outlived is not None
+    assert (outlived.kept.tolist(), outlived.only_ended) == ([0, 3], False)
+    assert streams.connections.ends_of(np.arange(2)).client_port.tolist() == [50000, 50003]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dissectors.http import Head
 from dissectors.webvisu import Request, read_query, read_request
+from nvscope.tracker.visu.limits import MOST_ENTRIES
 
 _MOST_KNOWN = 4096
-"""So many different bodies and addresses are remembered."""
+"""So many different bodies and addresses are remembered, and of ``MOST_ENTRIES`` variables in all."""
 
 _QUERIES = ("readpi", "writepi")
 
@@ -36,6 +37,7 @@ class Asking:
     def __init__(self) -> None:
         self._bodies: dict[bytes, Ask] = {}
         self._targets: dict[str, Ask] = {}
+        self._entries = 0
 
     def by_body(self, body: bytes) -> Ask:
         """Return what the body of a POST asks for, ``NOTHING`` where it is no request of a page."""
@@ -46,10 +48,18 @@ class Asking:
         if request is None:
             return NOTHING
         # Writes seldom come again.
-        if request.writes or len(self._bodies) >= _MOST_KNOWN:
+        if request.writes or not self._is_room(request):
             return Ask(request)
         ask = self._bodies[body] = Ask(request, is_known=True)
         return ask
+
+    def _is_room(self, request: Request | None) -> bool:
+        """Tell whether there is room to remember a request, and take it."""
+        entries = self._entries + (0 if request is None else len(request.entries))
+        if len(self._bodies) + len(self._targets) >= _MOST_KNOWN or entries > MOST_ENTRIES:
+            return False
+        self._entries = entries
+        return True
 
     def by_target(self, head: Head) -> Ask:
         """Return what a request without such a body asks for."""
@@ -63,7 +73,7 @@ class Asking:
         is_list = request is None and target.partition("?")[0].lower().endswith((".xml", ".sym_xml"))
         if request is None and not is_list:
             return NOTHING
-        is_known = not (request is not None and request.writes) and len(self._targets) < _MOST_KNOWN
+        is_known = not (request is not None and request.writes) and self._is_room(request)
         ask = Ask(request, is_list=is_list, is_known=is_known)
         if is_known:
             self._targets[target] = ask

@@ -13,6 +13,7 @@ from typing import NamedTuple
 from nvscope.tracker.pieces import ORDER_BITS
 from nvscope.tracker.visu.asking import NOTHING, Ask
 from nvscope.tracker.visu.http_reader import Form, What
+from nvscope.tracker.visu.limits import MOST_WAITING
 from nvscope.tracker.visu.messages import Kind
 
 
@@ -41,10 +42,16 @@ class Happened(NamedTuple):
 
 @dataclass(slots=True)
 class Conversation:
-    """One connection; ``is_visu`` from its first request of a WebVisu page on, ``gap_bytes`` are missing until then."""
+    """One connection; ``is_visu`` from its first request of a WebVisu page on, ``gap_bytes`` are missing until then.
+
+    ``beyond`` requests wait behind those that are ``waiting``: nobody remembers what they ask for. ``left_out`` are
+    those of WebVisu pages of which that has not been told yet.
+    """
 
     connection: int
     waiting: deque[Waiting] = field(default_factory=deque)
+    beyond: int = 0
+    left_out: int = 0
     is_visu: bool = False
     gap_bytes: int = 0
 
@@ -57,13 +64,24 @@ class Conversation:
                 kind = Kind.CUT if form.what is What.CUT else Kind.READ
                 self._tell_request(kind, asked, order, message, tell)
             is_head = form.head is not None and form.head.method == "HEAD"
-            self.waiting.append(Waiting(NOTHING if form.what is What.CUT else asked, order, arrival_ns, is_head))
+            self._wait(Waiting(NOTHING if form.what is What.CUT else asked, order, arrival_ns, is_head))
         elif form.what is What.BROKEN:
             if form.touched:
                 self._tell_request(Kind.CUT, NOTHING, order, message, tell)
-            self.waiting.clear()
+            self._forget_waiting()
         else:
             self._take_other(form, order, tell)
+
+    def _wait(self, one: Waiting) -> None:
+        if self.beyond or len(self.waiting) >= MOST_WAITING:
+            self.beyond += 1
+            self.left_out += one.asked.request is not None
+        else:
+            self.waiting.append(one)
+
+    def _forget_waiting(self) -> None:
+        self.waiting.clear()
+        self.beyond = 0
 
     def _tell_request(
         self, kind: Kind, asked: Ask, order: int, message: int, tell: Callable[[Happened], None]
@@ -77,18 +95,22 @@ class Conversation:
         """Take what happens in the server's direction."""
         if form.what in (What.WHOLE, What.CUT):
             is_interim = form.head is not None and form.head.is_interim
-            if self.waiting and not is_interim and not form.answers_nobody:
+            if is_interim or form.answers_nobody:
+                return
+            if self.waiting:
                 asked = self.waiting.popleft()
                 is_whole = form.what is What.WHOLE and not (form.is_coded and form.content is None)
                 self._tell_answer(Kind.REPLY if is_whole else Kind.CUT, asked, order, arrival_ns, message, tell)
+            elif self.beyond:
+                self.beyond -= 1
         elif form.what is What.BROKEN:
             if self.waiting and form.touched:
                 self._tell_answer(Kind.CUT, self.waiting[0], order, arrival_ns, message, tell)
-            self.waiting.clear()
+            self._forget_waiting()
         elif form.what is What.END:
             for asked in self.waiting:
                 self._tell_answer(Kind.UNANSWERED, asked, order, arrival_ns, message, tell)
-            self.waiting.clear()
+            self._forget_waiting()
         else:
             self._take_other(form, order, tell)
 
@@ -108,7 +130,7 @@ class Conversation:
 
     def _take_other(self, form: Form, order: int, tell: Callable[[Happened], None]) -> None:
         if form.what is What.ANEW:
-            self.waiting.clear()
+            self._forget_waiting()
             self.is_visu, self.gap_bytes = False, 0
         elif form.what is What.GAP:
             if self.is_visu:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -12,12 +13,14 @@ from dissectors.http import Side
 from dissectors.keys import KeyTable
 from dissectors.transport import SegmentBatch
 from dissectors.webvisu import Place, Request
+from nvscope.engine.runs import distinct
 from nvscope.tracker.connections import Connections
 from nvscope.tracker.pieces import ORDER_BITS
 from nvscope.tracker.visu.asking import NOTHING, Ask, Asking
 from nvscope.tracker.visu.conversation import Conversation, Happened
 from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.http_reader import What
+from nvscope.tracker.visu.limits import MOST_PAIRS, MOST_POLLED, Beyond
 from nvscope.tracker.visu.messages import Kind, VisuBatch, VisuMessages, no_messages
 from nvscope.tracker.visu.names import Names
 from nvscope.tracker.visu.outcomes import OK, outcomes
@@ -38,12 +41,23 @@ class Exchanges:
         self._conversations: dict[int, Conversation] = {}
         self._names = Names(names)
         self._read_ns: dict[tuple[int, Ask], int] = {}
+        self._left_out: Counter[Beyond] = Counter()
         self.pairs = KeyTable(5)
 
     def forget(self) -> None:
         """Forget what waits for a reply, and when something was read."""
         self._conversations.clear()
         self._read_ns.clear()
+
+    def keep(self, numbers: Mapping[int, int], *, only_ended: bool) -> None:
+        """Forget all connections but some, which are numbered anew; ``only_ended``: the others have all ended."""
+        conversations, self._conversations = self._conversations, {}
+        for number, conversation in conversations.items():
+            if number in numbers:
+                conversation.connection = numbers[number]
+                self._conversations[conversation.connection] = conversation
+            elif not only_ended and conversation.is_visu:
+                self._left_out[Beyond.CONNECTION] += 1
 
     def heads_that_wait(self, connection: int) -> list[bool]:
         """Return of the requests of a connection that wait for a reply whether they are HEAD."""
@@ -54,6 +68,7 @@ class Exchanges:
         self, http: HttpMessages, packets: PacketBatch, segments: SegmentBatch, first_frame: int
     ) -> VisuBatch:  # fmt: skip
         """Return what the HTTP messages of a batch say of WebVisu; ``first_frame`` is that of its row 0."""
+        self._left_out[Beyond.HELD] += http.given_up
         if not len(http):
             return no_messages()
         asked_for = AskedFor(NOTHING)
@@ -61,10 +76,14 @@ class Exchanges:
         parts: list[Said] = []
         self._pair(http, np.arange(len(http)), plain_rows(http, asked, asked_for.asks), asked, asked_for, parts)
         said = Said.stacked(parts)
+        said = said.take(np.argsort(said.order, kind="stable"))
+        pair = self._pairs(said.connection)
+        if (pair < 0).any():
+            self._left_out[Beyond.PAIR] += int((pair < 0).sum())
+            said, pair = said.take(pair >= 0), pair[pair >= 0]
         if not len(said):
             return no_messages()
-        said = said.take(np.argsort(said.order, kind="stable"))
-        return self._told(http, said, asked_for.asks, packets, segments, first_frame)
+        return self._told(http, said, pair, asked_for.asks, packets, segments, first_frame)
 
     def _pair(
         self, http: HttpMessages, rows: I64, is_plain: Bool, asked: I64, asked_for: AskedFor, parts: list[Said]
@@ -120,14 +139,20 @@ class Exchanges:
         happened: list[Happened] = []
         tell, forms, asks = happened.append, http.forms, asked_for.asks
         conversation = Conversation(-1)
+        met: list[Conversation] = []
         for row, stream, form, ask, at, arrival_ns in zip(*(column.tolist() for column in sources), strict=True):
             if stream >> 1 != conversation.connection:
                 number = stream >> 1
                 conversation = self._conversations.setdefault(number, Conversation(number))
+                met.append(conversation)
             if stream & 1:
                 conversation.take_from_server(forms[form], at, arrival_ns, row, tell)
             else:
                 conversation.take_from_client(forms[form], asks[ask], at, arrival_ns, row, tell)
+        for conversation in met:
+            if conversation.left_out:
+                self._left_out[Beyond.WAITING] += conversation.left_out
+                conversation.left_out = 0
         table = [
             (
                 int(one.kind), one.connection, one.order, one.message, asked_for.number(one.asked), one.latency_ns,
@@ -140,11 +165,10 @@ class Exchanges:
         return Said(*columns)
 
     def _told(
-        self, http: HttpMessages, said: Said, asks: Sequence[Ask], packets: PacketBatch, segments: SegmentBatch,
-        first_frame: int,
+        self, http: HttpMessages, said: Said, pair: I64, asks: Sequence[Ask], packets: PacketBatch,
+        segments: SegmentBatch, first_frame: int,
     ) -> VisuBatch:  # fmt: skip
         requests = [one.request or NO_REQUEST for one in asks]
-        pair = self._pairs(said.connection)
         row = (said.order >> ORDER_BITS) - first_frame
         data, start, stop = _contents(http, said)
         naming = self._namings(said, pair, data, start, stop, http)
@@ -162,21 +186,25 @@ class Exchanges:
             kind, row, pair, np.where(said.asked > 0, said.asked, -1), start, stop, status, outcome, fields,
             said.latency_ns, said.asked_frame, said.gap_bytes, said.opens, polled_ns, naming,
         )  # fmt: skip
-        return VisuBatch.of(messages, segments, data, requests, self.pairs.words, self._names.versions)
+        self._left_out[Beyond.NAMES] += self._names.left_out
+        left_out, self._left_out, self._names.left_out = +self._left_out, Counter(), 0
+        return VisuBatch.of(messages, segments, data, requests, self.pairs.words, self._names.versions, left_out)
 
     def _namings(self, said: Said, pair: I64, data: bytes, start: I64, stop: I64, http: HttpMessages) -> I64:
         """Return what names were known at each message, with those of the lists that are among them."""
-        servers = list(zip(*(self.pairs.words[word].tolist() for word in (2, 3)), strict=True))
-        versions = np.array([self._names.version_of(server) for server in servers], np.int64)
-        naming: I64 = versions[pair]
+        spoken = distinct(pair)
+        halves = (self.pairs.words[word][spoken].tolist() for word in (2, 3))
+        servers = dict(zip(spoken.tolist(), zip(*halves, strict=True), strict=True))
+        versions = np.array([self._names.version_of(server) for server in servers.values()], np.int64)
+        naming: I64 = versions[np.searchsorted(spoken, pair)]
         for place in np.flatnonzero(said.kind == Kind.NAMES).tolist():
             form = http.forms[int(http.form[said.message[place]])]
             if form.head is None or form.head.status != OK:
                 continue
             server = servers[int(pair[place])]
             self._names.learn(server, data[int(start[place]) : int(stop[place])])
-            same = np.array([other == server for other in servers], np.bool_)
-            naming[place:][same[pair[place:]]] = self._names.version_of(server)
+            same = np.array([other == server for other in servers.values()], np.bool_)
+            naming[place:][same[np.searchsorted(spoken, pair[place:])]] = self._names.version_of(server)
         return naming
 
     def _since_read(self, pair: I64, asked: I64, asks: Sequence[Ask], time_ns: I64) -> I64:
@@ -194,6 +222,9 @@ class Exchanges:
             key = int(pair[order[place]]), asks[int(asked[order[place]])]
             before = self._read_ns.get(key)
             since[place] = -1 if before is None else max(int(ordered[place]) - before, 0)
+            if before is None and len(self._read_ns) >= MOST_POLLED:
+                self._left_out[Beyond.POLLED] += 1
+                continue
             self._read_ns[key] = int(ordered[last - 1])
         told = np.empty(len(order), np.int64)
         told[order] = since
@@ -201,7 +232,7 @@ class Exchanges:
 
     def _pairs(self, connection: I64) -> I64:
         ends = self._connections.ends_of(connection)
-        return self.pairs.numbers(*ends.client, *ends.server, ends.server_port)
+        return self.pairs.numbers_within(MOST_PAIRS, *ends.client, *ends.server, ends.server_port)
 
 
 def _statuses(http: HttpMessages) -> I64:

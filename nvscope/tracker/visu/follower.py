@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dissectors.batch import PacketBatch
 from dissectors.transport import SegmentBatch
 from dissectors.webvisu import Place
-from nvscope.tracker.streams import Streams
+from nvscope.tracker.streams import ENOUGH, MOST_CONNECTIONS, Streams
 from nvscope.tracker.visu.exchanges import Exchanges
 from nvscope.tracker.visu.http_messages import HttpStreams
 from nvscope.tracker.visu.messages import VisuBatch
@@ -15,10 +15,15 @@ from nvscope.tracker.visu.names import NO_NAMES
 
 
 class VisuFollower:
-    """Follows the connections over some ports, from one batch to the next; ``names`` are those given of variables."""
+    """Follows the connections over some ports, from one batch to the next; ``names`` are those given of variables.
 
-    def __init__(self, ports: Sequence[int], names: Mapping[Place, str] = NO_NAMES) -> None:
-        self._streams = Streams(ports)
+    Of more than ``most`` connections at a time, those that are silent for longest are given up.
+    """
+
+    def __init__(
+        self, ports: Sequence[int], names: Mapping[Place, str] = NO_NAMES, most: int = MOST_CONNECTIONS
+    ) -> None:
+        self._streams = Streams(ports, min(most, ENOUGH), most)
         self._http = HttpStreams()
         self._exchanges = Exchanges(self._streams.connections, names)
 
@@ -26,7 +31,13 @@ class VisuFollower:
         """Return what the segments of a batch bring, which follows those before; its row 0 is frame ``first_frame``."""
         brought = self._streams.observe(packets, segments, first_frame)
         messages = self._http.read(packets.data, brought, self._exchanges.heads_that_wait)
-        return self._exchanges.take(messages, packets, segments, first_frame)
+        told = self._exchanges.take(messages, packets, segments, first_frame)
+        outlived = self._streams.outlived()
+        if outlived is not None:
+            numbers = {old: new for new, old in enumerate(outlived.kept.tolist())}
+            self._http.keep(numbers)
+            self._exchanges.keep(numbers, only_ended=outlived.only_ended)
+        return told
 
     def forget(self) -> None:
         """Forget where all connections are: what comes next of them begins in the middle."""

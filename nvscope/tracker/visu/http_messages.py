@@ -5,7 +5,7 @@ A message may lie in any number of segments and batches, and a segment may hold 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from nvscope.engine.runs import runs_of
 from nvscope.tracker.pieces import ANEW, IN_STEP, Brought, PieceKind
 from nvscope.tracker.visu.head_requests import HeadRequests
 from nvscope.tracker.visu.http_reader import Form, Forms, HttpReader
+from nvscope.tracker.visu.limits import MOST_HELD_BYTES
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +24,8 @@ class HttpMessages:
     """What happened in the streams of a batch, by stream, and in each in its order; columns of int64, shape (n,).
 
     ``form`` is a place in ``forms``. Of a message whose content is as it came, that begins at ``start`` in ``data``.
-    ``order`` and ``arrival_ns`` are those of the piece that made it whole (``nvscope.tracker.pieces``).
+    ``order`` and ``arrival_ns`` are those of the piece that made it whole (``nvscope.tracker.pieces``). ``given_up`` is
+    how many messages had begun for which there was no room.
     """
 
     data: bytes
@@ -33,6 +35,7 @@ class HttpMessages:
     start: I64
     order: I64
     arrival_ns: I64
+    given_up: int = 0
 
     def __len__(self) -> int:
         return len(self.stream)
@@ -47,18 +50,34 @@ class HttpMessages:
 
 
 class HttpStreams:
-    """Finds messages in streams, from one batch to the next."""
+    """Finds messages in streams, from one batch to the next.
 
-    def __init__(self) -> None:
+    Of those that are not whole it holds ``most_held_bytes`` in all; a message that goes beyond is cut.
+    """
+
+    def __init__(self, most_held_bytes: int = MOST_HELD_BYTES) -> None:
         self._readers: dict[int, HttpReader] = {}
         self._found = Forms()
         # Connections, and those between the same ends before, in which the client has sent HEAD.
         self._with_head: set[int] = set()
+        self._most_held_bytes = most_held_bytes
+        self._held_bytes = 0
 
     def forget(self) -> None:
         """Forget where all streams are."""
         self._readers.clear()
         self._with_head.clear()
+        self._held_bytes = 0
+
+    def keep(self, numbers: Mapping[int, int]) -> None:
+        """Forget all connections but some, which are numbered anew."""
+        readers, self._readers = self._readers, {}
+        for stream, reader in readers.items():
+            number = numbers.get(stream >> 1)
+            if number is not None:
+                self._readers[2 * number + (stream & 1)] = reader
+        self._with_head = {numbers[one] for one in self._with_head if one in numbers}
+        self._held_bytes = sum(len(reader.rest) for reader in self._readers.values())
 
     def read(self, buffer: U8, brought: Brought, waiting_of: Callable[[int], Iterable[bool]]) -> HttpMessages:
         """Return what happens in the streams by the pieces of a batch; ``buffer`` is that of its packets.
@@ -74,7 +93,7 @@ class HttpStreams:
         controls = np.add.reduceat(is_control, run_start, dtype=np.int64).tolist() if len(run_start) else []
         behind = [0, *ends[run_stop - 1].tolist()]
         counts: list[int] = []
-        asking, breaks = -1, list[int]()
+        asking, breaks, given_up = -1, list[int](), 0
         for place, (stream, start, stop) in enumerate(zip(pieces.stream[run_start].tolist(), *runs, strict=True)):
             before = len(found.at)
             if stream >> 1 != asking:
@@ -87,11 +106,16 @@ class HttpStreams:
                 first = before if asking != stream >> 1 else before - counts[-1]
                 reader.requests = self._requests(brought, ends, slice(first, before), waiting_of(stream >> 1))
             asking = stream >> 1
+            self._held_bytes -= len(reader.rest)
             if controls[place] or breaks:
                 self._follow(stream, reader, data, brought, ends, (start, stop, behind[place]), breaks)
                 breaks = []
             else:
                 reader.read(data, behind[place], behind[place + 1], found)
+            if self._held_bytes + len(reader.rest) > self._most_held_bytes and reader.rest:
+                reader.give_up(~(stop - 1), found)
+                given_up += 1
+            self._held_bytes += len(reader.rest)
             if reader.side is Side.CLIENT:
                 if reader.asks_head:
                     self._with_head.add(stream >> 1)
@@ -100,7 +124,7 @@ class HttpStreams:
             reader.breaks = []
             counts.append(len(found.at) - before)
         self._forget_requests(asking, breaks)
-        return self._told(data, brought, ends, np.repeat(pieces.stream[run_start], counts))
+        return self._told(data, brought, ends, np.repeat(pieces.stream[run_start], counts), given_up)
 
     def _forget_requests(self, connection: int, breaks: Sequence[int]) -> None:
         """Take that the client's direction lost step while nothing came of the server's."""
@@ -199,8 +223,9 @@ class HttpStreams:
         places: I64 = np.where(begin >= 0, np.searchsorted(ends, reached), ~begin)
         return places
 
-    def _told(self, data: bytes, brought: Brought, ends: I64, stream: I64) -> HttpMessages:
+    def _told(self, data: bytes, brought: Brought, ends: I64, stream: I64, given_up: int) -> HttpMessages:
         found, pieces = self._found, brought.pieces
         at, form = np.array(found.at, np.int64), np.array(found.form, np.int64)
         piece = self._places(ends, range(len(at)))
-        return HttpMessages(data, found.forms, stream, form, at, pieces.order[piece], pieces.arrival_ns[piece])
+        order, arrival_ns = pieces.order[piece], pieces.arrival_ns[piece]
+        return HttpMessages(data, found.forms, stream, form, at, order, arrival_ns, given_up)

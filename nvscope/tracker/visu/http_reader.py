@@ -299,6 +299,14 @@ class HttpReader:
     def miss(self, size: int, at: int, found: Forms) -> None:
         """Take a hole of so many bytes."""
         found.tell(at, Form(What.GAP, missing_bytes=size))
+        self._drop(size, at, found)
+
+    def give_up(self, at: int, found: Forms) -> None:
+        """Drop the bytes of the message that has begun, for which there is no room: it is cut."""
+        self._drop(0, at, found)
+
+    def _drop(self, size: int, at: int, found: Forms) -> None:
+        """Take that the bytes of the message that has begun are lost, and so many behind them."""
         rest, self.rest = self.rest, b""
         in_step = not self._seeks
         touched = False

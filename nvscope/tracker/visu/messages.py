@@ -14,6 +14,7 @@ from dissectors.columns import Columns
 from dissectors.transport import NO_SEGMENTS, SegmentBatch
 from dissectors.webvisu import Place, Request
 from nvscope.engine.runs import runs_of
+from nvscope.tracker.visu.limits import Beyond
 
 
 class Kind(IntEnum):
@@ -80,6 +81,7 @@ class VisuBatch:
     The messages of frame ``i`` are ``count[i]``, from ``first[i]`` on; ``segment`` is what came with it. ``data`` are
     the contents of bodies, ``requests`` what was asked for, by number; ``pairs`` are halves of the addresses of client
     and server, and its port, by number of the pair, five columns of uint64; ``namings`` are what variables were called.
+    ``left_out`` is how often there was no room for something up to here, and that was not told before.
     """
 
     row: I64
@@ -91,6 +93,7 @@ class VisuBatch:
     requests: Sequence[Request]
     pairs: Sequence[U64]
     namings: Sequence[Mapping[Place, str]]
+    left_out: Mapping[Beyond, int]
 
     def __len__(self) -> int:
         return len(self.row)
@@ -104,13 +107,13 @@ class VisuBatch:
     @staticmethod
     def of(
         messages: VisuMessages, segments: SegmentBatch, data: bytes, requests: Sequence[Request], pairs: Sequence[U64],
-        namings: Sequence[Mapping[Place, str]],
+        namings: Sequence[Mapping[Place, str]], left_out: Mapping[Beyond, int],
     ) -> VisuBatch:  # fmt: skip
         """Return the frames of some messages that stand in their order; ``segments`` are those of the batch."""
         start, stop = runs_of(messages.row)
         row = messages.row[start]
         own = segments.take(np.searchsorted(segments.row, row))
-        return VisuBatch(row, start, stop - start, messages, own, data, requests, pairs, namings)
+        return VisuBatch(row, start, stop - start, messages, own, data, requests, pairs, namings, left_out)
 
 
 def messages_of(rows: Sequence[Sequence[int]]) -> VisuMessages:
@@ -123,4 +126,4 @@ def messages_of(rows: Sequence[Sequence[int]]) -> VisuMessages:
 
 def no_messages() -> VisuBatch:
     """Return the frames of no messages."""
-    return VisuBatch.of(messages_of(()), NO_SEGMENTS, b"", (), (), ())
+    return VisuBatch.of(messages_of(()), NO_SEGMENTS, b"", (), (), (), {})

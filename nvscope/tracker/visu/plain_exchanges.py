@@ -19,6 +19,7 @@ from nvscope.tracker.visu.asking import Ask
 from nvscope.tracker.visu.conversation import Conversation, Waiting
 from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.http_reader import Form, What
+from nvscope.tracker.visu.limits import MOST_WAITING
 from nvscope.tracker.visu.messages import Kind
 
 FEW = 16
@@ -106,7 +107,7 @@ def _paired(
 ) -> Said | None:
     """Pair the requests of a connection with its replies, both rows of messages; None where these are not in turn."""
     waiting = conversation.waiting
-    if any(one.asked.is_list or one.is_head for one in waiting):
+    if conversation.beyond or any(one.asked.is_list or one.is_head for one in waiting):
         return None
     order, arrival_ns, own = http.order[asks], http.arrival_ns[asks], asked[asks]
     if waiting:
@@ -115,6 +116,9 @@ def _paired(
         own = np.append([asked_for.number(one.asked) for one in waiting], own)
     replies = len(answers)
     if replies > len(order) or (order[:replies] >= http.order[answers]).any():
+        return None
+    answered = np.searchsorted(http.order[answers], order) if len(order) > MOST_WAITING else 0
+    if (np.arange(1, len(order) + 1) - answered > MOST_WAITING).any():
         return None
     waiting.clear()
     for number, at, time_ns in zip(*(column[replies:].tolist() for column in (own, order, arrival_ns)), strict=True):

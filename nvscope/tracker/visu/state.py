@@ -17,6 +17,7 @@ from nvscope.engine.told import Told
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.latency import Latencies
 from nvscope.tracker.visu.events import VisuEvent
+from nvscope.tracker.visu.limits import MOST_ENTRIES, Beyond
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages
 from nvscope.tracker.visu.names import name_of
 from nvscope.tracker.visu.writes import Writes
@@ -77,15 +78,6 @@ class PairColumns(KeyedColumns):
     }  # fmt: skip
 
 
-class Beyond(IntEnum):
-    """That for which there is no room: pairs, variables that differ, findings on more of these, and writes."""
-
-    PAIR = 0
-    VARIABLE = 1
-    FINDING = 2
-    WRITE = 3
-
-
 class Subject(NamedTuple):
     """What a finding is about: who asked whom, and which variable; '' for what is of none."""
 
@@ -117,7 +109,9 @@ class VisuCounts:
         self._minutes: set[tuple[int, int]] = set()
         self._variables: set[tuple[int, str]] = set()
         self._asked: set[tuple[int, Request]] = set()
+        self._asked_entries = 0
         self._secrets: dict[tuple[Request, int], Collection[int]] = {}
+        self._secret_entries = 0
 
     def observe(self, told: Told, part: VisuBatch) -> None:
         """Take what a batch brings."""
@@ -129,6 +123,8 @@ class VisuCounts:
             self._leave_out(Beyond.PAIR, told, messages.take(beyond))
             messages, pair = messages.take(~beyond), pair[~beyond]
         self.columns.resize(len(self.pairs))
+        for what, count in part.left_out.items():
+            self._leave_out(what, told, part.messages.take(np.full(count, len(part.messages) - 1)))
         self._count(pair, messages, part.requests)
         self._note(told, part, pair, messages)
         self._note_writes(told, part, pair, messages)
@@ -237,18 +233,22 @@ class VisuCounts:
         found = self._secrets.get(key)
         if found is None:
             found = {place for place, one in enumerate(request.entries) if is_password(name_of(one, names))}
-            if len(self._secrets) > _MOST_REMEMBERED:
+            if len(self._secrets) > _MOST_REMEMBERED or self._secret_entries > MOST_ENTRIES:
                 self._secrets.clear()
+                self._secret_entries = 0
             self._secrets[key] = found
+            self._secret_entries += len(request.entries)
         return found
 
     def _note_variables(self, pair: int, request: Request, told: Told, time_ns: int, frame: int) -> None:
         if (pair, request) in self._asked:
             return
-        if len(self._asked) > _MOST_REMEMBERED:
+        if len(self._asked) > _MOST_REMEMBERED or self._asked_entries > MOST_ENTRIES:
             self._asked.clear()
+            self._asked_entries = 0
         if not request.writes:
             self._asked.add((pair, request))
+            self._asked_entries += len(request.entries)
         for entry in request.entries:
             key = (pair, entry.address)
             if key in self._variables:

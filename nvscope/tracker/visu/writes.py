@@ -10,6 +10,7 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from dissectors.webvisu import Place, Request, read_reply
+from nvscope.tracker.visu.limits import MOST_ENTRIES
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages
 from nvscope.tracker.visu.names import is_secret, name_of
 
@@ -26,8 +27,13 @@ _MOST_BODY_BYTES = 1 << 16
 _MOST_KEPT_BYTES = 1 << 26
 """Longer replies, and more of them, are not kept: what was written over is not known then."""
 
+_MOST_ASKERS = 256
+"""Where more requests ask for a variable, what was written over is not known."""
+
 Server = tuple[int, int]
 Where = Place | str
+_When = tuple[int, int]
+_NEVER: _When = (-1, -1)
 
 
 class WriteOutcome(StrEnum):
@@ -161,40 +167,50 @@ class _Values:
     """What is known of the variables of all servers."""
 
     def __init__(self) -> None:
-        self._replies: dict[tuple[Server, Request], tuple[tuple[int, int], bytes]] = {}
+        self._replies: dict[tuple[Server, Request], tuple[_When, bytes]] = {}
         self._askers: dict[tuple[Server, Where], list[tuple[Request, int]]] = defaultdict(list)
-        self._written: dict[tuple[Server, Where], tuple[tuple[int, int], str]] = {}
-        self._bytes = 0
+        self._written: dict[tuple[Server, Where], tuple[_When, str]] = {}
+        self._bytes = self._entries = 0
+        # When there was no room for what came last: what was known of a server before may have changed since.
+        self._lost: dict[Server, _When] = {}
 
     def read(self, server: Server, request: Request, body: bytes, frame: int, row: int) -> None:
         """Note the reply to a read; ``frame`` and ``row`` say what was first."""
         key = server, request
         before = self._replies.get(key)
-        room = _MOST_KEPT_BYTES - self._bytes + (len(before[1]) if before else 0)
-        if len(body) > min(room, _MOST_BODY_BYTES):
-            self._bytes -= len(before[1]) if before else 0
-            self._replies.pop(key, None)
+        kept_bytes = self._bytes - (len(before[1]) if before else 0) + len(body)
+        if len(body) > _MOST_BODY_BYTES or kept_bytes > _MOST_KEPT_BYTES or not (before or self._has_room(key)):
+            self._lost[server] = frame, row
             return
         if before is None:
+            self._entries += len(request.entries)
             for place, entry in enumerate(request.entries):
-                askers = self._askers[server, entry.place]
-                if (request, place) not in askers:
-                    askers.append((request, place))
-        self._bytes += len(body) - (len(before[1]) if before else 0)
+                self._askers[server, entry.place].append((request, place))
+        self._bytes = kept_bytes
         self._replies[key] = (frame, row), body
+
+    def _has_room(self, key: tuple[Server, Request]) -> bool:
+        server, request = key
+        if self._entries + len(request.entries) > MOST_ENTRIES:
+            return False
+        return all(len(self._askers.get((server, one.place), ())) < _MOST_ASKERS for one in request.entries)
 
     def written(self, server: Server, place: Where, value: str, frame: int, row: int) -> None:
         """Note that a value was written."""
         if len(self._written) < MOST_WRITES or (server, place) in self._written:
             self._written[server, place] = (frame, row), value
+        else:
+            self._lost[server] = frame, row
 
     def known(self, server: Server, place: Where) -> str | None:
         """Return what a variable was read or written as last, None where nobody knows."""
-        at, value = self._written.get((server, place), ((-1, -1), None))
-        found: str | None = value
+        at, found = self._lost.get(server, _NEVER), None
+        written = self._written.get((server, place))
+        if written is not None and written[0] >= at:
+            at, found = written
         for request, position in self._askers.get((server, place), ()):
-            reply = self._replies.get((server, request))
-            if reply is not None and reply[0] >= at:
+            reply = self._replies[server, request]
+            if reply[0] >= at:
                 values = read_reply(request, reply[1]).values
                 if position < len(values):
                     at, found = reply[0], values[position]

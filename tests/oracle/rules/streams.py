@@ -16,7 +16,8 @@ Readings, where the rules leave a choice:
 - what was kept first is what came first by frame; its time is that of its frame
 - bytes in an RST are no data; its acknowledgement counts, before it ends the connection
 - who was the server of two ends is that of all connections between them
-- what has ended stays so until another connection begins between these ends
+- what has ended stays so until another connection begins between these ends, or for 240 s; then it is forgotten: what
+  comes later is of another connection, which began before the capture where there is no SYN
 - the acknowledgement of a segment that begins a new connection is one of the new connection
 """
 
@@ -31,7 +32,7 @@ from tests.oracle.frame import Address, Frame
 from tests.oracle.tcp import ACK, FIN, RST, SYN, Segment, peel_tcp
 
 SECOND = 1_000_000_000
-FARTHEST, MOST_KEPT, LONGEST_NS = 2**30, 256 * 1024, 10 * SECOND
+FARTHEST, MOST_KEPT, LONGEST_NS, FORGOTTEN_NS = 2**30, 256 * 1024, 10 * SECOND, 240 * SECOND
 
 End = tuple[Address, int]
 """Address and port."""
@@ -64,6 +65,8 @@ class Direction:
     acknowledged: int | None = None
     """The highest acknowledgement that the other direction sent."""
     ended: bool = False
+    latest: int = 0
+    """When what came latest of what was delivered had come, its end too."""
 
     def place(self, seq: int) -> int:
         """Return the place that a sequence number is meant for: the one nearest to the next."""
@@ -81,6 +84,12 @@ class Connection:
     client: End
     server: End
     directions: dict[bool, Direction] = field(default_factory=lambda: {True: Direction(), False: Direction()})
+
+    @property
+    def ended_ns(self) -> int | None:
+        """When both directions had ended; None where they have not."""
+        both = self.directions.values()
+        return max(one.latest for one in both) if all(one.ended for one in both) else None
 
 
 class Delivery(NamedTuple):
@@ -122,6 +131,10 @@ class Streams:
         source, destination = (segment.source, segment.source_port), (segment.destination, segment.destination_port)
         pair = frozenset((source, destination))
         connection = self.connections.get(pair)
+        ended_ns = None if connection is None else connection.ended_ns
+        if ended_ns is not None and frame.ts_ns - ended_ns > FORGOTTEN_NS:
+            self.happened["forgotten"] += 1
+            connection = None
         if connection is not None and begins_another(segment, connection.directions[source == connection.client]):
             self.happened["new connection in place of another"] += 1
             yield from self.reset(connection, frame.ts_ns)
@@ -193,6 +206,7 @@ class Streams:
         while True:
             found = None if own.next in own.fins else own.kept.pop(own.next, None)
             if run and (found is None or (found.byte is None, found.frame) != (run[0].byte is None, run[0].frame)):
+                own.latest = max(own.latest, run[0].time) if run[0].byte is not None else own.latest
                 data = bytes(carried.byte for carried in run if carried.byte is not None)
                 yield Delivery(connection, from_client, data, len(run) - len(data), run[0].time)
                 run = []
@@ -202,11 +216,12 @@ class Streams:
             own.next += 1
         fin = own.fins.get(own.next)
         if fin is not None:
-            self.end(own)
+            self.end(own, fin.time)
             yield Ending(connection, from_client, False, fin.time)
 
-    def end(self, own: Direction) -> None:
+    def end(self, own: Direction, time: int) -> None:
         own.ended = True
+        own.latest = max(own.latest, time)
         own.kept.clear()
         own.fins.clear()
 
@@ -250,7 +265,7 @@ class Streams:
         for from_client in (True, False):
             yield from self.holes(connection, from_client, lambda _: True, "reset")
         for from_client in (True, False):
-            self.end(connection.directions[from_client])
+            self.end(connection.directions[from_client], now)
             yield Ending(connection, from_client, True, now)
 
 
