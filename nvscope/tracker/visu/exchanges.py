@@ -25,6 +25,7 @@ from nvscope.tracker.visu.messages import Kind, VisuBatch, VisuMessages, no_mess
 from nvscope.tracker.visu.names import Names
 from nvscope.tracker.visu.outcomes import OK, outcomes
 from nvscope.tracker.visu.plain_exchanges import AskedFor, Said, plain_rows, take_plain
+from nvscope.tracker.visu.whole_connections import take_whole
 
 _FEW = 64
 """So many messages are not divided any more."""
@@ -73,8 +74,10 @@ class Exchanges:
             return no_messages()
         asked_for = AskedFor(NOTHING)
         asked = self._asked(http, asked_for)
-        parts: list[Said] = []
-        self._pair(http, np.arange(len(http)), plain_rows(http, asked, asked_for.asks), asked, asked_for, parts)
+        is_plain = plain_rows(http, asked, asked_for.asks)
+        taken, whole = take_whole(http, is_plain, asked, asked_for, self._conversations)
+        parts = [whole]
+        self._pair(http, np.flatnonzero(~taken), is_plain, asked, asked_for, parts)
         said = Said.stacked(parts)
         said = said.take(np.argsort(said.order, kind="stable"))
         pair = self._pairs(said.connection)

@@ -10,13 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dissectors.batch import I64, U8
+from dissectors.batch import I64, U8, Bool
 from dissectors.http import Side
 from nvscope.engine.runs import runs_of
 from nvscope.tracker.pieces import ANEW, IN_STEP, Brought, PieceKind
 from nvscope.tracker.visu.head_requests import HeadRequests
-from nvscope.tracker.visu.http_reader import Form, Forms, HttpReader
+from nvscope.tracker.visu.http_reader import END_OF_HEAD, Form, Forms, HttpReader
 from nvscope.tracker.visu.limits import MOST_HELD_BYTES
+
+_BEHIND_ALL = 1 << 62
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,9 +91,9 @@ class HttpStreams:
         data, ends = self._joined(buffer, brought)
         run_start, run_stop = runs_of(pieces.stream)
         runs = run_start.tolist(), run_stop.tolist()
-        is_control = pieces.kind != int(PieceKind.DATA)
-        controls = np.add.reduceat(is_control, run_start, dtype=np.int64).tolist() if len(run_start) else []
+        controls = _Controls.of(brought, ends)
         behind = [0, *ends[run_stop - 1].tolist()]
+        is_short = _are_short(brought, run_start, run_stop).tolist()
         counts: list[int] = []
         asking, breaks, given_up = -1, list[int](), 0
         for place, (stream, start, stop) in enumerate(zip(pieces.stream[run_start].tolist(), *runs, strict=True)):
@@ -99,6 +101,10 @@ class HttpStreams:
             if stream >> 1 != asking:
                 self._forget_requests(asking, breaks)
                 breaks = []
+            if is_short[place] and not breaks and self._read_short(stream, data, behind[place : place + 2], controls):
+                asking = stream >> 1
+                counts.append(len(found.at) - before)
+                continue
             reader = self._readers.get(stream)
             if reader is None:
                 reader = self._readers[stream] = HttpReader(Side(stream & 1))
@@ -107,11 +113,14 @@ class HttpStreams:
                 reader.requests = self._requests(brought, ends, slice(first, before), waiting_of(stream >> 1))
             asking = stream >> 1
             self._held_bytes -= len(reader.rest)
-            if controls[place] or breaks:
-                self._follow(stream, reader, data, brought, ends, (start, stop, behind[place]), breaks)
+            if breaks:
+                self._follow(reader, data, brought, ends, (start, stop, behind[place]), breaks)
+                controls.pass_over(stop)
                 breaks = []
             else:
-                reader.read(data, behind[place], behind[place + 1], found)
+                _read(reader, data, (start, stop, behind[place], behind[place + 1]), controls, found)
+            if controls.ends_with(stop):
+                del self._readers[stream]
             if self._held_bytes + len(reader.rest) > self._most_held_bytes and reader.rest:
                 reader.give_up(~(stop - 1), found)
                 given_up += 1
@@ -125,6 +134,21 @@ class HttpStreams:
             counts.append(len(found.at) - before)
         self._forget_requests(asking, breaks)
         return self._told(data, brought, ends, np.repeat(pieces.stream[run_start], counts), given_up)
+
+    def _read_short(self, stream: int, data: bytes, within: Sequence[int], controls: _Controls) -> bool:
+        """Read a stream that begins and ends in the batch; return False where it is not one message of a known form."""
+        found = self._found
+        begin, end = within
+        head_end = data.find(END_OF_HEAD, begin, end) + len(END_OF_HEAD)
+        number = found.known[stream & 1].get(data[begin:head_end])
+        if number is None or head_end + found.body_bytes[number] != end:
+            return False
+        if stream in self._readers or (stream & 1 and stream >> 1 in self._with_head):
+            return False
+        (_, size, first), (_, _, last) = controls.take(), controls.take()
+        found.at += (~first, head_end, ~last)
+        found.form += (Forms.ANEW if size & ANEW else Forms.BEGIN, number, Forms.END)
+        return True
 
     def _forget_requests(self, connection: int, breaks: Sequence[int]) -> None:
         """Take that the client's direction lost step while nothing came of the server's."""
@@ -161,10 +185,10 @@ class HttpStreams:
         return b"".join(parts), np.cumsum(size)
 
     def _follow(
-        self, stream: int, reader: HttpReader, data: bytes, brought: Brought, ends: I64, run: tuple[int, int, int],
+        self, reader: HttpReader, data: bytes, brought: Brought, ends: I64, run: tuple[int, int, int],
         breaks: Sequence[int],
     ) -> None:  # fmt: skip
-        """Read the pieces of a stream of which some are no data.
+        """Read the pieces of a stream, some of which may be no data.
 
         ``breaks`` are the orders in which the direction of the client lost step, where it is the server's.
         """
@@ -175,32 +199,19 @@ class HttpStreams:
         # Where the reader has to stop: in front of what is no data, and where the client's direction lost step.
         lost = np.searchsorted(orders, breaks, side="right").tolist()
         controls = np.flatnonzero(kind_of != int(PieceKind.DATA)).tolist()
-        end = first
         for place, is_control in sorted([(one, False) for one in lost] + [(one, True) for one in controls]):
             end = int(ends[start + place - 1]) if place else first
             if end > begin:
                 reader.read(data, begin, end, found)
-            if not is_control:
+            if is_control:
+                begin = end
+                _take_control(reader, int(kind_of[place]), int(pieces.size[start + place]), ~(start + place), found)
+            else:
                 begin = end - len(reader.rest)
                 reader.forget_request()
-                continue
-            begin = end
-            kind, size = int(kind_of[place]), int(pieces.size[start + place])
-            at = ~(start + place)
-            if kind == PieceKind.HOLE:
-                reader.miss(size, at, found)
-            elif kind == PieceKind.BEGIN:
-                reader.begin(in_step=size & IN_STEP > 0)
-                anew = size & ANEW > 0
-                found.at.append(at)
-                found.form.append(Forms.ANEW if anew else Forms.BEGIN)
-            else:
-                reader.end(at, found, broken_off=size > 0)
         end = int(ends[stop - 1])
         if end > begin and kind_of[-1] == int(PieceKind.DATA):
             reader.read(data, begin, end, found)
-        if kind_of[-1] == int(PieceKind.END):
-            del self._readers[stream]
 
     def _requests(self, brought: Brought, ends: I64, asked: slice, waiting: Iterable[bool]) -> HeadRequests:
         """Return the requests of a connection, of which some were found in this batch."""
@@ -229,3 +240,82 @@ class HttpStreams:
         piece = self._places(ends, range(len(at)))
         order, arrival_ns = pieces.order[piece], pieces.arrival_ns[piece]
         return HttpMessages(data, found.forms, stream, form, at, order, arrival_ns, given_up)
+
+
+class _Controls:
+    """The pieces of a batch that are no data, in their order: what they are, and where the data before each ends."""
+
+    def __init__(self, places: list[int], kinds: list[int], sizes: list[int], ends: list[int]) -> None:
+        self._places, self._kinds, self._sizes, self._ends = places, kinds, sizes, ends
+        self._at = 0
+
+    @staticmethod
+    def of(brought: Brought, ends: I64) -> _Controls:
+        """Return those of a batch; ``ends`` are where pieces end in the data."""
+        pieces = brought.pieces
+        place = np.flatnonzero(pieces.kind != int(PieceKind.DATA))
+        columns = place, pieces.kind[place], pieces.size[place], ends[place - 1]
+        return _Controls(*(column.tolist() for column in columns))
+
+    def next_place(self) -> int:
+        """Return the place of the next one among all pieces, one behind all of them without any."""
+        return self._places[self._at] if self._at < len(self._places) else _BEHIND_ALL
+
+    def data_end(self) -> int:
+        """Return where the data before the next one ends."""
+        return self._ends[self._at]
+
+    def take(self) -> tuple[int, int, int]:
+        """Return kind, size and place of the next one, and go on to the one behind it."""
+        at = self._at
+        self._at += 1
+        return self._kinds[at], self._sizes[at], self._places[at]
+
+    def pass_over(self, stop: int) -> None:
+        """Go on to the first one that is not in front of a place."""
+        while self.next_place() < stop:
+            self._at += 1
+
+    def ends_with(self, stop: int) -> bool:
+        """Tell whether the piece in front of a place, up to which all were taken, is the end of its stream."""
+        at = self._at - 1
+        return at >= 0 and self._places[at] == stop - 1 and self._kinds[at] == PieceKind.END
+
+
+def _are_short(brought: Brought, start: I64, stop: I64) -> Bool:
+    """Tell which streams begin and end in a batch without anything missing; they are pieces from start to stop."""
+    kind = brought.pieces.kind
+    if not len(start):
+        return np.empty(0, np.bool_)
+    controls = np.add.reduceat(kind != int(PieceKind.DATA), start, dtype=np.int64)
+    in_step = (brought.pieces.size[start] & IN_STEP) > 0
+    short: Bool = (kind[start] == int(PieceKind.BEGIN)) & in_step & (kind[stop - 1] == int(PieceKind.END))
+    return np.logical_and(short, controls == 2)
+
+
+def _read(
+    reader: HttpReader, data: bytes, run: tuple[int, int, int, int], controls: _Controls, found: Forms
+) -> None:  # fmt: skip
+    """Read the pieces of a stream from start to stop, whose data lies from begin to end."""
+    start, stop, begin, behind = run
+    while controls.next_place() < stop:
+        end = controls.data_end() if controls.next_place() > start else begin + len(reader.rest)
+        if end > begin:
+            reader.read(data, begin, end, found)
+        kind, size, place = controls.take()
+        _take_control(reader, kind, size, ~place, found)
+        begin = end
+    if behind > begin:
+        reader.read(data, begin, behind, found)
+
+
+def _take_control(reader: HttpReader, kind: int, size: int, at: int, found: Forms) -> None:
+    """Take a piece that is no data; ``at`` is its place in ``Forms.at``."""
+    if kind == PieceKind.HOLE:
+        reader.miss(size, at, found)
+    elif kind == PieceKind.BEGIN:
+        reader.begin(in_step=size & IN_STEP > 0)
+        found.at.append(at)
+        found.form.append(Forms.ANEW if size & ANEW else Forms.BEGIN)
+    else:
+        reader.end(at, found, broken_off=size > 0)

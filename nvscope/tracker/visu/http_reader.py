@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _MOST_FORMS = 4096
 _MOST_CHUNKED_BYTES = 2 * MOST_BODY_BYTES
-_END_OF_HEAD = b"\r\n\r\n"
+END_OF_HEAD = b"\r\n\r\n"
 _ENDLESS = 1 << 62
 _POST = b"POST "
 
@@ -154,7 +154,7 @@ class HttpReader:
                     self.rest = data[http.keep_from(begin, end, self.side) : end]
                     return
                 self._seeks, begin = False, start
-            head_end = find(_END_OF_HEAD, begin, end) + len(_END_OF_HEAD)
+            head_end = find(END_OF_HEAD, begin, end) + len(END_OF_HEAD)
             number = known.get(data[begin:head_end]) if plain else None
             if number is None:
                 begin = http.behind_blank_lines(data, begin, end)
@@ -260,7 +260,7 @@ class HttpReader:
         found.at.append(head_end)
         found.form.append(number)
         text = data[start:head_end]
-        if text.find(_END_OF_HEAD) == len(text) - len(_END_OF_HEAD) and self._may_be_known(head) and not nobody:
+        if text.find(END_OF_HEAD) == len(text) - len(END_OF_HEAD) and self._may_be_known(head) and not nobody:
             found.known[self.side][text] = number
         return behind
 

@@ -1,0 +1,80 @@
+"""Whole connections: those that begin in a batch and in which each request is answered in it, paired all at once.
+
+Many pages open a connection for each request: then there are as many connections as requests, and most are such.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dissectors.batch import I64, Bool
+from nvscope.engine.runs import runs_of
+from nvscope.tracker.pieces import ORDER_BITS
+from nvscope.tracker.visu.conversation import Conversation
+from nvscope.tracker.visu.http_messages import HttpMessages
+from nvscope.tracker.visu.http_reader import What
+from nvscope.tracker.visu.limits import MOST_WAITING
+from nvscope.tracker.visu.messages import Kind
+from nvscope.tracker.visu.plain_exchanges import AskedFor, Said
+
+
+def take_whole(
+    http: HttpMessages, is_plain: Bool, asked: I64, asked_for: AskedFor, conversations: dict[int, Conversation]
+) -> tuple[Bool, Said]:
+    """Pair the messages of connections that begin and are answered; return which ones these are, and what they say.
+
+    Messages are by stream, and in each in its order; ``is_plain`` is as in ``plain_rows``.
+    """
+    what = np.array([form.what for form in http.forms], np.int64)[http.form]
+    begins = (what == What.BEGIN) | (what == What.ANEW)
+    start, stop = runs_of(http.stream >> 1)
+    first = np.empty(len(http), np.bool_)
+    first[:1], first[1:] = True, np.diff(http.stream) != 0
+    last = np.append(first[1:], True)
+    of_server = (http.stream & 1) == 1
+    good = is_plain | (begins & first) | ((what == What.END) & last)
+
+    def all_of(rows: Bool) -> Bool:
+        return np.logical_and.reduceat(rows, start)
+
+    def count(rows: Bool) -> I64:
+        return np.add.reduceat(rows, start, dtype=np.int64)
+
+    requests, replies = count(is_plain & ~of_server), count(is_plain & of_server)
+    whole = all_of(good) & (count(begins) == 2) & (count(what == What.ANEW) == 1)
+    whole &= (requests == replies) & (requests > 0) & (requests <= MOST_WAITING)
+    group = np.repeat(np.arange(len(start)), stop - start)
+    ask, answer = (np.flatnonzero(is_plain & whole[group] & (of_server == side)) for side in (False, True))
+    early = http.order[answer] <= http.order[ask]
+    if early.any():
+        whole[group[ask[early]]] = False
+        ask, answer = ask[whole[group[ask]]], answer[whole[group[answer]]]
+    is_request = np.array([one.request is not None for one in asked_for.asks], np.bool_)
+    own = is_request[asked[ask]]
+    ask, answer = ask[own], answer[own]
+    opens = np.ones(len(ask), np.bool_)
+    opens[1:] = np.diff(group[ask]) != 0
+    _note(http, start, whole, count(what == What.END) == 2, group[ask[opens]], conversations)
+    nothing, count_of = np.zeros(len(ask), np.int64), len(ask)
+    said = Said(
+        np.repeat([int(Kind.READ), int(Kind.REPLY)], count_of), np.tile(http.stream[ask] >> 1, 2),
+        http.order[np.append(ask, answer)], np.append(ask, answer), np.tile(asked[ask], 2),
+        np.append(nothing, http.arrival_ns[answer] - http.arrival_ns[ask]),
+        np.append(nothing, http.order[ask] >> ORDER_BITS), np.tile(nothing, 2),
+        np.append(opens, np.zeros(count_of, np.bool_)),
+    )  # fmt: skip
+    return whole[group], said
+
+
+def _note(
+    http: HttpMessages, start: I64, whole: Bool, ended: Bool, visu: I64, conversations: dict[int, Conversation]
+) -> None:
+    """Note where whole connections are: nothing more is to be said of those that have ended."""
+    connection = http.stream[start] >> 1
+    if conversations:
+        for number in connection[whole].tolist():
+            conversations.pop(number, None)
+    spoke = np.zeros(len(start), np.bool_)
+    spoke[visu] = True
+    for number in connection[whole & ~ended & spoke].tolist():
+        conversations[number] = Conversation(number, is_visu=True)
