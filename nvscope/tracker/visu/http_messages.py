@@ -289,8 +289,9 @@ def _are_short(brought: Brought, start: I64, stop: I64) -> Bool:
         return np.empty(0, np.bool_)
     controls = np.add.reduceat(kind != int(PieceKind.DATA), start, dtype=np.int64)
     in_step = (brought.pieces.size[start] & IN_STEP) > 0
-    short: Bool = (kind[start] == int(PieceKind.BEGIN)) & in_step & (kind[stop - 1] == int(PieceKind.END))
-    return np.logical_and(short, controls == 2)
+    short: Bool = controls == 2
+    short &= (kind[start] == int(PieceKind.BEGIN)) & in_step & (kind[stop - 1] == int(PieceKind.END))
+    return short
 
 
 def _read(
