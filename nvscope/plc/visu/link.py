@@ -140,7 +140,7 @@ def _ending_of(error: BaseException, *, is_over: bool, is_cut: bool) -> Ending:
     if isinstance(error, TimeoutError | urllib3.exceptions.TimeoutError) or is_over:
         return Ending.SILENT
     if isinstance(error, http.client.BadStatusLine) and not isinstance(error, OSError):
-        begins = error.line[: len(_FIRST_BYTES)]
+        begins = str(error)[: len(_FIRST_BYTES)]
         return Ending.BROKEN if is_cut and _FIRST_BYTES.startswith(begins) else Ending.NO_HTTP
     # urllib3 wraps what is wrong within a body.
     cause = error.args[-1] if isinstance(error, urllib3.exceptions.ProtocolError) and error.args else error
