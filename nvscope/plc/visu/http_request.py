@@ -22,6 +22,9 @@ MOST_HEAD_BYTES = 1 << 14
 MOST_BYTES = MOST_HEAD_BYTES + 2 * MOST_BODY_BYTES
 """So much of one request may wait for its end: chunks take room, too."""
 
+_LOOKED_AT_BYTES = 1 << 17
+"""Up to here chunks are looked at with each piece that comes, beyond it when an empty line is there, as at their end."""
+
 
 class Flaw(Enum):
     """Why bytes are no request, with the status that says so."""
@@ -93,6 +96,8 @@ def _content(data: bytes, start: int, head: Head, *, ended: bool) -> tuple[bytes
             return Flaw.BODY_TOO_LONG, 0
         return (data[start:stop], stop) if stop <= len(data) else (missing, 0)
     if head.body is Body.CHUNKS:
+        if not ended and _LOOKED_AT_BYTES < len(data) <= MOST_BYTES and end_of_head(data, start, len(data)) < 0:
+            return None, 0
         found = read_chunks(data, start, len(data))
         if found.wrong_at >= 0:
             return Flaw.NO_HTTP, 0
