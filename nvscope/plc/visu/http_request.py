@@ -23,7 +23,8 @@ MOST_BYTES = MOST_HEAD_BYTES + 2 * MOST_BODY_BYTES
 """So much of one request may wait for its end: chunks take room, too."""
 
 _LOOKED_AT_BYTES = 1 << 17
-"""Up to here chunks are looked at with each piece that comes, beyond it when an empty line is there, as at their end."""
+"""Up to here chunks are looked at with each piece that comes; beyond it only when there is an empty line, as at their
+end."""
 
 
 class Flaw(Enum):

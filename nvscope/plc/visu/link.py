@@ -9,6 +9,7 @@ from __future__ import annotations
 import http.client
 import socket
 import time
+import zlib
 from collections.abc import Sequence
 from typing import Any
 
@@ -26,6 +27,8 @@ _MOST_BYTES = 8 * MOST_BODY_BYTES
 """So much may come in all, of heads, and of chunks however small: what reads them would take any length for one."""
 
 _FIRST_BYTES = "HTTP/"
+_ANY_WINDOW = 32 + zlib.MAX_WBITS
+"""What is compressed as gzip or zlib has it, whichever it is."""
 _LONGEST_LOCATION, _LONGEST_WHY = 300, 200
 _HEADERS = {"Accept": "*/*", "Accept-Encoding": "identity", "Connection": "close", "User-Agent": "nvscope"}
 
@@ -95,7 +98,10 @@ class VisuLink:
             return Exchange(method, path, Ending.OVERSIZED, status, why=why, location=location)
         body = decoded(content, "" if coding == "identity" else coding)
         if body is None:
-            why = f"its body is no {coding}, or more than {MOST_BODY_BYTES} bytes"[:_LONGEST_WHY]
+            if _is_longer(content):
+                why = f"more than {MOST_BODY_BYTES} bytes"
+                return Exchange(method, path, Ending.OVERSIZED, status, why=why, location=location)
+            why = f"its body is no {coding}"[:_LONGEST_WHY]
             return Exchange(method, path, Ending.NO_HTTP, status, why=why, location=location)
         return Exchange(method, path, Ending.REPLIED, status, body, latency_ns, location=location)
 
@@ -133,6 +139,14 @@ def _content(response: Any) -> bytes | None:
         if len(content) > MOST_BODY_BYTES:
             return None
     return bytes(content)
+
+
+def _is_longer(content: bytes) -> bool:
+    """Tell whether a compressed body is longer than one may be."""
+    try:
+        return len(zlib.decompressobj(_ANY_WINDOW).decompress(content, MOST_BODY_BYTES + 1)) > MOST_BODY_BYTES
+    except zlib.error:
+        return False
 
 
 def _ending_of(error: BaseException, *, is_over: bool, is_cut: bool) -> Ending:

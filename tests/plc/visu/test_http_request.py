@@ -10,7 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nvscope.plc.visu.http_request import MOST_BYTES, Flaw, HttpRequest, next_request, waits_for_continue
+from nvscope.plc.visu.http_request import (
+    MOST_BYTES,
+    MOST_HEAD_BYTES,
+    Flaw,
+    HttpRequest,
+    next_request,
+    waits_for_continue,
+)
 from tests.laws import examples
 
 POST = b"POST /plc/webvisu.htm HTTP/1.1\r\n"
@@ -48,7 +55,8 @@ def requests_in(data: bytes) -> list[HttpRequest | Flaw]:
         POST + b"Transfer-Encoding: chunked\r\nContent-Length: 3\r\n\r\n5\r\n|0|1|\r\na\r\n0|4|0|6|8|\r\n0\r\n\r\n",
         POST + b"transfer-encoding: CHUNKED\r\n\r\nF;x=y\n" + BODY + b"\n0\r\nTrailer: x\r\n\r\n",
         POST + b"Content-Encoding: gzip\r\n\r\n" + zipped(BODY),
-        POST + b"Content-Encoding: x-gzip\r\nTransfer-Encoding: chunked\r\n\r\n%x\r\n%s\r\n0\r\n\r\n"
+        POST
+        + b"Content-Encoding: x-gzip\r\nTransfer-Encoding: chunked\r\n\r\n%x\r\n%s\r\n0\r\n\r\n"
         % (len(zipped(BODY)), zipped(BODY)),
         POST + b"Content-Encoding: deflate\r\n\r\n" + zlib.compress(BODY),
         POST + b"Content-Encoding: deflate\r\n\r\n" + zlib.compress(BODY)[2:-4],
@@ -90,6 +98,26 @@ def test_who_wants_the_connection_to_end_is_known(head: bytes, closes: bool) -> 
 )
 def test_who_waits_to_be_asked_for_a_body_is_known(data: bytes, waits: bool) -> None:
     assert waits_for_continue(data) == waits
+
+
+@pytest.mark.parametrize(
+    ("data", "flaw"),
+    [
+        (b"SSH-2.0-x\r\n", Flaw.NO_HTTP),
+        (b"GET / HTTP/2.0\r\n", Flaw.NO_HTTP),
+        (POST + b"Content-Length: x\r\n\r\n", Flaw.NO_HTTP),
+        (POST + b"Content-Length: 1\r\nContent-Length: 2\r\n\r\n", Flaw.NO_HTTP),
+        (POST + b"Transfer-Encoding: chunked\r\n\r\nzz\r\n", Flaw.NO_HTTP),
+        (POST + b"Content-Encoding: gzip\r\nContent-Length: 7\r\n\r\nnothing", Flaw.NO_HTTP),
+        (POST + b"Content-Length: 1048577\r\n\r\n", Flaw.BODY_TOO_LONG),
+        (POST + b"\r\n" + bytes(1_048_577), Flaw.BODY_TOO_LONG),
+        (b"GET / HTTP/1.1\r\nX: " + bytes(MOST_HEAD_BYTES), Flaw.HEAD_TOO_LONG),
+        (b"G" * MOST_HEAD_BYTES, Flaw.HEAD_TOO_LONG),
+        (b"\r\n" * MOST_HEAD_BYTES, Flaw.HEAD_TOO_LONG),
+    ],
+)
+def test_what_is_none_is_told_as_soon_as_it_is_known(data: bytes, flaw: Flaw) -> None:
+    assert next_request(data, ended=False)[0] is flaw
 
 
 @pytest.mark.parametrize(
@@ -168,3 +196,4 @@ def test_no_bytes_raise(data: bytes, ended: bool) -> None:
     found, stop = next_request(data, ended=ended)
     assert 0 <= stop <= len(data)
     assert (stop > 0) == isinstance(found, HttpRequest)
+    assert found is not None or not ended or not data.strip(b"\r\n")
