@@ -34,9 +34,9 @@ class Agreed:
         return self.said_yes
 
     def _answer(self, before: dict[str, Any]) -> str:
-        echo(f"{self._question(before)} [y/N]", err=True, nl=False)
-        echo(" ", err=True, nl=False)  # apart: it would be lost where a line ends
         try:
+            echo(f"{self._question(before)} [y/N]", err=True, nl=False)
+            echo(" ", err=True, nl=False)  # apart: it would be lost where a line ends
             answer = sys.stdin.readline()
         except KeyboardInterrupt:
             echo("\nnvscope: nothing was written.", err=True)
