@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from nvscope.cli.agreement import Agreed, refuse_without_terminal
 from nvscope.cli.completion import nodes, parameter_types, parameters
 from nvscope.cli.definitions import ProjectOption, project_of
 from nvscope.cli.help import Command, Group
@@ -158,17 +158,15 @@ def write(
         )
     parameter, values = _parameter(address, words, project, type_name, port)
     data = _encoded(parameter.type, values)
-    if not yes and not _can_ask():
-        raise UsageError(
-            "nobody can be asked: there is no terminal, and nothing is written without being asked",
-            next_step="--yes writes without asking",
-        )
+    if not yes:
+        refuse_without_terminal()
 
     from nvscope.plc.parameter import access
     from nvscope.plc.parameter.link import ParameterLink
+    from nvscope.report.sdo import question
 
     with ParameterLink(parameter.address, port, allow_network=allow_network) as link:
-        agreed = _Agreed(asks=not yes)
+        agreed = Agreed(question, asks=not yes)
         try:
             document = access.write(link, parameter, len(values), data, patience, agreed)
         except KeyboardInterrupt:
@@ -176,23 +174,6 @@ def write(
                 echo("nvscope: broken off: it may have been written.", err=True)
             raise
     _finish(document, link, as_json=as_json, colour=colour_wanted(colour))
-
-
-class _Agreed:
-    """Whether a value may be written: a person is asked who sees that before, or has said so from the beginning."""
-
-    def __init__(self, *, asks: bool) -> None:
-        self._asks = asks
-        self.said_yes = False
-
-    def __call__(self, before: dict[str, Any]) -> bool:
-        from nvscope.report.sdo import question
-
-        if self._asks:
-            echo(f"{question(before)} [y/N]", err=True, nl=False)
-            echo(" ", err=True, nl=False)  # apart: it would be lost where a line ends
-        self.said_yes = not self._asks or sys.stdin.readline().strip().lower() in ("y", "yes")
-        return self.said_yes
 
 
 app.command(cls=Command)(serve)
@@ -317,7 +298,3 @@ def _patience(timeout: str, retries: int) -> Patience:
     if timeout_ns > MOST_TIMEOUT_NS:
         raise UsageError(f"--timeout {timeout}: no more than ten minutes", next_step="--retries asks again")
     return Patience(timeout_ns, retries)
-
-
-def _can_ask() -> bool:
-    return sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from typing import Annotated
 
 import typer
 
 from nvscope.cli.sources import duration_ns
-from nvscope.cli.terminal import ColourOption, colour_wanted, echo
+from nvscope.cli.terminal import ColourOption, colour_wanted, echo, erase_interrupt
 from nvscope.errors import UsageError
 
 _PORT = 1202
@@ -75,6 +74,6 @@ def serve(
         parameters = count_of(len(served.entries), "parameter")
         echo(f"nvscope: {visible(table)}: {parameters} at {endpoint(own, server.port)}; Ctrl-C ends.", err=True)
         server.run(told, lambda: stop.asked, count=count, lasts_ns=lasts_ns)
-    if stop.asked and sys.stderr.isatty():
-        echo("\r\x1b[K", err=True, nl=False)  # over the ^C
+    if stop.asked:
+        erase_interrupt()
     echo(f"nvscope: {sdo_log.summary(counts(controller), controller.ignored)}.", err=True)

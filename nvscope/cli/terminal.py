@@ -68,6 +68,12 @@ def echo(text: str, *, nl: bool = True, err: bool = False, color: bool | None = 
     stream.flush()
 
 
+def erase_interrupt() -> None:
+    """Take away the ^C that a terminal shows where somebody ended what ran."""
+    if sys.stderr.isatty():
+        echo("\r\x1b[K", err=True, nl=False)
+
+
 def notice(text: str) -> str:
     """Return a text for stderr with its lines broken between words where that is a terminal; elsewhere as it is.
 

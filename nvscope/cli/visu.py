@@ -13,7 +13,7 @@ from nvscope.cli.definitions import ProjectOption
 from nvscope.cli.help import Command, Group
 from nvscope.cli.sdo_serve import NetworkOption
 from nvscope.cli.sources import duration_ns
-from nvscope.cli.terminal import ColourOption, colour_wanted, echo
+from nvscope.cli.terminal import ColourOption, colour_wanted, echo, erase_interrupt
 from nvscope.cli.visu_asked import (
     JsonOption,
     PageOption,
@@ -23,9 +23,10 @@ from nvscope.cli.visu_asked import (
     VariablesOption,
     Wanted,
     client_of,
+    code_of,
     finish,
     known_variables,
-    remark,
+    remarks_of,
 )
 from nvscope.cli.visu_serve import serve
 from nvscope.cli.visu_write import write
@@ -100,7 +101,10 @@ def read(
 def _poll(
     client: VisuClient, found: Sequence[Variable], every_ns: int, count: int | None, *, as_json: bool, colour: bool
 ) -> None:
-    """Read again and again, up to Ctrl-C: ``every_ns`` behind the time before, or at once where that took longer."""
+    """Read again and again, up to Ctrl-C: ``every_ns`` behind the time before, or at once where that took longer.
+
+    What is to be said beside values is said when it is new: once, not with each of them.
+    """
     import json
 
     from nvscope.cli.live import LiveRun
@@ -108,6 +112,7 @@ def _poll(
     from nvscope.report import visu as face
 
     stop, code, left, due_ns = Stop(), ExitCode.GOOD, count, time.monotonic_ns()
+    said: Sequence[str] = ()
     with LiveRun(stop, quiet=True):
         while left != 0 and not stop.asked:
             if (wait_ns := due_ns - time.monotonic_ns()) > 0:
@@ -116,10 +121,15 @@ def _poll(
             time_ns, document = time.time_ns(), client.read(found)
             text = f"{json.dumps(document)}\n" if as_json else face.reading(document, time_ns, colour=colour)
             echo(text, nl=False, color=colour)
-            code = max(code, remark(document))
+            before, said = said, remarks_of(document)
+            for line in said if said != before else ():
+                echo(line, err=True)
+            code = max(code, code_of(document))
             client.forget()
             due_ns = max(due_ns + every_ns, time.monotonic_ns())
             left = None if left is None else left - 1
+    if stop.asked:
+        erase_interrupt()
     if code:
         raise typer.Exit(code)
 

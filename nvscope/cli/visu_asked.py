@@ -135,14 +135,25 @@ def finish(document: dict[str, Any], *, as_json: bool, colour: bool) -> None:
 
 def remark(document: dict[str, Any]) -> ExitCode:
     """Say what a person should know of a document, and what is wrong; return the exit code for that."""
+    for line in remarks_of(document):
+        echo(line, err=True)
+    return code_of(document)
+
+
+def code_of(document: dict[str, Any]) -> ExitCode:
+    """Return the exit code for what came of it."""
+    return _CODES.get(document["outcome"], ExitCode.GOOD)
+
+
+def remarks_of(document: dict[str, Any]) -> Sequence[str]:
+    """Return what is to be said of a document beside what was asked for."""
     from nvscope.report import visu as face
     from nvscope.view.escape import visible
 
-    for one in face.remarks(document):
-        echo(f"nvscope: {visible(one)}.", err=True)
+    said = [f"nvscope: {visible(one)}." for one in face.remarks(document)]
     if failed := face.failure(document):
         where, what, next_step = map(visible, failed)
-        echo(f"nvscope: {where}: {what}\n  {next_step}", err=True)
+        said.append(f"nvscope: {where}: {what}\n  {next_step}")
     elif document["outcome"] == "cancelled":
-        echo("nvscope: nothing was written.", err=True)
-    return _CODES.get(document["outcome"], ExitCode.GOOD)
+        said.append("nvscope: nothing was written.")
+    return said

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from typing import Annotated
 
 import typer
 
 from nvscope.cli.sdo_serve import NetworkOption
 from nvscope.cli.sources import duration_ns
-from nvscope.cli.terminal import ColourOption, colour_wanted, echo
+from nvscope.cli.terminal import ColourOption, colour_wanted, echo, erase_interrupt
 from nvscope.errors import UsageError
 
 _BOUND = "for example --bind 192.168.1.20"
@@ -73,6 +72,6 @@ def serve(
         variables, url = count_of(len(served.entries), "variable"), VisuUrl(own, server.port, served.path).text()
         echo(f"nvscope: {visible(table)}: {variables} at {url}; Ctrl-C ends.", err=True)
         server.run(told, lambda: stop.asked, count=count, lasts_ns=lasts_ns)
-    if stop.asked and sys.stderr.isatty():
-        echo("\r\x1b[K", err=True, nl=False)  # over the ^C
+    if stop.asked:
+        erase_interrupt()
     echo(f"nvscope: {visu_log.summary(counts(controller), server.ignored)}.", err=True)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-import sys
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from nvscope.cli.agreement import Agreed, refuse_without_terminal
 from nvscope.cli.completion import visu_variables
 from nvscope.cli.definitions import ProjectOption
 from nvscope.cli.sdo_serve import NetworkOption
@@ -66,16 +66,14 @@ def write(
             next_step="`nvscope help visu write` lists them; a text that begins with a dash stands in single quotes "
             "within those of the shell",
         )
-    if not yes and not _can_ask():
-        raise UsageError(
-            "nobody can be asked: there is no terminal, and nothing is written without being asked",
-            next_step="--yes writes without asking",
-        )
+    if not yes:
+        refuse_without_terminal()
     wanted = Wanted(url, project, variables or (), page or (), timeout, allow_network, show_secrets)
     shown = colour_wanted(colour)
     client = client_of(wanted)
 
     from nvscope.plc.visu.variables import place_of
+    from nvscope.report.visu import question
 
     if (place := place_of(name)) is not None:
         _sent(place, value)  # before anything is asked
@@ -85,7 +83,7 @@ def write(
         return
     (variable,) = found
     sent = _sent(variable.place, value)
-    agreed = _Agreed(asks=not yes)
+    agreed = Agreed(question, asks=not yes)
     try:
         document = client.write(variable, sent, agreed)
     except KeyboardInterrupt:
@@ -98,30 +96,10 @@ def write(
 def _sent(place: Place, value: str) -> str:
     """Return a value as it goes onto the wire; UsageError where it is none of the type."""
     from nvscope.plc.visu.value import entered, type_name
+    from nvscope.units import count_of
 
     try:
         return entered(place, value)
     except ValueError as error:
         kind = type_name(place.type) or f"type {place.type}"
-        raise UsageError(str(error), next_step=f"the variable is a {kind} of {place.size} bytes") from None
-
-
-class _Agreed:
-    """Whether a value may be written: a person is asked who sees that before, or has said so from the beginning."""
-
-    def __init__(self, *, asks: bool) -> None:
-        self._asks = asks
-        self.said_yes = False
-
-    def __call__(self, before: dict[str, Any]) -> bool:
-        from nvscope.report.visu import question
-
-        if self._asks:
-            echo(f"{question(before)} [y/N]", err=True, nl=False)
-            echo(" ", err=True, nl=False)  # apart: it would be lost where a line ends
-        self.said_yes = not self._asks or sys.stdin.readline().strip().lower() in ("y", "yes")
-        return self.said_yes
-
-
-def _can_ask() -> bool:
-    return sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()
+        raise UsageError(str(error), next_step=f"the variable is a {kind} of {count_of(place.size, 'byte')}") from None

@@ -296,7 +296,8 @@ def _broken(document: Document) -> tuple[str, str]:
 
 
 def _no_http(document: Document) -> tuple[str, str]:
-    return f"{_doing(document)}: what answers is no HTTP{_open_end(document)}", "check the port: 80 or 8080"
+    why = f" ({_last(document)['why']})" if _last(document)["why"] else ""
+    return f"{_doing(document)}: what answers is no HTTP{why}{_open_end(document)}", "check the port: 80 or 8080"
 
 
 def _oversized(document: Document) -> tuple[str, str]:

@@ -94,29 +94,30 @@ class Controller:
     def received(self, request: HttpRequest | Flaw) -> Handled:
         """Take a request, or what is none."""
         if isinstance(request, Flaw):
-            handled = self._plain(Result.MALFORMED, "", "", request.value, _reason(request), closes=True)
+            nothing = HttpRequest("", "", closes=True)
+            handled = self._plain(Result.MALFORMED, nothing, request.value, _reason(request))
         elif request.method == "POST":
             handled = self._posted(request)
         elif request.method in ("GET", "HEAD"):
             handled = self._fetched(request)
         else:
-            handled = self._plain(Result.MALFORMED, request.method, request.target, 405, "GET and POST alone")
+            handled = self._plain(Result.MALFORMED, request, 405, "GET and POST alone")
         self.results[handled.result] += 1
         return handled
 
     def _fetched(self, request: HttpRequest) -> Handled:
         found = self._files.get(request.target.partition("?")[0])
         if found is None:
-            return self._plain(Result.NOT_FOUND, request.method, request.target, 404, "no such file")
+            return self._plain(Result.NOT_FOUND, request, 404, "no such file")
         return self._handled(Result.FILE, request, 200, found[1], found[0])
 
     def _posted(self, request: HttpRequest) -> Handled:
         if request.target.partition("?")[0] != self._table.path:
-            return self._plain(Result.NOT_FOUND, "POST", request.target, 404, "no such page")
+            return self._plain(Result.NOT_FOUND, request, 404, "no such page")
         asked = read_request(request.body)
         # Who counts wrong in a read gets what he names, as controllers do; nothing is written by guess.
         if asked is None or not asked.entries or (asked.writes and asked.is_miscounted):
-            return self._plain(Result.MALFORMED, "POST", request.target, 400, "no request of a WebVisu page")
+            return self._plain(Result.MALFORMED, request, 400, "no request of a WebVisu page")
         entries = [self._table.by_place.get(one.place) for one in asked.entries if isinstance(one.place, Place)]
         known = [one.settings for one in entries if one is not None]
         delay_ns = max((one.delay for one in known), default=0)
@@ -173,19 +174,14 @@ class Controller:
             delay_ns=delay_ns, asked=asked, touched=tuple(touched),
         )  # fmt: skip
 
-    def _plain(
-        self, result: Result, method: str, target: str, status: int, text: str, *, closes: bool = False
-    ) -> Handled:
-        closes = closes or not self._table.keep_alive
-        content = f"{text}\n".encode("ascii")
-        sent = reply(self._table, status, content, _TEXT, closes=closes, bodiless=method == "HEAD")
-        return Handled(result, method, target, status, sent, closes)
+    def _plain(self, result: Result, request: HttpRequest, status: int, text: str) -> Handled:
+        return self._handled(result, request, status, f"{text}\n".encode("ascii"), _TEXT)
 
     def _handled(
         self, result: Result, request: HttpRequest, status: int, content: bytes, kind: str, *, delay_ns: int = 0,
         asked: Request | None = None, touched: Sequence[Touched] = (),
     ) -> Handled:  # fmt: skip
-        closes = not self._table.keep_alive
+        closes = request.closes or not self._table.keep_alive
         sent = reply(self._table, status, content, kind, closes=closes, bodiless=request.method == "HEAD")
         writes, declared = (asked.writes, asked.declared) if asked is not None else (False, 0)
         return Handled(

@@ -9,20 +9,27 @@ from __future__ import annotations
 import http.client
 import socket
 import time
+import zlib
 from collections.abc import Sequence
 from typing import Any
 
 import urllib3
 from urllib3.connection import HTTPConnection
 
-from dissectors.http import MOST_BODY_BYTES
+from dissectors.http import MOST_BODY_BYTES, decoded
 from nvscope.errors import CaptureError, UsageError
 from nvscope.plc.permission import is_near, plain_address, refuse_far
 from nvscope.plc.visu.exchange import TIMEOUT_NS, Ending, Exchange
 from nvscope.plc.visu.url import VisuUrl
 
 _PIECE_BYTES = 1 << 16
-_LONGEST_LOCATION = 300
+_MOST_BYTES = 8 * MOST_BODY_BYTES
+"""So much may come in all, of heads, and of chunks however small: what reads them would take any length for one."""
+
+_FIRST_BYTES = "HTTP/"
+_ANY_WINDOW = 32 + zlib.MAX_WBITS
+"""What is compressed as gzip or zlib has it, whichever it is."""
+_LONGEST_LOCATION, _LONGEST_WHY = 300, 200
 _HEADERS = {"Accept": "*/*", "Accept-Encoding": "identity", "Connection": "close", "User-Agent": "nvscope"}
 
 Address = tuple[int, Any]
@@ -68,11 +75,20 @@ class VisuLink:
             typed = {"Content-Type": "application/x-www-form-urlencoded"} if body is not None else {}
             connection.request(method, path, body, _HEADERS | typed, preload_content=False)
             with connection.getresponse() as response:
+                if connected.is_ended:
+                    # What reads heads takes the end for that of the head: nobody knows what else would have come.
+                    raise http.client.RemoteDisconnected("the connection ended within the head")
                 status = response.status
                 location = response.headers.get("Location", "")[:_LONGEST_LOCATION]
                 content = _content(response)
-        except (http.client.HTTPException, urllib3.exceptions.HTTPError, OSError) as error:
-            return Exchange(method, path, *_failed(error, deadline, status), location=location)
+                coding = response.headers.get("Content-Encoding", "").lower()
+        except _TooMuch as error:
+            return Exchange(method, path, Ending.OVERSIZED, status, why=_why(error), location=location)
+        except (http.client.HTTPException, urllib3.exceptions.HTTPError, OSError, ValueError) as error:
+            # A ValueError comes where a chunk has a length below 0.
+            is_cut = connected is not None and connected.is_ended
+            ending = _ending_of(error, is_over=deadline.is_over, is_cut=is_cut)
+            return Exchange(method, path, ending, status, why=_why(error), location=location)
         finally:
             if connected is not None:
                 connected.close()
@@ -80,7 +96,14 @@ class VisuLink:
         if content is None:
             why = f"more than {MOST_BODY_BYTES} bytes"
             return Exchange(method, path, Ending.OVERSIZED, status, why=why, location=location)
-        return Exchange(method, path, Ending.REPLIED, status, content, latency_ns, location=location)
+        body = decoded(content, "" if coding == "identity" else coding)
+        if body is None:
+            if _is_longer(content):
+                why = f"more than {MOST_BODY_BYTES} bytes"
+                return Exchange(method, path, Ending.OVERSIZED, status, why=why, location=location)
+            why = f"its body is no {coding}"[:_LONGEST_WHY]
+            return Exchange(method, path, Ending.NO_HTTP, status, why=why, location=location)
+        return Exchange(method, path, Ending.REPLIED, status, body, latency_ns, location=location)
 
     def _connected(self, deadline: _Deadline) -> _TimedSocket:
         for place, (family, target) in enumerate(self._addresses):
@@ -109,34 +132,43 @@ def _resolved(url: VisuUrl) -> Sequence[Address]:
 
 
 def _content(response: Any) -> bytes | None:
-    """Return the body of a reply, whatever it is coded in; None where it is too long."""
+    """Return the body of a reply as it was coded; None where it is too long."""
     content = bytearray()
-    while piece := response.read(_PIECE_BYTES):
+    while piece := response.read(_PIECE_BYTES, decode_content=False):
         content += piece
         if len(content) > MOST_BODY_BYTES:
             return None
     return bytes(content)
 
 
-def _failed(
-    error: BaseException, deadline: _Deadline, status: int | None
-) -> tuple[Ending, int | None, bytes, None, str]:
-    if isinstance(error, TimeoutError | urllib3.exceptions.TimeoutError) or deadline.is_over:
-        ending = Ending.SILENT
-    elif isinstance(error, http.client.RemoteDisconnected | OSError):
-        ending = Ending.BROKEN
-    elif isinstance(error, http.client.HTTPException | urllib3.exceptions.DecodeError):
-        ending = Ending.NO_HTTP
-    else:
-        # What urllib3 wraps of a body that is not whole, or in chunks that are none.
-        ending = Ending.BROKEN
-    return ending, status, b"", None, _why(error)
+def _is_longer(content: bytes) -> bool:
+    """Tell whether a compressed body is longer than one may be."""
+    try:
+        return len(zlib.decompressobj(_ANY_WINDOW).decompress(content, MOST_BODY_BYTES + 1)) > MOST_BODY_BYTES
+    except zlib.error:
+        return False
+
+
+def _ending_of(error: BaseException, *, is_over: bool, is_cut: bool) -> Ending:
+    """Return how an exchange ended by an error. ``is_cut``: the other side had ended the connection then."""
+    if isinstance(error, TimeoutError | urllib3.exceptions.TimeoutError) or is_over:
+        return Ending.SILENT
+    if isinstance(error, http.client.BadStatusLine) and not isinstance(error, OSError):
+        begins = str(error)[: len(_FIRST_BYTES)]
+        return Ending.BROKEN if is_cut and _FIRST_BYTES.startswith(begins) else Ending.NO_HTTP
+    # urllib3 wraps what is wrong within a body.
+    cause = error.args[-1] if isinstance(error, urllib3.exceptions.ProtocolError) and error.args else error
+    return Ending.BROKEN if is_cut or isinstance(cause, OSError) else Ending.NO_HTTP
 
 
 def _why(error: BaseException) -> str:
     if isinstance(error, TimeoutError):
         return "timed out"
-    return str(getattr(error, "strerror", None) or error or type(error).__name__)[:200]
+    return (str(getattr(error, "strerror", None) or error).strip() or type(error).__name__)[:_LONGEST_WHY]
+
+
+class _TooMuch(Exception):
+    """More came than any reply has."""
 
 
 class _Deadline:
@@ -168,6 +200,10 @@ class _TimedSocket(socket.socket):
         super().__init__(family, socket.SOCK_STREAM)
         self._deadline = deadline
         self._held = b""
+        self.is_ended = False
+        """Whether all that will come has come."""
+
+        self._left_bytes = _MOST_BYTES
 
     def sendall(self, data: Any, *flags: int) -> None:
         self._held += bytes(data)
@@ -178,7 +214,12 @@ class _TimedSocket(socket.socket):
             held, self._held = self._held, b""
             super().sendall(held)
             self.settimeout(self._deadline.left_s())
-        return super().recv_into(*words)
+        taken = super().recv_into(*words)
+        self.is_ended = not taken
+        self._left_bytes -= taken
+        if self._left_bytes < 0:
+            raise _TooMuch(f"more than {_MOST_BYTES} bytes")
+        return taken
 
 
 class _Connection(HTTPConnection):

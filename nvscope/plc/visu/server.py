@@ -17,15 +17,23 @@ from typing import Any, Self
 from nvscope.errors import CaptureError, UsageError
 from nvscope.plc.permission import is_near, plain_address
 from nvscope.plc.visu.controller import Controller, Handled, Result
-from nvscope.plc.visu.http_request import Flaw, next_request
+from nvscope.plc.visu.http_request import Flaw, HttpRequest, next_request, waits_for_continue
 from nvscope.units import endpoint
 
 MOST_CONNECTIONS = 64
 FAR, FULL, SLOW = "from outside of private networks", "one connection too many", "too slow"
+CROWDED = "ended to make room for others"
 _SLOWEST_S = 10.0
 """How long a request may take to come, and its reply to go."""
 
 _LONGEST_WAIT_S = 0.1
+_ROOM_S = 1.0
+"""How long a connection that is ended may take to go."""
+
+_MOST_UNTOLD = 1_000
+"""So many requests may have been answered that nobody was told of yet: who prints them may be held up."""
+
+_CONTINUE = b"HTTP/1.1 100 Continue\r\n\r\n"
 _PIECE_BYTES = 1 << 16
 
 Told = Callable[[Handled, str, int], None]
@@ -58,7 +66,8 @@ class VisuServer:
         self.allow_network, self.slowest_s = allow_network, slowest_s
         self._controller, self._lock = controller, threading.Lock()
         self._ended, self._stopped = threading.Event(), threading.Event()
-        self._open: set[socket.socket] = set()
+        self._open: dict[socket.socket, float] = {}
+        self._room = threading.Semaphore(_MOST_UNTOLD)
         self._handled: SimpleQueue[tuple[Handled, str, int]] = SimpleQueue()
         try:
             self._server = _Server(address, port, self)
@@ -109,6 +118,7 @@ class VisuServer:
             told(*self._handled.get(timeout=wait_s))
         except Empty:
             return left
+        self._room.release()
         return None if left is None else left - 1
 
     @property
@@ -123,18 +133,42 @@ class VisuServer:
     def opened(self, connection: socket.socket) -> None:
         """Keep a connection, to end it when everything ends."""
         with self._lock:
-            self._open.add(connection)
+            self._open[connection] = time.monotonic()
             if self._stopped.is_set():
                 _end(connection)
 
     def closed(self, connection: socket.socket) -> None:
         """Forget a connection."""
         with self._lock:
-            self._open.discard(connection)
+            self._open.pop(connection, None)
 
-    def take(self, request: Any, address: str, port: int) -> Handled:
-        """Take a request, from one connection after the other."""
+    def is_listening(self, connection: socket.socket) -> bool:
+        """Tell whether somebody on a connection is waited for; not where it was ended to make room."""
         with self._lock:
+            return self._open.get(connection, inf) < inf
+
+    def listens(self, connection: socket.socket) -> None:
+        """Note that somebody on a connection is waited for from now on."""
+        with self._lock:
+            self._open[connection] = time.monotonic()
+
+    def make_room(self) -> None:
+        """End the connection on which somebody was waited for longest, if there is one: others may have to say more."""
+        with self._lock:
+            one = min(self._open, key=lambda one: self._open[one], default=None)
+            if one is None or self._open[one] == inf:
+                return
+            self._open[one] = inf
+            self.ignored[CROWDED] += 1
+            _end(one)
+
+    def take(self, connection: socket.socket, request: HttpRequest | Flaw, address: str, port: int) -> Handled:
+        """Take a request, from one connection after the other."""
+        while not self._room.acquire(timeout=_LONGEST_WAIT_S):
+            if self._stopped.is_set():
+                break
+        with self._lock:
+            self._open[connection] = inf
             handled = self._controller.received(request)
             self._handled.put((handled, address, port))
         return handled
@@ -181,8 +215,10 @@ class _Server(socketserver.ThreadingTCPServer):
             self.owner.ignore(FAR)
             return False
         if not self.room.acquire(blocking=False):
-            self.owner.ignore(FULL)
-            return False
+            self.owner.make_room()
+            if not self.room.acquire(timeout=_ROOM_S):
+                self.owner.ignore(FULL)
+                return False
         return True
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
@@ -210,7 +246,7 @@ class _Connection(socketserver.BaseRequestHandler):
     def handle(self) -> None:
         owner = self.server.owner
         address, port = str(plain_address(self.client_address[0])), int(self.client_address[1])
-        waiting, ended = b"", False
+        waiting, ended, asked_for = b"", False, False
         self.request.settimeout(_LONGEST_WAIT_S)
         until_s = time.monotonic() + owner.slowest_s
         while not owner.is_ended:
@@ -218,14 +254,17 @@ class _Connection(socketserver.BaseRequestHandler):
             if found is None:
                 if ended:
                     return
+                if not asked_for and waits_for_continue(waiting):
+                    asked_for = self._sent(_CONTINUE)
                 piece = self._piece(until_s, is_begun=bool(waiting))
                 if piece is None:
                     return
                 waiting, ended = waiting + piece, not piece
                 continue
             waiting = waiting[stop:]
-            handled = owner.take(found, address, port)
+            handled, asked_for = owner.take(self.request, found, address, port), False
             if handled.result is Result.SILENT:
+                owner.listens(self.request)
                 # Nobody is answered any more here; who asks may wait, or go.
                 while self._piece(inf, is_begun=False):
                     pass
@@ -234,6 +273,7 @@ class _Connection(socketserver.BaseRequestHandler):
                 if isinstance(found, Flaw):
                     self._take_rest()
                 return
+            owner.listens(self.request)
             until_s = time.monotonic() + owner.slowest_s
 
     def _piece(self, until_s: float, *, is_begun: bool) -> bytes | None:
@@ -242,9 +282,10 @@ class _Connection(socketserver.BaseRequestHandler):
             if self.server.owner.is_ended:
                 return None
             try:
-                return self.request.recv(_PIECE_BYTES)
+                piece = self.request.recv(_PIECE_BYTES)
             except TimeoutError:
                 continue
+            return piece if piece or self.server.owner.is_listening(self.request) else None
         if is_begun:
             self.server.owner.ignore(SLOW)
         return None

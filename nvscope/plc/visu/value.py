@@ -12,6 +12,7 @@ from nvscope.definition.scalars import SCALARS
 from nvscope.definition.value import value_of
 from nvscope.definition.variables import Scalar, ScalarKind
 from nvscope.plc.visu.body import write_body
+from nvscope.units import count_of
 from nvscope.view.entered_value import bytes_of
 from nvscope.view.value_texts import exact_text, json_value
 
@@ -108,7 +109,7 @@ def _no_scalar(place: Place, name: str | None) -> str:
     if name is None:
         return f"nobody knows the type {place.type}"
     if name in ("ENUM", "BITORBYTE") or ((kind := SCALARS.get(name)) is not None and kind.size_bytes):
-        return f"a variable of {place.size} bytes is no {name}"
+        return f"a variable of {count_of(place.size, 'byte')} is no {name}"
     return f"a variable of type {name} has no value that could be written at once"
 
 
