@@ -36,8 +36,9 @@ PORT = "8080"
 @contextmanager
 def captured(host: Host, path: Path) -> Iterator[None]:
     """Have tcpdump write what a host sees."""
-    # Without a ring that is handed over by the block, nothing is left in it at the end.
-    words = "tcpdump", "-i", host.device, "-U", "--immediate-mode", "-Z", "root", "-w", str(path), "tcp"
+    # Without a ring that is handed over by the block, nothing is left in it at the end; but each packet takes as much
+    # of the buffer as the longest one.
+    words = "tcpdump", "-B", "65536", "-i", host.device, "-U", "--immediate-mode", "-Z", "root", "-w", str(path), "tcp"
     process = host.start(*words)
     try:
         assert process.stderr is not None
