@@ -84,7 +84,7 @@ BpfOption = Annotated[
         "--capture-filter",
         metavar="BPF",
         help="What interfaces let in, in the language of tcpdump; '' for everything. Without it: the ports of the "
-        "project, telegrams on any other port, fragments, ICMP and ARP.",
+        "project, telegrams on any other port, TCP of WebVisu, fragments, ICMP and ARP.",
         show_default=False,
     ),
 ]
@@ -253,13 +253,22 @@ def _opened(words: Sequence[str], live: LiveOptions, plant: Project, ports: Port
     source = open_live(
         words,
         LiveSettings(
-            autostop=_autostop(live), bpf=live.bpf, ports=wanted, promiscuous=not live.not_promiscuous,
-            buffer_bytes=size, renamed=plant.channels,
+            autostop=_autostop(live), bpf=live.bpf, ports=wanted, tcp=_tcp_ports(plant),
+            promiscuous=not live.not_promiscuous, buffer_bytes=size, renamed=plant.channels,
         ),
     )  # fmt: skip
     drop_privileges()
     _tell_what_is_heard(words)
     return source
+
+
+def _tcp_ports(plant: Project) -> Sequence[int]:
+    """Return the TCP ports over which some protocol is spoken."""
+    from dissectors.claims import Claims
+    from nvscope.protocols.table import PROTOCOLS, dissectors_of, of_project
+
+    protocols = of_project(PROTOCOLS, plant)
+    return Claims.of(dissector.claims for dissector in dissectors_of(protocols)).tcp
 
 
 def _tell_what_is_heard(words: Sequence[str]) -> None:

@@ -30,7 +30,7 @@ _INSTRUCTION = struct.Struct("=HBBI")
 _MAX_INSTRUCTIONS = 4096
 
 _IPV4, _IPV6, _ARP, _DOT1Q, _DOT1AD = 0x0800, 0x86DD, 0x0806, 0x8100, 0x88A8
-_ICMP, _UDP, _ICMPV6 = 1, 17, 58
+_ICMP, _TCP, _UDP, _ICMPV6 = 1, 6, 17, 58
 _EXTENSIONS = (0, 43, 44, 51, 60)
 _MOST_TAGS = 2
 
@@ -53,16 +53,16 @@ NOTHING = (Instruction(_RETURN, 0, 0, 0),)
 """Lets no packet in."""
 
 
-def default_program(link: int, ports: Collection[int]) -> Sequence[Instruction] | None:
+def default_program(link: int, ports: Collection[int], tcp: Collection[int] = ()) -> Sequence[Instruction] | None:
     """Return what lets in all that says something of network variables on a link; None where everything does.
 
-    That is UDP on one of the ``ports`` or with the identity of a telegram at its begin, fragments, ICMP, and ARP, which
-    shows that a node is there; behind up to two VLAN tags.
+    That is UDP on one of the ``ports`` or with the identity of a telegram at its begin, TCP on one of the ``tcp``
+    ports, fragments, ICMP, and ARP, which shows that a node is there; behind up to two VLAN tags.
     """
     if link == LinkType.ETHERNET:
-        return _Assembler(ports).ethernet()
+        return _Assembler(ports, tcp).ethernet()
     if link in (LinkType.RAW, LinkType.IPV4, LinkType.IPV6):
-        return _Assembler(ports).raw()
+        return _Assembler(ports, tcp).raw()
     return None
 
 
@@ -71,6 +71,7 @@ class _Assembler:
     """Puts a program together; jumps name labels, and are counted at the end."""
 
     ports: Collection[int]
+    tcp: Collection[int]
     _lines: list[tuple[int, str, str, int]] = field(default_factory=list)
     _labels: dict[str, int] = field(default_factory=dict)
 
@@ -103,29 +104,48 @@ class _Assembler:
         self._test(_ANY_BIT, 0x3FFF, "in")
         self._do(_LOAD_BYTE, at + 9)
         self._test(_EQUAL, _ICMP, "in")
-        self._test(_EQUAL, _UDP, f"UDP {at}", "out")
-        self._label(f"UDP {at}")
-        self._do(_LOAD_X_IP_HEADER, at)
-        self._udp(at)
+        self._ports(f"UDP {at}", f"TCP {at}", (_LOAD_X_IP_HEADER, at), at)
         self._label(f"IPv6 {at}")
         self._do(_LOAD_BYTE, at + 6)
         self._test(_EQUAL, _ICMPV6, "in")
         for extension in _EXTENSIONS:
             self._test(_EQUAL, extension, "in")
-        self._test(_EQUAL, _UDP, f"UDP6 {at}", "out")
-        self._label(f"UDP6 {at}")
-        self._do(_LOAD_X, 40)
+        self._ports(f"UDP6 {at}", f"TCP6 {at}", (_LOAD_X, 40), at)
+
+    def _ports(self, udp: str, tcp: str, load_x: tuple[int, int], at: int) -> None:
+        """Look at ports by the protocol that was loaded; ``load_x`` finds how long the IP header is."""
+        if self.tcp:
+            self._test(_EQUAL, _TCP, tcp)
+        self._test(_EQUAL, _UDP, udp, "out")
+        self._label(udp)
+        self._do(*load_x)
         self._udp(at)
+        if self.tcp:
+            self._label(tcp)
+            self._do(*load_x)
+            self._tcp(at)
+
+    def _tcp(self, at: int) -> None:
+        """Look at a TCP header that begins X behind a place."""
+        if len(self.tcp) > _MOST_PORTS:
+            self._do(_RETURN, MAX_SNAP_BYTES)
+            return
+        self._port_of(self.tcp, at)
+        self._do(_RETURN, 0)
+
+    def _port_of(self, ports: Collection[int], at: int) -> None:
+        """Let in what goes to one of some ports, or comes from it."""
+        for port_at in (at + 2, at):
+            self._do(_LOAD_HALF_AT_X, port_at)
+            for port in sorted(ports):
+                self._test(_EQUAL, port, "in")
 
     def _udp(self, at: int) -> None:
         """Look at a UDP header that begins X behind a place."""
         if len(self.ports) > _MOST_PORTS:
             self._do(_RETURN, MAX_SNAP_BYTES)
             return
-        for port_at in (at + 2, at):
-            self._do(_LOAD_HALF_AT_X, port_at)
-            for port in sorted(self.ports):
-                self._test(_EQUAL, port, "in")
+        self._port_of(self.ports, at)
         self._do(_LOAD_WORD_AT_X, at + 8)
         for identity in _IDENTITIES:
             self._test(_EQUAL, identity, "in")

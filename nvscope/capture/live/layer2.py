@@ -46,14 +46,18 @@ class _Packet(NamedTuple):
 class Layer2(QueuedInlet[_Packet]):
     """The packets of an interface by libpcap; an ``Inlet``.
 
-    ``bpf`` is a filter of tcpdump's language, '' for everything, None for the default one with these ``ports``. Raises
-    CaptureError where libpcap is missing or does not open the interface, UsageError for a filter that says nothing.
+    ``bpf`` is a filter of tcpdump's language, '' for everything, None for the default one with these ``ports`` of UDP,
+    and of ``tcp``. Raises CaptureError where libpcap is missing or does not open the interface, UsageError for a filter
+    that says nothing.
     """
 
     format = "interface"
     hears_answers = True
 
-    def __init__(self, name: str, bpf: str | None, ports: Sequence[int] = (), *, promiscuous: bool = True) -> None:
+    def __init__(
+        self, name: str, bpf: str | None, ports: Sequence[int] = (), *, tcp: Sequence[int] = (),
+        promiscuous: bool = True,
+    ) -> None:  # fmt: skip
         self.path = name
         self.lag_ns = 2 * GATHER_NS + 50_000_000
         self._library, self._socket = _opened(name, promiscuous)
@@ -66,7 +70,8 @@ class Layer2(QueuedInlet[_Packet]):
                     f"an interface of a kind that cannot be read (link type {datalink})", where=name,
                     next_step="capture with tcpdump or dumpcap, and read the file",
                 )  # fmt: skip
-            self._filter(default_program(link, ports) if bpf is None else compiled(bpf, link) if bpf.strip() else None)
+            given = compiled(bpf, link) if bpf and bpf.strip() else None
+            self._filter(default_program(link, ports, tcp) if bpf is None else given)
         except BaseException:
             self._socket.close()
             raise

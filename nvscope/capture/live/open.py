@@ -30,12 +30,14 @@ class LiveSettings:
     """How live sources are opened.
 
     ``bpf`` is a filter of tcpdump's language for interfaces, '' for everything, None for the default one, which lets
-    through what uses one of the ``ports`` and what says something of network variables on any other.
+    through what uses one of the ``ports`` of UDP, what says something of network variables on any other, and what uses
+    one of the ``tcp`` ports.
     """
 
     autostop: Autostop = field(default_factory=Autostop)
     bpf: str | None = None
     ports: Collection[int] = ()
+    tcp: Collection[int] = ()
     promiscuous: bool = True
     buffer_bytes: int | None = None
     renamed: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}), hash=False)
@@ -129,12 +131,13 @@ def _inlet(word: str, name: str, settings: LiveSettings) -> Inlet:
 
         if settings.buffer_bytes is not None:
             raise UsageError("-B: only on Linux a buffer can be chosen", next_step="leave it out")
-        return Layer2(word, settings.bpf, sorted(settings.ports), promiscuous=settings.promiscuous)
+        ports, tcp = sorted(settings.ports), sorted(settings.tcp)
+        return Layer2(word, settings.bpf, ports, tcp=tcp, promiscuous=settings.promiscuous)
     from nvscope.capture.live.bpf import compiled, default_program  # noqa: PLC0415
     from nvscope.capture.live.ring import KernelRing  # noqa: PLC0415
 
     if settings.bpf is None:
-        program = default_program(device.link, settings.ports)
+        program = default_program(device.link, settings.ports, settings.tcp)
     else:
         program = compiled(settings.bpf, device.link) if settings.bpf.strip() else None
     size = settings.buffer_bytes

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import subprocess
 from collections.abc import Sequence
 from ipaddress import ip_address
@@ -30,8 +31,11 @@ def _packet(version: int, protocol: int, content: bytes, **more: object) -> byte
     return internet_packet(source, destination, protocol, content, **more)  # type: ignore[arg-type]
 
 
-def _lets_in(packet: bytes, ports: Sequence[int] = (1202,), *, tags: Sequence[int] = (), link: int = ETHERNET) -> bool:
-    program = default_program(link, ports)
+def _lets_in(
+    packet: bytes, ports: Sequence[int] = (1202,), *, tcp: Sequence[int] = (), tags: Sequence[int] = (),
+    link: int = ETHERNET,
+) -> bool:  # fmt: skip
+    program = default_program(link, ports, tcp)
     assert program is not None
     return answer(program, link_frame(packet, link, tags=tags)) > 0
 
@@ -50,11 +54,24 @@ def test_udp_is_let_in_by_port_or_identity(
     assert _lets_in(packet, sorted(ports), tags=tags) == expected
 
 
+@examples(500)
+@given(st.sampled_from([4, 6]), _TAGS, _PORTS, _PORTS, st.integers(0, 10), st.data())
+def test_tcp_is_let_in_by_its_ports(
+    version: int, tags: list[int], ports: set[int], tcp: set[int], options: int, data: st.DataObject
+) -> None:
+    ends = [data.draw(st.sampled_from([1, 80, 50000, *tcp])) for _ in range(2)]
+    more = {"options": bytes(4 * options)} if version == 4 else {}
+    packet = _packet(version, _TCP, struct.pack(">HH", *ends) + bytes(16), **more)
+    expected = len(tcp) > 256 or not tcp.isdisjoint(ends)
+    assert _lets_in(packet, sorted(ports), tcp=sorted(tcp), tags=tags) == expected
+
+
 @pytest.mark.parametrize("tags", [(), (0x8100,), (0x88A8, 0x8100)])
 @pytest.mark.parametrize("version", [4, 6])
 class TestOtherTraffic:
-    def test_tcp_stays_out(self, version: int, tags: tuple[int, ...]) -> None:
-        assert not _lets_in(_packet(version, _TCP, udp(telegram())), tags=tags)
+    def test_tcp_that_nobody_wants_stays_out(self, version: int, tags: tuple[int, ...]) -> None:
+        for tcp in ((), (80, 8080)):
+            assert not _lets_in(_packet(version, _TCP, udp(telegram())), tcp=tcp, tags=tags)
 
     def test_fragments_come_in(self, version: int, tags: tuple[int, ...]) -> None:
         for place in ((0, True), (100, True), (185, False)):

@@ -19,6 +19,7 @@ from nvscope.tracker.streams import Streams
 from nvscope.tracker.visu.http_messages import HttpStreams
 from nvscope.tracker.visu.http_reader import What
 from tests.capture.live.network import Host, cable, needs_namespaces
+from tests.capture.live.test_ring import wait_for_ring
 from tests.cli.test_visu_between_hosts import captured
 
 pytestmark = [
@@ -45,7 +46,7 @@ def hear(link, held):
 
 def say(link, number, turn, chance):
     values = "|".join(str(chance.randrange(10**6)) for _ in range(chance.choice([1, 4, 90, 700])))
-    body = f"|0|{side}|{number}|{turn}|{values}|"
+    body = f"|0|{number}|{turn}|{side}|{values}|"
     sent.append(body)
     data = start + b"\\r\\nContent-Length: %d\\r\\n\\r\\n" % len(body) + body.encode()
     at = 0
@@ -153,6 +154,21 @@ def test_what_came_late_or_twice_is_put_together_body_by_body(said: tuple[Path, 
     path, bodies = said
     assert bodies_read(path) == (bodies, 0)
     assert bodies_by_tshark(path) == bodies
+
+
+def test_it_is_heard_live_as_it_is_captured(tmp_path: Path) -> None:
+    with cable() as (client, server):
+        watching = server.nvscope("report", "--json", server.device, "--for", "2500ms")
+        wait_for_ring(server)
+        words = server.address, str(PORT), "2", "5"
+        serving = server.python_program(SPEAK, "server", *words)
+        assert serving.stdout is not None
+        assert serving.stdout.readline() == "ready\n"
+        client.python_program(SPEAK, "client", *words).communicate(timeout=30)
+        serving.communicate(timeout=30)
+        out, err = watching.communicate(timeout=30)
+    (row,) = json.loads(out)["visu"]
+    assert (row["client"], row["connections"], row["reads"], row["replies"]) == ("10.77.0.1", 2, 10, 10), err
 
 
 @pytest.mark.parametrize("seed", range(4))
