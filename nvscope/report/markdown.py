@@ -98,6 +98,14 @@ def _lines(
         from nvscope.view.lines.plant import visu_writes  # noqa: PLC0415
 
         yield from _writes(visu_writes, report, clock, details=details)
+    if "visu_others" in report:
+        from nvscope.view.lines.plant import visu_others  # noqa: PLC0415
+
+        measures, rows, _ = visu_others.others(report)
+        yield ""
+        yield f"### {visu_others.TITLE}"
+        yield ""
+        yield from _table(measures, rows)
     if "hops" in report:
         yield ""
         yield f"### {hops.TITLE}"

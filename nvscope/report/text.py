@@ -130,6 +130,11 @@ def _lines(
         from nvscope.view.lines.plant import visu_writes  # noqa: PLC0415
 
         yield from _writes(visu_writes, report, clock, width, room, asked)
+    if "visu_others" in report:
+        from nvscope.view.lines.plant import visu_others  # noqa: PLC0415
+
+        measures, rows, left = visu_others.others(report, None if asked.details else visu_others.MOST_ROWS)
+        yield from _pairs(visu_others.TITLE, measures, rows, left, width, room)
     measures, rows = hops.hops(report)
     if "hops" in report:
         yield from _section(hops.TITLE, width)

@@ -137,7 +137,13 @@ def _pages() -> list[Frame]:
     line = Line(("10.0.0.1", 40_000), ("10.0.0.2", 80), now=_START_NS).open()
     line.ask(b"GET /WRITEPI?ADR=MW230&VALUE=12 HTTP/1.1\r\n\r\n")
     body = b"|1|1|0|4|0|21|8|secret|"
-    return line.ask(b"POST /plc/webvisu.htm HTTP/1.1\r\nContent-Length: %d\r\n\r\n%s" % (len(body), body)).frames
+    line.ask(b"POST /plc/webvisu.htm HTTP/1.1\r\nContent-Length: %d\r\n\r\n%s" % (len(body), body))
+    # What else is spoken on these ports.
+    for post in (b"/WebVisuV3.bin", b"/TcAdsWebService/TcAdsWebService.dll"):
+        line.ask(b"POST %s HTTP/1.1\r\nContent-Length: 1\r\n\r\nx" % post)
+    begins = (b"\x16\x03\x01" + bytes(3000), b"?\n")
+    others = [Line(("10.0.0.9", port), now=line.now).open().ask(begin) for port, begin in enumerate(begins, 50_001)]
+    return [*line.frames, *(frame for other in others for frame in other.frames)]
 
 
 def _values(number: int) -> bytes:

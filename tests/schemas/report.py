@@ -51,7 +51,7 @@ from tests.schemas.shapes import (
     word,
 )
 from tests.schemas.variables import MISSING, VALUE, VALUE_OF_LIST
-from tests.schemas.visu import visu, visu_write
+from tests.schemas.visu import visu, visu_other, visu_write
 
 SCOPES = [*SCOPE_NAMES.values(), SCOPE_UNUSED]
 _JUDGED = [kind for kind in CATALOGUE.values() if kind.judged]
@@ -76,6 +76,7 @@ def report() -> Schema:
             "sdo_writes": several(shared("sdo_write"), "the first writes of parameters, where there are any"),
             "visu": several(shared("visu"), "web visualization, where there is such traffic: who asks whom"),
             "visu_writes": several(shared("visu_write"), "the first variables that were written, where there are any"),
+            "visu_others": several(shared("visu_other"), "other protocols on the same ports, where there are any"),
             "buses": several(shared("bus"), "the channels of CAN, where there are any"),
             "filter": record({"expression": text(), "telegrams": whole("those it chooses")}),
             "missing": several(MISSING, "with definitions: what does not arrive of what is defined"),
@@ -83,14 +84,15 @@ def report() -> Schema:
             "hops_of_other_types": several(text(), "with --compare: names of variables that differ in type"),
         },
         optional=(
-            "evidence_left_out", "sdo", "sdo_writes", "visu", "visu_writes", "buses", "filter", "missing", *_OF_COMPARE,
+            "evidence_left_out", "sdo", "sdo_writes", "visu", "visu_writes", "visu_others", "buses",
+            "filter", "missing", *_OF_COMPARE,
         ),
     )  # fmt: skip
     parts = {
         "list": _list(), "node": _node(), "stream": _stream(), "can_list": _can_list(), "can_stream": _can_stream(),
         "value": VALUE_OF_LIST, "cause": cause(), "finding": _finding(), "bus": bus(), "hop": _hop(),
         "canopen_node": canopen_node(), "sdo": sdo(), "sdo_write": sdo_write(),
-        "visu": visu(), "visu_write": visu_write(),
+        "visu": visu(), "visu_write": visu_write(), "visu_other": visu_other(),
     }  # fmt: skip
     return found | {"dependentRequired": {key: [other] for key, other in permutations(_OF_COMPARE)}, "$defs": parts}
 

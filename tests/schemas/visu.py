@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dissectors.web_protocols import WebProtocol
 from nvscope.tracker.visu.writes import MOST_CHARACTERS, WriteOutcome
 from tests.schemas.shapes import PORT, Schema, described, duration, maybe, record, text, time, truth, whole, word
 
@@ -29,6 +30,19 @@ def visu() -> Schema:
             "ambiguous": whole("replies whose values may be divided in several ways"),
             "latency_ns": described(record(latency), "from the request to its reply"),
             "polling_ns": described(record(polling), "from one read to the next one of the same"),
+        }
+    )  # fmt: skip
+
+
+def visu_other() -> Schema:
+    """Return the schema of a row of ``visu_others``."""
+    protocols = [protocol.name.lower().replace("_", "-") for protocol in WebProtocol]
+    return record(
+        {
+            **_ENDS,
+            "protocol": word(protocols, "what is spoken; other: no HTTP, and nobody knows what"),
+            "count": whole("requests, or, of what is no HTTP, connections", 1),
+            "first_frame": whole("that of the first one", 1),
         }
     )  # fmt: skip
 

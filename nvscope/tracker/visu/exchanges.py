@@ -12,6 +12,7 @@ from dissectors.batch import I64, Bool, PacketBatch
 from dissectors.http import Side
 from dissectors.keys import KeyTable
 from dissectors.transport import SegmentBatch
+from dissectors.web_protocols import protocol_of_request
 from dissectors.webvisu import Place, Request
 from nvscope.engine.runs import distinct
 from nvscope.tracker.connections import Connections
@@ -76,7 +77,8 @@ class Exchanges:
         asked = self._asked(http, asked_for)
         is_plain = plain_rows(http, asked, asked_for.asks)
         taken, whole = take_whole(http, is_plain, asked, asked_for, self._conversations)
-        parts = [whole]
+        spoken = _spoken(http)[http.form]
+        parts = [whole, _others(http, asked, spoken)]
         self._pair(http, np.flatnonzero(~taken), is_plain, asked, asked_for, parts)
         said = Said.stacked(parts)
         said = said.take(np.argsort(said.order, kind="stable"))
@@ -86,7 +88,7 @@ class Exchanges:
             said, pair = said.take(pair >= 0), pair[pair >= 0]
         if not len(said):
             return no_messages()
-        return self._told(http, said, pair, asked_for.asks, packets, segments, first_frame)
+        return self._told(http, said, spoken, pair, asked_for.asks, packets, segments, first_frame)
 
     def _pair(
         self, http: HttpMessages, rows: I64, is_plain: Bool, asked: I64, asked_for: AskedFor, parts: list[Said]
@@ -168,7 +170,7 @@ class Exchanges:
         return Said(*columns)
 
     def _told(
-        self, http: HttpMessages, said: Said, pair: I64, asks: Sequence[Ask], packets: PacketBatch,
+        self, http: HttpMessages, said: Said, spoken: I64, pair: I64, asks: Sequence[Ask], packets: PacketBatch,
         segments: SegmentBatch, first_frame: int,
     ) -> VisuBatch:  # fmt: skip
         requests = [one.request or NO_REQUEST for one in asks]
@@ -188,6 +190,7 @@ class Exchanges:
         messages = VisuMessages(
             kind, row, pair, np.where(said.asked > 0, said.asked, -1), start, stop, status, outcome, fields,
             said.latency_ns, said.asked_frame, said.gap_bytes, said.opens, polled_ns, naming,
+            np.where(kind == Kind.OTHER, spoken[said.message], -1),
         )  # fmt: skip
         self._left_out[Beyond.NAMES] += self._names.left_out
         left_out, self._left_out, self._names.left_out = +self._left_out, Counter(), 0
@@ -236,6 +239,29 @@ class Exchanges:
     def _pairs(self, connection: I64) -> I64:
         ends = self._connections.ends_of(connection)
         return self.pairs.numbers_within(MOST_PAIRS, *ends.client, *ends.server, ends.server_port)
+
+
+def _spoken(http: HttpMessages) -> I64:
+    """Return which other protocol forms of messages are of, -1 of those that are of none."""
+    numbers = np.full(len(http.forms), -1)
+    for number in distinct(http.form).tolist():
+        form = http.forms[number]
+        found = form.spoken
+        if form.what is What.WHOLE and form.head is not None:
+            found = protocol_of_request(form.head.method, form.head.target)
+        if found is not None:
+            numbers[number] = int(found)
+    return numbers
+
+
+def _others(http: HttpMessages, asked: I64, spoken: I64) -> Said:
+    """Return what clients say in other protocols; ``spoken`` is which one each message is of."""
+    rows = np.flatnonzero((spoken >= 0) & (asked == 0) & ((http.stream & 1) == int(Side.CLIENT)))
+    nothing = np.zeros(len(rows), np.int64)
+    return Said(
+        np.full(len(rows), int(Kind.OTHER)), http.stream[rows] >> 1, http.order[rows], rows, nothing, nothing, nothing,
+        nothing, np.zeros(len(rows), np.bool_),
+    )  # fmt: skip
 
 
 def _statuses(http: HttpMessages) -> I64:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from dissectors import http
 from dissectors.http import MOST_BODY_BYTES, MOST_HEAD_BYTES, Body, Head, Side
+from dissectors.web_protocols import WebProtocol, protocol_of_bytes
 from dissectors.webvisu import may_become_request
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ class Form:
     ``body_bytes`` is how long the body is as it came. ``content`` is what is in it where ``is_coded``, None where that
     is not known. ``touched``: what is not whole may be a request of a WebVisu page, or is in the response to the first
     request that waits. ``answers_nobody``: what it answers was forgotten meanwhile. ``missing_bytes`` are those of a
-    gap.
+    gap. ``spoken`` is what a connection begins with that does not begin with HTTP.
     """
 
     what: What
@@ -58,6 +59,7 @@ class Form:
     touched: bool = False
     answers_nobody: bool = False
     missing_bytes: int = 0
+    spoken: WebProtocol | None = None
 
 
 class Forms:
@@ -109,8 +111,8 @@ class HttpReader:
     """
 
     __slots__ = (
-        "_answers_head", "_answers_nobody", "_known_at", "_passed", "_passes", "_seeks", "asks_head", "breaks",
-        "requests", "rest", "side",
+        "_answers_head", "_answers_nobody", "_found_before", "_is_first", "_known_at", "_passed", "_passes", "_seeks",
+        "asks_head", "breaks", "requests", "rest", "side",
     )  # fmt: skip
 
     def __init__(self, side: Side) -> None:
@@ -128,11 +130,14 @@ class HttpReader:
         self._passed: Form | None = None
         # Up to where one had to read to know that what is read now is no part of another message; 0 of what is not.
         self._known_at = 0
+        # Whether nothing of the stream is known yet but that it has begun, and how much was found before this read.
+        self._is_first = False
+        self._found_before = 0
 
     def begin(self, *, in_step: bool) -> None:
         """Take the begin of a connection; its first bytes begin a message where it is ``in_step``."""
         self.rest, self._passes, self._passed = b"", 0, None
-        self._seeks = not in_step
+        self._seeks, self._is_first = not in_step, in_step
         self._answers_head, self._answers_nobody = None, False
 
     def read(self, data: bytes, begin: int, end: int, found: Forms) -> None:
@@ -147,6 +152,7 @@ class HttpReader:
         tell_at, tell_form = found.at.append, found.form.append
         plain = self.requests is None and not self._answers_nobody
         self._known_at = known_at = 0
+        self._found_before = len(found.at)
         while begin < end:
             if self._seeks:
                 start = http.start_of_message(data, begin, end, self.side)
@@ -179,6 +185,7 @@ class HttpReader:
             self._answers_head = None
             begin = behind
         self.rest = data[begin:end] if not self._passes else b""
+        self._is_first = self._is_first and len(found.at) == self._found_before and not self._passes
 
     @staticmethod
     def _note_late(first: int, known_at: int, found: Forms) -> None:
@@ -282,7 +289,8 @@ class HttpReader:
         self._known_at = at = max(at, self._known_at)
         self._out_of_step(at)
         self.breaks.append(len(found.at))
-        found.tell(at, Form(What.BROKEN))
+        is_first = self._is_first and len(found.at) == self._found_before
+        found.tell(at, Form(What.BROKEN, spoken=protocol_of_bytes(data, start) if is_first else None))
         return start + 1
 
     def _is_touched(self, rest: bytes, head_end: int, head: Head | None) -> bool:
@@ -308,7 +316,7 @@ class HttpReader:
     def _drop(self, size: int, at: int, found: Forms) -> None:
         """Take that the bytes of the message that has begun are lost, and so many behind them."""
         rest, self.rest = self.rest, b""
-        in_step = not self._seeks
+        in_step, self._is_first = not self._seeks, False
         touched = False
         if in_step and not self._passes and rest:
             head_end = http.end_of_head(rest, 0, len(rest))

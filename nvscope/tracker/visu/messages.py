@@ -22,6 +22,7 @@ class Kind(IntEnum):
 
     ``NAMES``: the reply to a request for a list of variables. ``CUT``: a request or a reply of which bytes are missing.
     ``UNANSWERED``: the connection ended without a reply. ``GAP``: bytes are missing of a connection with such requests.
+    ``OTHER``: a request of another protocol, or the begin of a connection over which another one is spoken.
     """
 
     READ = 0
@@ -31,6 +32,7 @@ class Kind(IntEnum):
     CUT = 4
     UNANSWERED = 5
     GAP = 6
+    OTHER = 7
 
 
 class Outcome(IntEnum):
@@ -52,6 +54,7 @@ class VisuMessages(Columns):
     of the request: that of a request itself, or that which a reply answers; -1 of what is neither. ``start`` and
     ``stop`` are where the content of its body lies. Of replies: HTTP ``status``, ``outcome``, how many values it has
     (``fields``), ``latency_ns``, and ``asked_frame``, that of the request; of what is no reply -1, 0 of times.
+    ``spoken`` is a ``WebProtocol``, -1 of what is of WebVisu.
     ``asked_frame`` is also that of what is unanswered. ``gap_bytes`` are missing of the connection that were not told
     before; ``opens``: it is the first such request of its connection. ``polled_ns`` is how long it is since the pair
     read the same the last time, -1 of what is no such read. ``naming`` is which of ``VisuBatch.namings`` was known.
@@ -72,6 +75,7 @@ class VisuMessages(Columns):
     opens: Bool
     polled_ns: I64
     naming: I64
+    spoken: I64
 
 
 @dataclass(frozen=True, slots=True)

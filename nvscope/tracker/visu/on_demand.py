@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from nvscope.tracker.visu.follower import VisuFollower
     from nvscope.tracker.visu.state import VisuCounts
 
-NAME, WRITES = "visu", "visu_writes"
+NAME, WRITES, OTHERS = "visu", "visu_writes", "visu_others"
 
 
 class _Nothing:
@@ -90,7 +90,7 @@ class VisuState:
         """Return who asked whom, and what became of it."""
         if self.known is None:
             return NO_SUMMARY
-        from nvscope.tracker.visu.summary import summarize_visu  # noqa: PLC0415
+        from nvscope.tracker.visu.summary import summarize_others, summarize_visu  # noqa: PLC0415
 
-        writes = {WRITES: tuple(self.known.writes.kept)}
-        return ProtocolSummary(summarize_visu(self.known), writes, tuple(self.known.clients()))
+        further = {WRITES: tuple(self.known.writes.kept), OTHERS: summarize_others(self.known)}
+        return ProtocolSummary(summarize_visu(self.known), further, tuple(self.known.clients()))

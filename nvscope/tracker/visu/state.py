@@ -52,6 +52,7 @@ class _Message(NamedTuple):
     opens: bool
     polled_ns: int
     naming: int
+    spoken: int
 
 
 class PairColumns(KeyedColumns):
@@ -78,6 +79,13 @@ class PairColumns(KeyedColumns):
     }  # fmt: skip
 
 
+class Spoken(NamedTuple):
+    """How often a client said something in another protocol, and in which frame first."""
+
+    first_frame: int
+    times: int
+
+
 class Subject(NamedTuple):
     """What a finding is about: who asked whom, and which variable; '' for what is of none."""
 
@@ -92,7 +100,8 @@ class VisuCounts:
     ``pairs`` number client, server and port, as in ``VisuBatch.pairs``; ``columns``, ``latencies`` and ``pollings`` are
     by pair. ``events`` are keyed by ``VisuEvent`` and by subject, which ``subjects`` number; ``write_minutes`` are
     the writes among them by subject and minute since 1970, ``write_minutes_left_out`` those of more minutes. ``writes``
-    are who wrote what. ``left_out`` is that for which there was no room, keyed by ``Beyond``.
+    are who wrote what, ``others`` what is spoken beside by pair and ``WebProtocol``. ``left_out`` is that for which
+    there was no room, keyed by ``Beyond``.
     """
 
     def __init__(self) -> None:
@@ -106,6 +115,7 @@ class VisuCounts:
         self.write_minutes_left_out = 0
         self.left_out = EventLog(1)
         self.writes = Writes()
+        self.others: dict[tuple[int, int], Spoken] = {}
         self._minutes: set[tuple[int, int]] = set()
         self._variables: set[tuple[int, str]] = set()
         self._asked: set[tuple[int, Request]] = set()
@@ -126,6 +136,7 @@ class VisuCounts:
         for what, count in part.left_out.items():
             self._leave_out(what, told, part.messages.take(np.full(count, len(part.messages) - 1)))
         self._count(pair, messages, part.requests)
+        self._note_others(told, pair, messages)
         self._note(told, part, pair, messages)
         self._note_writes(told, part, pair, messages)
         self.events.settle()
@@ -154,6 +165,15 @@ class VisuCounts:
         self.latencies.observe(pair[replies], messages.latency_ns[replies], len(self.pairs))
         polled = messages.polled_ns >= 0
         self.pollings.observe(pair[polled], messages.polled_ns[polled], len(self.pairs))
+
+    def _note_others(self, told: Told, pair: I64, messages: VisuMessages) -> None:
+        """Note what is spoken beside."""
+        rows = np.flatnonzero(messages.kind == Kind.OTHER)
+        columns = pair[rows], messages.spoken[rows], messages.row[rows]
+        for number, spoken, row in zip(*(column.tolist() for column in columns), strict=True):
+            known = self.others.get((number, spoken))
+            first_frame, times = known or (row + told.first_frame, 0)
+            self.others[number, spoken] = Spoken(first_frame, times + 1)
 
     def _note(self, told: Told, part: VisuBatch, pair: I64, messages: VisuMessages) -> None:
         """Note what is a finding, and which variables are asked for."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dissectors import address
+from dissectors.web_protocols import WebProtocol
 from nvscope.tracker.latency import LatencyFigures
 from nvscope.tracker.visu.state import PairColumns, VisuCounts
 
@@ -39,6 +40,35 @@ class VisuSummary:
     ambiguous: int
     latency: LatencyFigures = field(default_factory=LatencyFigures)
     polling: LatencyFigures = field(default_factory=LatencyFigures)
+
+
+@dataclass(frozen=True, slots=True)
+class OtherSpoken:
+    """What one client said to one server in a protocol that is not WebVisu.
+
+    ``count`` are requests, or, of what is no HTTP, connections; ``first_frame`` is that of the first one.
+    """
+
+    client: str
+    server: str
+    port: int
+    protocol: WebProtocol
+    count: int
+    first_frame: int
+
+
+def summarize_others(counts: VisuCounts) -> Sequence[OtherSpoken]:
+    """Return what is spoken beside, sorted by addresses, ports and protocols."""
+    found = []
+    for (pair, protocol), spoken in counts.others.items():
+        *ends, port = (int(word[pair]) for word in counts.pairs.words)
+        client, server = (ends[0], ends[1]), (ends[2], ends[3])
+        row = OtherSpoken(
+            address.text(*client), address.text(*server), port, WebProtocol(protocol), spoken.times,
+            spoken.first_frame,
+        )  # fmt: skip
+        found.append((address.order(*client), address.order(*server), port, protocol, row))
+    return tuple(row for *_, row in sorted(found, key=lambda one: one[:4]))
 
 
 def summarize_visu(counts: VisuCounts) -> Sequence[VisuSummary]:

@@ -118,6 +118,10 @@ def report_document(
         from nvscope.view.documents.visu import visu_rows  # noqa: PLC0415
 
         document["visu"] = visu_rows(pages, node_names)
+    if spoken := whole_summary.others.get("visu_others"):
+        from nvscope.view.documents.visu import visu_other_rows  # noqa: PLC0415
+
+        document["visu_others"] = visu_other_rows(spoken, node_names)
     if written := whole_summary.others.get("visu_writes"):
         from nvscope.view.documents.visu_writes import visu_write_rows  # noqa: PLC0415
 

@@ -6,7 +6,26 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-from nvscope.tracker.visu.summary import VisuSummary
+from nvscope.tracker.visu.summary import OtherSpoken, VisuSummary
+
+
+def visu_other_rows(
+    spoken: Sequence[OtherSpoken], node_names: Mapping[str, str] = MappingProxyType({})
+) -> list[dict[str, Any]]:  # fmt: skip
+    """Return a row for what is spoken beside WebVisu by each client, server, port and protocol."""
+    return [
+        {
+            "client": one.client,
+            "client_name": node_names.get(one.client),
+            "server": one.server,
+            "server_name": node_names.get(one.server),
+            "port": one.port,
+            "protocol": one.protocol.name.lower().replace("_", "-"),
+            "count": one.count,
+            "first_frame": one.first_frame,
+        }
+        for one in spoken
+    ]
 
 
 def visu_rows(

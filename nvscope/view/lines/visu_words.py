@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
+from dissectors.web_protocols import WebProtocol
 from dissectors.webvisu import UNREADABLE, Entry, Place, Request, read_reply
 from nvscope import units
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch
@@ -49,6 +50,17 @@ def shown(entry: Entry, names: Mapping[Place, str], value: str) -> str:
     return HIDDEN if value != UNREADABLE and is_secret(entry, names) else value
 
 
+_PROTOCOLS = {
+    WebProtocol.WEBVISU_V3: "WebVisu of CODESYS V3", WebProtocol.TWINCAT: "TwinCAT ADS web service",
+    WebProtocol.TLS: "TLS", WebProtocol.OTHER: "no HTTP",
+}  # fmt: skip
+
+
+def protocol_words(protocol: WebProtocol) -> str:
+    """Return what people call another protocol on these ports."""
+    return _PROTOCOLS[protocol]
+
+
 def message_words(part: VisuBatch, message: int) -> str:
     """Return what a message is, in a line; it need not be safe to print."""
     messages = part.messages
@@ -57,6 +69,8 @@ def message_words(part: VisuBatch, message: int) -> str:
         return f"{units.count_of(int(messages.gap_bytes[message]), 'byte')} missing"
     if kind is Kind.CUT:
         return "cut: bytes are missing"
+    if kind is Kind.OTHER:
+        return f"{protocol_words(WebProtocol(int(messages.spoken[message])))}, not decoded"
     if kind is Kind.NAMES:
         return f"variable list ({units.count_of(int(messages.stop[message] - messages.start[message]), 'byte')})"
     request = part.requests[asked]
