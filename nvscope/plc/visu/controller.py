@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from xml.sax.saxutils import quoteattr
@@ -74,15 +74,20 @@ class Handled:
     touched: Sequence[Touched] = ()
 
 
+Now = Callable[[Place], str | None]
+"""Says what a variable of a table has now, as it goes onto the wire; None where nobody knows."""
+
+
 class Controller:
-    """The variables of a table and their values, which writes change.
+    """The variables of a table and their values, which writes change, or which are what ``now`` says.
 
     ``results`` counts requests by what became of them.
     """
 
-    def __init__(self, table: ServedTable) -> None:
+    def __init__(self, table: ServedTable, now: Now | None = None) -> None:
         self._table = table
         self._values = {place: entry.value for place, entry in table.by_place.items()}
+        self._now: Now = now or self._values.get
         self._files = {table.path: (_HTML, _PAGE)}
         if table.lists:
             system, own = ([one for one in table.entries if one.is_of_system is which] for which in (True, False))
@@ -143,7 +148,7 @@ class Controller:
         self, request: HttpRequest, asked: Request, entries: Sequence[Entry | None], delay_ns: int, surplus: int
     ) -> Handled:
         touched = tuple(
-            Touched(place, entry, self._values[place] if entry is not None and entry.is_readable else None)
+            Touched(place, entry, self._now(place) if entry is not None and entry.is_readable else None)
             for place, entry in zip(_places(asked.entries), entries, strict=True)
         )
         values = [UNREADABLE if one.before is None else one.before for one in touched]
@@ -164,7 +169,7 @@ class Controller:
         )
         touched = []
         for place, entry, value in zip(places, entries, wanted, strict=True):
-            before = self._values.get(place)
+            before = None if entry is None else self._now(place)
             after = value if may and entry is not None and not entry.settings.stuck else before
             if may and after is not None:
                 self._values[place] = after
