@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 from nvscope.findings.catalogue import CATALOGUE
+from nvscope.protocols.visu import VISU
 from nvscope.simulate.scenario_file import load_scenario, read_scenario
 from tests.laws import some
 from tests.oracle.compare import with_near_latencies
@@ -23,6 +24,7 @@ from tests.simulate.comparison import differences
 from tests.simulate.expected.parameters import ExpectedOfParameters
 from tests.simulate.random_scenario import random_scenario
 from tests.simulate.simulation import Simulation, simulated
+from tests.tracker.visu.test_rules import near
 
 CAPTURES = Path(__file__).parent.parent / "captures"
 SCENARIOS = sorted((Path(__file__).parent / "scenarios").glob("*.toml"))
@@ -48,7 +50,8 @@ UNSEEN = {
 def report_on(path: Path) -> dict[str, Any]:
     """Return the report on the traffic of a scenario."""
     simulation = simulated(path)
-    if not simulation.channels:
+    # Pages are looked for where a project may name their ports.
+    if not simulation.channels and not simulation.scenario.page:
         return document_of(tracked(simulation.batches))
     with TemporaryDirectory() as directory:
         return simulation.report(Path(directory))
@@ -113,10 +116,17 @@ def test_report_tells_the_same_of_random_conversations(seed: int) -> None:
     check_parameters(document_of(tracked(simulation.batches)), simulation.parameters)
 
 
+@pytest.mark.parametrize("path", [path for path in EXACT if path.stem.startswith("page-")])
+def test_report_tells_of_pages_what_was_asked(path: Path) -> None:
+    assert simulated(path).visu.rows
+    rows = [{name: value for name, value in row.items() if "_name" not in name} for row in report_on(path)["visu"]]
+    assert rows == [near(row) for row in simulated(path).visu.rows]
+
+
 def test_scenarios_show_every_finding_of_the_network() -> None:
     shown = {finding["code"] for path in SCENARIOS for finding in report_on(path)["findings"]}
     wanted = {code for code, kind in CATALOGUE.items() if kind.judged and not kind.protocol and not kind.of_security}
-    assert shown == wanted - UNSEEN
+    assert shown == wanted - UNSEEN | {kind.code for kind in VISU.findings()}
 
 
 def test_the_sample_press_is_what_its_scenario_makes(tmp_path: Path) -> None:

@@ -123,6 +123,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
         ),
         "visu serve": (
             ("nvscope visu serve table.toml --port 8080", "a controller on this machine"),
+            ("nvscope visu serve eth0 --gvl plc --port 8080", "the lists that come there, with their last values"),
             ("nvscope visu serve --keys", "what a table can say"),
         ),
         "simulate": (

@@ -24,6 +24,8 @@ from nvscope.simulate.scenario import (
     WrongChecksum,
     WrongDlc,
 )
+from nvscope.simulate.visu.check import check_page
+from nvscope.simulate.visu.tables import Page
 from nvscope.toml_table import Place, nearest
 
 MAX_SHORT_HEADER_BYTES = 200
@@ -209,7 +211,7 @@ def _check_names(scenario: Scenario, place: Place) -> None:
         named = [(attribute, getattr(entry, attribute, "")) for attribute in known]
         if isinstance(entry, ListPlan):
             named += [("sender", name) for name in entry.sender]
-        if isinstance(entry, Traffic | ParameterRequests):
+        if isinstance(entry, Traffic | ParameterRequests | Page):
             named.append(("to", entry.to))
         for attribute, name in named:
             names = known.get(attribute, known["node"])
@@ -226,6 +228,8 @@ def _check_names(scenario: Scenario, place: Place) -> None:
     for position, one in enumerate(scenario.parameter):
         if len({versions[name] for name in (one.node, one.to, one.host) if name}) > 1:
             raise place.below("parameter").below(position).error("its nodes need the same version of IP")
+    for position, page in enumerate(scenario.page):
+        check_page(scenario, page, place.below("page").below(position))
     for position, plan in enumerate(scenario.list):
         below = place.below("list").below(position)
         target = (

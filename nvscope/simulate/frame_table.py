@@ -21,6 +21,7 @@ from nvscope.simulate.scenario import Malformed, Mirrored, Scenario, UnexpectedA
 from nvscope.simulate.schedule import FRAME_GAP_NS, Stream, Writer, make_schedule
 from nvscope.simulate.strangers import add_malformed, add_searches, add_short_headers, add_traffic
 from nvscope.simulate.template import Role, Template
+from nvscope.simulate.visu.frames import add_pages
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +78,7 @@ def make_frame_table(scenario: Scenario) -> FrameTable:
     add_traffic(draft)
     add_searches(draft)
     add_parameters(draft)
+    add_pages(draft)
     del schedule, journey
     return _finished(draft, struck)
 

@@ -281,11 +281,23 @@ class Wire:
     def tcp(self, source: Host, destination: IPAddress) -> Frame:
         """Return a TCP segment with a Modbus request (read ten registers)."""
         body = bytes.fromhex("0001000000060103000a000a")
-        segment = struct.pack(">HHIIBBHHH", 49_200, 502, 1, 1, 0x50, 0x18, 8192, 0, 0) + body
-        size = struct.pack(">HH", _TCP, len(segment))
+        return self.segment(source, destination, (49_200, 502), (1, 1), 0x18, body)
+
+    def segment(
+        self, source: Host, destination: IPAddress, ports: tuple[int, int], numbers: tuple[int, int], flags: int,
+        data: bytes, *, vlan: tuple[int, ...] = (), options: bool = False,
+    ) -> Frame:  # fmt: skip
+        """Return a TCP segment; ``numbers`` are those of sequence and acknowledgement."""
+        segment = struct.pack(">HHIIBBHHH", *ports, *numbers, 0x50, flags, 8192, 0, 0) + data
+        size = (
+            struct.pack(">HH", _TCP, len(segment))
+            if source.address.version == 4
+            else struct.pack(">II", len(segment), _TCP)
+        )
         total = checksum(source.address.packed + destination.packed + size + segment)
         segment = segment[:16] + total + segment[18:]
-        data, start = self.frame(source, destination, ip_packet(source.address, destination, _TCP, segment))
+        packet = ip_packet(source.address, destination, _TCP, segment, options=options)
+        data, start = self.frame(source, destination, packet, vlan)
         return Frame(data, start)
 
     def dns(self, source: Host, destination: IPAddress) -> Frame:

@@ -23,6 +23,7 @@ from dissectors.netvar import PARAMETER_ERRORS
 from nvscope.errors import ConfigurationError
 from nvscope.list_key import ListKey
 from nvscope.simulate.can.tables import Bus, BusOff, BusOverload, CanList, CanTraffic, ErrorFrames
+from nvscope.simulate.visu.tables import Page
 from nvscope.toml_table import (
     DURATION,
     FLAG,
@@ -526,6 +527,11 @@ class Expect:
         '"hmi -> press 0x2000:1: 2a 00 -> 2b 00, confirmed"; of an old value that nobody knows, ?',
         default=(),
     )
+    page_writes: tuple[str, ...] = key(
+        array(TEXT),
+        'the same of pages and the variables of controllers: "hmi -> press PLC_PRG.n: 1 -> 2, confirmed"',
+        default=(),
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -549,6 +555,7 @@ class Scenario:
     parameter: tuple[ParameterRequests, ...] = key(
         tables(ParameterRequests), "requests of the Parameter Manager", default=()
     )
+    page: tuple[Page, ...] = key(tables(Page), "pages of web visualizations", default=())
     traffic: tuple[Traffic, ...] = key(tables(Traffic), "foreign traffic", default=())
     bus: tuple[Bus, ...] = key(tables(Bus), "CAN buses", default=())
     can_list: tuple[CanList, ...] = key(tables(CanList), "network variables lists on CAN", default=())
@@ -622,7 +629,7 @@ class Scenario:
     @property
     def has_network(self) -> bool:
         """Whether there is something else than CAN; nodes alone, which CAN has too, send nothing."""
-        return not self.channels or bool(self.list or self.traffic or self.parameter)
+        return not self.channels or bool(self.list or self.traffic or self.parameter or self.page)
 
     def rows(self) -> Iterator[tuple[str, int, object]]:
         """Yield every table of every array of tables, with the array's name and its position there."""

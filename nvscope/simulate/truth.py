@@ -23,6 +23,7 @@ from nvscope.simulate.list_facts import ListFacts
 from nvscope.simulate.network_facts import NetworkFacts
 from nvscope.simulate.scenario_facts import ScenarioFacts
 from nvscope.simulate.template import Role, Template
+from nvscope.simulate.visu.truth import visu_truth
 from nvscope.version import head
 
 SCHEMA = "nvscope.truth/1"
@@ -35,7 +36,8 @@ def make_truth(facts: ScenarioFacts) -> dict[str, Any]:
 
     ``exact`` is false for a wild scenario: its figures of loss are then what was put in, not what can be observed.
     Values are null where the rules leave an observer without a chance: figures of a sender whose way of counting cannot
-    be told, intervals where a node that counts across streams was restarted.
+    be told, intervals where a node that counts across streams was restarted. ``visu`` is what pages say; there where
+    there are any.
     """
     scenario, network, can = facts.scenario, facts.network, facts.can_table
     lists = [] if can is None else [can_list_truth(can, entry) for entry in facts.can_lists]
@@ -60,6 +62,7 @@ def make_truth(facts: ScenarioFacts) -> dict[str, Any]:
         "lists": lists,
         "causes": cause_truth(facts),
         **({} if can is None else {"buses": list(can_buses(scenario, can))}),
+        **({"visu": visu} if (visu := visu_truth(scenario)) else {}),
     }
 
 

@@ -177,3 +177,19 @@ def test_a_report_on_what_was_said_tells_what_happened(tmp_path: Path, head: str
     assert {("NV801", "PLC_PRG.rSpeed"), ("NV801", "PLC_PRG.ro"), ("NV802", "PLC_PRG.ro")} <= found
     assert ("NV803", ".CurrentPassword") in found
     assert {"NV801", "NV802", "NV803", "NV804", "NV805"} <= {code for code, _ in found}
+
+
+def test_a_report_on_what_older_pages_said_tells_what_they_read_and_wrote(tmp_path: Path) -> None:
+    with served(tmp_path, '"n" = { address = "0,460,2,1", value = 5, access = "rw" }') as one, tapped(one.port) as tap:
+        for target in (
+            "READPI?ADR=MW230&FORMAT=%d",
+            "WRITEPI?ADR1=MW230&VALUE1=6&FORMAT1=%d",
+            "WRITEPI?ADR1=MB9&VALUE1=6",
+        ):
+            asked(tap.port, f"GET /plc/{target} HTTP/1.1\r\nHost: x\r\n\r\n".encode("ascii"))
+    report = json.loads(run_text("report", tap.capture(tmp_path / "visu.pcap"), "--json").stdout)
+    (row,) = report["visu"]
+    assert (row["reads"], row["writes"], row["replies"], row["refused"], row["unanswered"]) == (1, 2, 3, 1, 0)
+    assert [(write["variable"], write["new"], write["outcome"]) for write in report["visu_writes"]] == [
+        ("MW230", "6", "confirmed"), ("MB9", "6", "refused"),
+    ]  # fmt: skip

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 from dissectors.can.error import CLASSES
 from nvscope.list_key import Transport
+from nvscope.simulate.visu.truth import COUNTS
 from nvscope.tracker.figures import (
     BY_NAME,
     BY_SCOPE,
@@ -58,7 +59,7 @@ def simulated_truth() -> Schema:
     }
     parts = {
         "list": _list(), "stream": _stream(), "can_list": _can_list(), "can_stream": _can_stream(), "bus": _bus(),
-        "cause": _cause(),
+        "cause": _cause(), "visu": _visu(),
     }  # fmt: skip
     return document(
         "truth", "`nvscope simulate`: what was put into simulated traffic, in the words of a report",
@@ -70,9 +71,16 @@ def simulated_truth() -> Schema:
             "lists": several({"oneOf": [shared("list"), shared("can_list")]}),
             "causes": several(shared("cause")),
             "buses": several(shared("bus")),
+            "visu": several(shared("visu"), "what pages of web visualizations asked, where there are any"),
         },
-        optional=("buses",),
+        optional=("buses", "visu"),
     ) | {"$defs": parts}  # fmt: skip
+
+
+def _visu() -> Schema:
+    """Return the schema of what was asked by a client of a server and port, and what came of it."""
+    counts = {name: whole() for name in (*COUNTS, "variables")}
+    return record({"client": text(), "server": text(), "port": PORT, **counts})
 
 
 def _perhaps(one: Figure) -> Schema:

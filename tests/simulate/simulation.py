@@ -24,6 +24,7 @@ from tests.oracle.frame import Frame
 from tests.simulate.collected import frames_of
 from tests.simulate.expected.findings import expected_findings
 from tests.simulate.expected.parameters import ExpectedOfParameters, expected_of_parameters
+from tests.simulate.expected.visu import ExpectedOfVisu, expected_of_visu
 
 
 class Simulation:
@@ -43,6 +44,10 @@ class Simulation:
         if scenario.parameter or any(one.kind == "parameter" for one in scenario.traffic):
             self._parameters = expected_of_parameters(self.frames())
             self._findings += self._parameters.findings
+        self._visu = ExpectedOfVisu()
+        if scenario.page:
+            self._visu = expected_of_visu(self.frames())
+            self._findings += self._visu.findings
         for batch in self.batches:
             for column in fields(batch):
                 if isinstance(values := getattr(batch, column.name), np.ndarray):
@@ -59,6 +64,10 @@ class Simulation:
     @property
     def parameters(self) -> ExpectedOfParameters:
         return copy.deepcopy(self._parameters)
+
+    @property
+    def visu(self) -> ExpectedOfVisu:
+        return copy.deepcopy(self._visu)
 
     def frames(self) -> Iterator[Frame]:
         return frames_of(self.batches)

@@ -12,6 +12,7 @@ from nvscope.errors import ConfigurationError
 from nvscope.simulate.scenario import Duplicate, ListPlan, Scenario
 from nvscope.simulate.scenario_file import document, load_scenario, read_scenario
 from nvscope.simulate.simulator import simulate
+from nvscope.simulate.visu.tables import Page
 from tests.simulate.collected import Collected
 
 PLANT = """
@@ -31,6 +32,8 @@ interval = "50ms"
 """
 
 ASKING = "[[parameter]]\nnode='hmi'\nto='press'\ninterval='1s'\n"
+PAGE_KEYS = "variables = { a = '4,0,2,1' }\ninterval = '1s'\nnode = 'hmi'\nto = 'press'"
+PAGE = f"[[page]]\n{PAGE_KEYS}"
 FAST = "[[list]]\nname='fast'\nindex=8\nsender='press'\nbytes=4\ninterval='45us'\n"
 
 
@@ -104,6 +107,25 @@ def test_total_bytes_are_cut_between_elements() -> None:
         ("[[capture_loss]]\nat = '1s'", "capture_loss[0]", "wild = true"),
         ("[[capture_loss]]\nat = '1s'\nprobability = 0.5", "capture_loss[0]", "one of at and probability"),
         ("[[definition]]\nlist = 'axes'", "definition[0].list", "nearest known one is 'axis'"),
+        (PAGE.replace("'hmi'", "'hmj'"), "page[0].node", "there is no node 'hmj'"),
+        (PAGE.replace("'press'", "'pres'"), "page[0].to", "nearest known one is 'press'"),
+        (PAGE.replace("'hmi'", "'press'"), "page[0].to", "a page asks another node"),
+        (PAGE.replace("4,0,2,1", "4,0,2"), "page[0].variables.a", "an address is expected"),
+        (PAGE.replace("a = '4,0,2,1'", ""), "page[0].variables", "1 to 1000 variables"),
+        (PAGE.replace("a =", "'' ="), "page[0].variables", "a name of 1 to 200"),
+        ("[[page]]\npath = 'x y'\n" + PAGE_KEYS, "page[0].path", "begins with a slash"),
+        ("[[page]]\nvalues = ['a|b']\n" + PAGE_KEYS, "page[0].values[0]", "no | or line ends"),
+        ("[[page]]\nvalues = ['€']\n" + PAGE_KEYS, "page[0].values[0]", "ISO-8859-1"),
+        ("[[page]]\nwrite = true\nshortened = [1]\n" + PAGE_KEYS, "page[0].shortened", "have no values"),
+        ("[[page]]\nlate = [1, 2]\nunanswered = [2]\n" + PAGE_KEYS, "page[0].late", "request 2 has no reply"),
+        ("[[page]]\novertaken = [1]\nresent_after = '6s'\n" + PAGE_KEYS, "page[0].resent_after", "is missing"),
+        (PAGE + "\n[[mirrored]]\nfrom = '0s'", "page[0]", "wild = true"),
+        (PAGE + "\n[[unplugged]]\nnode = 'hmi'\nat = '2s'", "page[0]", "a node that is away"),
+        (
+            "[[page]]\novertaken = [1]\n" + PAGE_KEYS + "\n[[clock_step]]\nat = '1s'\nby = '5s'",
+            "page[0]",
+            "step of the clock",
+        ),
         (
             "[[traffic]]\nkind = 'arp'\nnode = 'hmi'\nto = 'press'\ninterval = '0s'",
             "traffic[0].interval",
@@ -194,8 +216,9 @@ def test_a_file_that_is_none_is_named(tmp_path: Path) -> None:
 
 
 def test_the_documentation_has_every_key() -> None:
-    text = document()
-    for table in (Scenario, ListPlan, Duplicate):
+    tables = {Scenario: "Scenario", ListPlan: "[[list]]", Duplicate: "[[duplicate]]", Page: "[[page]]"}
+    for table, heading in tables.items():
+        text, _, _ = document().partition(f"## {heading}\n")[2].partition("\n## ")
         for entry in fields(table):
             key = entry.metadata.get("name") or entry.name
             documented = f"`{key}`" in text or f"`[[{key}]]`" in text or f"`[{key}]`" in text

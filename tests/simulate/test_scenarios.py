@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from nvscope.findings.catalogue import CATALOGUE
+from nvscope.protocols.visu import VISU
 from nvscope.simulate.scenario_file import load_scenario
 from nvscope.tracker.figures import LIST_COUNTERS
 from tests.simulate.simulation import Simulation, simulated
@@ -46,6 +47,16 @@ def written(simulation: Simulation) -> list[str]:
     ]
 
 
+def written_by_pages(simulation: Simulation) -> list[str]:
+    """Return the writes of pages as scenarios have them."""
+    names = {node.address: node.name for node in simulation.scenario.node}
+    return [
+        f"{names[str(one.pair[0])]} -> {names[str(one.pair[1])]} {one.variable}: "
+        f"{'?' if one.old is None else one.old} -> {one.new}, {one.outcome}"
+        for one in simulation.visu.writes
+    ]
+
+
 @pytest.mark.parametrize("path", TAME, ids=[path.stem for path in TAME])
 def test_a_scenario_expects_what_was_put_into_it(path: Path) -> None:
     simulation = simulated(path)
@@ -55,6 +66,7 @@ def test_a_scenario_expects_what_was_put_into_it(path: Path) -> None:
     assert found(simulation.findings) == {key: set(codes) for key, codes in expect.findings.items()}
     assert counted(simulation.truth) == (expect.counters or {})
     assert written(simulation) == list(expect.writes)
+    assert written_by_pages(simulation) == list(expect.page_writes)
 
 
 @pytest.mark.parametrize("path", SCENARIOS, ids=[path.stem for path in SCENARIOS])
@@ -73,7 +85,8 @@ def test_every_finding_and_every_counter_occurs() -> None:
         assert expect is not None
         codes |= {code for entry in (expect.findings or {}).values() for code in entry}
         counters |= {name for entry in (expect.counters or {}).values() for name in entry}
+    of_visu = {kind.code for kind in VISU.findings()}
     judged = {code for code, kind in CATALOGUE.items() if kind.judged and not kind.protocol and not kind.of_security}
-    assert codes == judged - NEEDS_A_DEFINITION - NEEDS_A_FILE - NEEDS_MANY - LIVE_ONLY
+    assert codes == of_visu | judged - NEEDS_A_DEFINITION - NEEDS_A_FILE - NEEDS_MANY - LIVE_ONLY
     # What counters claim that are not believed, a scenario cannot say: it does not put it in.
     assert counters == {counter.name for counter in LIST_COUNTERS} - {"lost_claimed"}

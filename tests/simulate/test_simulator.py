@@ -53,7 +53,7 @@ def tshark(capture: Path, *arguments: str) -> list[str]:
 
 @pytest.mark.parametrize("suffix", ["pcap", "pcapng"])
 @pytest.mark.parametrize(
-    "name", ["plant-clean", "foreign-traffic", "unreachable", "malformed", "ipv6", "vlan", "link-sll2"]
+    "name", ["plant-clean", "foreign-traffic", "unreachable", "malformed", "ipv6", "vlan", "link-sll2", "page-faults"]
 )
 def test_tshark_finds_every_checksum_right(name: str, suffix: str, tmp_path: Path) -> None:
     scenario = load_scenario(SCENARIOS / f"{name}.toml")

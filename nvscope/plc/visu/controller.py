@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from xml.sax.saxutils import quoteattr
@@ -12,6 +12,7 @@ from dissectors.webvisu import STRING, UNREADABLE, Place, Request, read_request
 from dissectors.webvisu import Entry as AskedEntry
 from nvscope.plc.visu.http_reply import reply
 from nvscope.plc.visu.http_request import Flaw, HttpRequest
+from nvscope.plc.visu.query import Bytes, formatted, is_query, page_query
 from nvscope.plc.visu.table import Entry, ServedTable
 from nvscope.plc.visu.url import beside
 from nvscope.plc.visu.value import shown
@@ -74,15 +75,23 @@ class Handled:
     touched: Sequence[Touched] = ()
 
 
+Now = Callable[[Place], str | None]
+"""Says what a variable of a table has now, as it goes onto the wire; None where nobody knows."""
+
+
 class Controller:
-    """The variables of a table and their values, which writes change.
+    """The variables of a table and their values, which writes change, or which are what ``now`` says.
 
     ``results`` counts requests by what became of them.
     """
 
-    def __init__(self, table: ServedTable) -> None:
+    def __init__(self, table: ServedTable, now: Now | None = None) -> None:
         self._table = table
         self._values = {place: entry.value for place, entry in table.by_place.items()}
+        self._now: Now = now or self._values.get
+        self._by_bytes: dict[Bytes, Place] = {}
+        for place in table.by_place:
+            self._by_bytes.setdefault(place[:3], place)
         self._files = {table.path: (_HTML, _PAGE)}
         if table.lists:
             system, own = ([one for one in table.entries if one.is_of_system is which] for which in (True, False))
@@ -106,6 +115,11 @@ class Controller:
         return handled
 
     def _fetched(self, request: HttpRequest) -> Handled:
+        query = page_query(request.target, self._by_bytes) if request.method == "GET" else None
+        if query is not None and query.asked.entries:
+            return self._asked(request, query.asked, query.formats)
+        if is_query(request.target):
+            return self._plain(Result.MALFORMED, request, 400, "no address that can be asked for")
         found = self._files.get(request.target.partition("?")[0])
         if found is None:
             return self._plain(Result.NOT_FOUND, request, 404, "no such file")
@@ -118,6 +132,10 @@ class Controller:
         # Who counts wrong in a read gets what he names, as controllers do; nothing is written by guess.
         if asked is None or not asked.entries or (asked.writes and asked.is_miscounted):
             return self._plain(Result.MALFORMED, request, 400, "no request of a WebVisu page")
+        return self._asked(request, asked)
+
+    def _asked(self, request: HttpRequest, asked: Request, formats: Sequence[str] = ()) -> Handled:
+        """Answer what a page asks for; with ``formats``, an older one, by a URL."""
         entries = [self._table.by_place.get(one.place) for one in asked.entries if isinstance(one.place, Place)]
         known = [one.settings for one in entries if one is not None]
         delay_ns = max((one.delay for one in known), default=0)
@@ -126,7 +144,7 @@ class Controller:
             result = Result.SILENT if any(one.silent for one in known) else Result.DROPPED
             touched = tuple(Touched(*pair) for pair in zip(_places(asked.entries), entries, strict=True))
             return Handled(
-                result, "POST", request.target, 0, b"", result is Result.DROPPED, delay_ns, asked.writes,
+                result, request.method, request.target, 0, b"", result is Result.DROPPED, delay_ns, asked.writes,
                 asked.declared, touched,
             )  # fmt: skip
         if status != 200:
@@ -137,15 +155,25 @@ class Controller:
         if asked.writes:
             return self._written(request, asked, entries, delay_ns)
         surplus = sum(one.surplus for one in known)
-        return self._read(request, asked, entries, delay_ns, surplus)
+        return self._read(request, asked, entries, delay_ns, surplus, formats)
 
     def _read(
-        self, request: HttpRequest, asked: Request, entries: Sequence[Entry | None], delay_ns: int, surplus: int
-    ) -> Handled:
+        self, request: HttpRequest, asked: Request, entries: Sequence[Entry | None], delay_ns: int, surplus: int,
+        formats: Sequence[str],
+    ) -> Handled:  # fmt: skip
         touched = tuple(
-            Touched(place, entry, self._values[place] if entry is not None and entry.is_readable else None)
+            Touched(place, entry, self._now(place) if entry is not None and entry.is_readable else None)
             for place, entry in zip(_places(asked.entries), entries, strict=True)
         )
+        if asked.query:
+            lines = [
+                UNREADABLE if one.before is None else formatted(one.place, one.before, wanted)
+                for one, wanted in zip(touched, formats, strict=True)
+            ]
+            return self._handled(
+                Result.ANSWERED, request, 200, "\n".join(lines).encode("iso-8859-1"), _TEXT, delay_ns=delay_ns,
+                asked=asked, touched=touched,
+            )  # fmt: skip
         values = [UNREADABLE if one.before is None else one.before for one in touched]
         values = [*values, *[_SURPLUS] * surplus][: max(len(values) + surplus, 0)]
         content = "".join(f"|{value}" for value in values) + "|" * self._table.trailing_pipe
@@ -164,14 +192,15 @@ class Controller:
         )
         touched = []
         for place, entry, value in zip(places, entries, wanted, strict=True):
-            before = self._values.get(place)
+            before = None if entry is None else self._now(place)
             after = value if may and entry is not None and not entry.settings.stuck else before
             if may and after is not None:
                 self._values[place] = after
             touched.append(Touched(place, entry, before, value, after))
+        status, content = (200, _DONE if may else _REFUSED) if not asked.query else (200 if may else 403, b"")
         return self._handled(
-            Result.ANSWERED if may else Result.REFUSED, request, 200, _DONE if may else _REFUSED, _HTML,
-            delay_ns=delay_ns, asked=asked, touched=tuple(touched),
+            Result.ANSWERED if may else Result.REFUSED, request, status, content, _HTML, delay_ns=delay_ns,
+            asked=asked, touched=tuple(touched),
         )  # fmt: skip
 
     def _plain(self, result: Result, request: HttpRequest, status: int, text: str) -> Handled:

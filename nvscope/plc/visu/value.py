@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from dissectors.webvisu import TYPES, Place
 from nvscope.definition.scalars import SCALARS
-from nvscope.definition.value import value_of
+from nvscope.definition.value import Value, value_of
 from nvscope.definition.variables import Scalar, ScalarKind
 from nvscope.plc.visu.body import write_body
 from nvscope.units import count_of
@@ -99,10 +99,14 @@ def entered(place: Place, text: str) -> str:
         raise ValueError(_no_scalar(place, name))
     is_number = bool(kind.unit_ns and _WHOLE.fullmatch(text.strip()))
     data = _in_range(kind, int(text)) if is_number else bytes_of(kind, text)
+    return scalar_text(kind, value_of(kind, data))
+
+
+def scalar_text(kind: Scalar, value: Value) -> str:
+    """Return the value of an elementary type that V2.3 has as it goes onto the wire: a number, times in their unit."""
     if kind.kind is ScalarKind.REAL:
-        return _decimal(exact_text(kind, value_of(kind, data)))
-    number = value_of(kind, data)
-    return str(int(number)) if isinstance(number, int) else ""
+        return _decimal(exact_text(kind, value))
+    return str(int(value)) if isinstance(value, int) else ""
 
 
 def _no_scalar(place: Place, name: str | None) -> str:
