@@ -97,7 +97,8 @@ def write(
 
 def _sent(place: Place, value: str) -> str:
     """Return a value as it goes onto the wire; UsageError where it is none of the type."""
-    from nvscope.plc.visu.value import entered, type_name
+    from nvscope.definition.visu_values import type_name
+    from nvscope.plc.visu.value import entered
 
     try:
         return entered(place, value)
