@@ -123,10 +123,10 @@ class Inquiry:
     def defined_layouts(self) -> Layouts:
         """Return ``layouts``; UsageError where there are none."""
         if self.layouts is None:
-            raise self._nothing_defined()
+            raise self.nothing_defined()
         return self.layouts
 
-    def _nothing_defined(self) -> UsageError:
+    def nothing_defined(self) -> UsageError:
         """Return the error that no list with variables is defined, and why as far as the files tell."""
         definition = self.project.definition
         if not self.project.files:

@@ -11,11 +11,11 @@ import typer
 from nvscope.cli.completion import visu_variables
 from nvscope.cli.definitions import ProjectOption
 from nvscope.cli.sdo_serve import NetworkOption
+from nvscope.cli.secrets import SecretsOption
 from nvscope.cli.terminal import ColourOption, colour_wanted, echo
 from nvscope.cli.visu_asked import (
     JsonOption,
     PageOption,
-    SecretsOption,
     TimeoutOption,
     UrlArgument,
     VariablesOption,

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from nvscope.capture.open import open_sink
+from tests.analysis.transactions.talk import post, reply
 from tests.definition.lists import telegram
 from tests.oracle.builders import data_frame
 from tests.oracle.builders import telegram as parameter_telegram
@@ -93,6 +94,7 @@ def make_odd_plant(folder: Path) -> None:
     refused = [frame for service in range(20, 29) for frame in _refused(service)]
     _write(folder / "refusing.pcap", [unasked, *refused, *_written()])
     _write(folder / "pages.pcap", _pages())
+    _write(folder / "timed_pages.pcap", _timed_pages())
     lines = []
     for number, data in enumerate(values):
         at_s = (_START_NS + (number * 10 + 2) * _MS) / 1e9
@@ -138,6 +140,14 @@ def _pages() -> list[Frame]:
     line.ask(b"GET /WRITEPI?ADR=MW230&VALUE=12 HTTP/1.1\r\n\r\n")
     body = b"|1|1|0|4|0|21|8|secret|"
     return line.ask(b"POST /plc/webvisu.htm HTTP/1.1\r\nContent-Length: %d\r\n\r\n%s" % (len(body), body)).frames
+
+
+def _timed_pages() -> list[Frame]:
+    """Return reads of times and dates, and a write by an older page."""
+    line = Line(("10.0.0.1", 40_000), ("10.0.0.2", 80), now=_START_NS).open()
+    for number in range(3):
+        line.wait(10 * _MS).ask(post("|0|2|0|4|0|4|7|1|4|4|4|20|")).answer(reply(f"|{1_500 + number}|{1_700_000_000}|"))
+    return line.ask(b"GET /WRITEPI?ADR=MW230&VALUE=12 HTTP/1.1\r\n\r\n").answer(reply("")).frames
 
 
 def _values(number: int) -> bytes:
