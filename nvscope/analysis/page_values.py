@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, ClassVar
@@ -93,6 +93,17 @@ def nothing_asked(listed: str, read: ReadValues | None) -> UsageError:
         f"no page asked '{listed.strip()[:80]}' for variables",
         next_step=f"there are {', '.join(lists[:_MOST_NEAR]) or 'none'}{more}",
     )
+
+
+def selection_of_lists(listed: Sequence[str]) -> Callable[[PageVariable], bool] | None:
+    """Return what tells which variables of pages are meant by what stands for lists, all of them without any name.
+
+    None where only lists are named.
+    """
+    meant = [one.wanted for text in listed if (one := selection(None, text)) is not None]
+    if listed and not meant:
+        return None
+    return lambda variable: not meant or any(one(variable) for one in meant)
 
 
 def last_page_values(meant: PageSelection | None) -> PageObserver[LastValues]:

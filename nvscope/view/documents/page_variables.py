@@ -14,7 +14,7 @@ from typing import Any
 
 from dissectors import address
 from nvscope.definition.value import Value
-from nvscope.definition.variables import Scalar, ScalarKind, type_text
+from nvscope.definition.variables import Scalar, ScalarKind, String, type_text
 from nvscope.tracker.visu.last_values import LastValues, cut_text
 from nvscope.tracker.visu.number_texts import Form
 from nvscope.tracker.visu.readings import ReadValues
@@ -144,14 +144,18 @@ def _meant(read: ReadValues) -> list[tuple[int, PageVariable]]:
 
 
 def _called(variable: PageVariable) -> dict[str, Any]:
-    kind = variable.kind
-    is_plain = kind is None or isinstance(kind, Scalar)
     return {
         "list": variable.list,
         "name": variable.name,
-        "type": (variable.type or UNKNOWN) if is_plain or kind is None else type_text(kind),
+        "type": type_told(variable),
         "sender": variable.sender,
     }
+
+
+def type_told(variable: PageVariable) -> str:
+    """Return what the type of a variable is called: as the request calls it, of a STRING with its length."""
+    kind = variable.kind
+    return type_text(kind) if isinstance(kind, String) else variable.type or UNKNOWN
 
 
 def value_of_bits(variable: PageVariable, form: int, bits: int) -> Value | None:
