@@ -12,6 +12,7 @@ from nvscope.cli import completion
 from nvscope.cli.definitions import GvlOption, ProjectOption, flaws_told_first, project_of, tell_of_lists
 from nvscope.cli.exported_pages import (
     check_pages_alone,
+    nothing_defined,
     observed_pages,
     tell_of_exported_pages,
     write_pages_alone,
@@ -178,7 +179,8 @@ def export(
     pages = None if wants_telegrams else observed_pages(listed or (), secrets=show_secrets)
     # Where no list is defined, telegrams are what is written, unless values are asked for.
     pages_alone = pages is not None and (
-        (layouts is None and what == "values") or (bool(of_pages) and len(of_pages) == len(listed or ()))
+        (layouts is None and (what == "values" or form == "long"))
+        or (bool(of_pages) and len(of_pages) == len(listed or ()))
     )
     with flaws_told_first(plant.definition):
         if pages_alone:
@@ -210,7 +212,7 @@ def export(
                 assert pages is not None
                 frames, fragments = write_pages_alone(inquiry, source, filtered, pages, write, files), 0
                 if pages.known is None and not of_pages:
-                    inquiry.defined_layouts()
+                    raise nothing_defined(inquiry)
             elif lists:
                 from nvscope.analysis.values import values
                 from nvscope.view.rows.defined import DefinedTelegrams

@@ -45,6 +45,16 @@ def check_pages_alone(form: str | None, by: str | None) -> None:
         )
 
 
+def nothing_defined(inquiry: Inquiry) -> UsageError:
+    """Return the error that there are no values: neither is a list defined, nor did a page ask for any."""
+    if inquiry.project.files:
+        return inquiry.nothing_defined()
+    return UsageError(
+        "no list is defined, and no page of a web visualization asked for values",
+        next_step="name the exported lists and their types with --gvl FILE",
+    )
+
+
 def write_pages_alone(
     inquiry: Inquiry, source: Source, chosen: DisplayFilter | None, pages: Pages, path: str, files: WholeFiles
 ) -> int:
