@@ -17,6 +17,7 @@ from tests.oracle.frame import Frame
 from tests.oracle.tcp_line import Line
 from tests.packets import batch_of
 from tests.simulate.simulation import simulated
+from tests.tracker.visu.shown_and_carried import GVL, plant
 
 _START_NS = 1_700_000_000_000_000_000
 _MS = 1_000_000
@@ -95,6 +96,9 @@ def make_odd_plant(folder: Path) -> None:
     _write(folder / "refusing.pcap", [unasked, *refused, *_written()])
     _write(folder / "pages.pcap", _pages())
     _write(folder / "timed_pages.pcap", _timed_pages())
+    _write(folder / "shown.pcap", plant(range(0, 500, 10), range(25, 500, 60)))
+    _write(folder / "shown_once.pcap", plant([10], [100]))
+    (folder / "shown.gvl").write_text(GVL)
     lines = []
     for number, data in enumerate(values):
         at_s = (_START_NS + (number * 10 + 2) * _MS) / 1e9

@@ -81,14 +81,17 @@ def report() -> Schema:
             "missing": several(MISSING, "with definitions: what does not arrive of what is defined"),
             "hops": several(shared("hop"), "with --compare: variables that several lists have"),
             "hops_of_other_types": several(text(), "with --compare: names of variables that differ in type"),
+            "page_hops": several(shared("page_hop"), "with --compare: what pages showed of variables of lists"),
         },
         optional=(
             "evidence_left_out", "sdo", "sdo_writes", "visu", "visu_writes", "buses", "filter", "missing", *_OF_COMPARE,
+            "page_hops",
         ),
     )  # fmt: skip
     parts = {
         "list": _list(), "node": _node(), "stream": _stream(), "can_list": _can_list(), "can_stream": _can_stream(),
         "value": VALUE_OF_LIST, "cause": cause(), "finding": _finding(), "bus": bus(), "hop": _hop(),
+        "page_hop": _page_hop(),
         "canopen_node": canopen_node(), "sdo": sdo(), "sdo_write": sdo_write(),
         "visu": visu(), "visu_write": visu_write(),
     }  # fmt: skip
@@ -291,20 +294,26 @@ def _finding() -> Schema:
     return found | {"dependentRequired": {"lists": ["channel", "parts"], "parts": ["lists"]}}
 
 
+def _page_hop() -> Schema:
+    end = record({"list": text("key, or visu/ADDRESS"), "sender": text(), "telegrams": whole(), **VALUE})
+    return record({**_hop_of(end), "hidden": truth("it is, or may be, a password, and stays hidden")})
+
+
 def _hop() -> Schema:
-    end = record({"list": LIST_KEY, "sender": text(), "telegrams": whole(), **VALUE})
+    return record(_hop_of(record({"list": LIST_KEY, "sender": text(), "telegrams": whole(), **VALUE})))
+
+
+def _hop_of(end: Schema) -> dict[str, Schema]:
     delays = {"count": whole("changes that were timed")}
-    return record(
-        {
-            "variable": text(),
-            "type": text(),
-            "from": end,
-            "to": end,
-            "changes": whole(),
-            "followed": whole(),
-            "delay_ns": record(delays | {key: maybe(duration()) for key in ("min", "mean", "p50", "p99", "max")}),
-            "observed_ns": duration(),
-            "differed_ns": duration(),
-            "equal": truth("whether both had the same value at last"),
-        }
-    )
+    return {
+        "variable": text(),
+        "type": text(),
+        "from": end,
+        "to": end,
+        "changes": whole(),
+        "followed": whole(),
+        "delay_ns": record(delays | {key: maybe(duration()) for key in ("min", "mean", "p50", "p99", "max")}),
+        "observed_ns": duration(),
+        "differed_ns": duration(),
+        "equal": truth("whether both had the same value at last"),
+    }
