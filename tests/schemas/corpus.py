@@ -115,6 +115,7 @@ ODD_COMMANDS = (
     "report shown.pcap --gvl shown.gvl --compare",
     "report shown.pcap --gvl shown.gvl --compare --show-secrets",
     "report shown_once.pcap --gvl shown.gvl --compare",
+    "report timed_pages.pcap --project named.toml",
     "vars timed_pages.pcap",
     "vars timed_pages.pcap --history 'visu/*/*'",
     "vars timed_pages.pcap --at 40ms",

@@ -51,7 +51,7 @@ from tests.schemas.shapes import (
     word,
 )
 from tests.schemas.variables import MISSING, VALUE, VALUE_OF_LIST
-from tests.schemas.visu import visu, visu_write
+from tests.schemas.visu import visu, visu_unchanging, visu_write
 
 SCOPES = [*SCOPE_NAMES.values(), SCOPE_UNUSED]
 _JUDGED = [kind for kind in CATALOGUE.values() if kind.judged]
@@ -75,6 +75,7 @@ def report() -> Schema:
             "sdo": several(shared("sdo"), "the Parameter Manager, where there is such traffic: who asks whom"),
             "sdo_writes": several(shared("sdo_write"), "the first writes of parameters, where there are any"),
             "visu": several(shared("visu"), "web visualization, where there is such traffic: who asks whom"),
+            "visu_unchanging": several(shared("visu_unchanging"), "what pages saw no change of, where there is any"),
             "visu_writes": several(shared("visu_write"), "the first variables that were written, where there are any"),
             "buses": several(shared("bus"), "the channels of CAN, where there are any"),
             "filter": record({"expression": text(), "telegrams": whole("those it chooses")}),
@@ -84,8 +85,8 @@ def report() -> Schema:
             "page_hops": several(shared("page_hop"), "with --compare: what pages showed of variables of lists"),
         },
         optional=(
-            "evidence_left_out", "sdo", "sdo_writes", "visu", "visu_writes", "buses", "filter", "missing", *_OF_COMPARE,
-            "page_hops",
+            "evidence_left_out", "sdo", "sdo_writes", "visu", "visu_writes", "visu_unchanging", "buses",
+            "filter", "missing", *_OF_COMPARE, "page_hops",
         ),
     )  # fmt: skip
     parts = {
@@ -93,7 +94,7 @@ def report() -> Schema:
         "value": VALUE_OF_LIST, "cause": cause(), "finding": _finding(), "bus": bus(), "hop": _hop(),
         "page_hop": _page_hop(),
         "canopen_node": canopen_node(), "sdo": sdo(), "sdo_write": sdo_write(),
-        "visu": visu(), "visu_write": visu_write(),
+        "visu": visu(), "visu_write": visu_write(), "visu_unchanging": visu_unchanging(),
     }  # fmt: skip
     return found | {"dependentRequired": {key: [other] for key, other in permutations(_OF_COMPARE)}, "$defs": parts}
 

@@ -3,7 +3,21 @@
 from __future__ import annotations
 
 from nvscope.tracker.visu.writes import MOST_CHARACTERS, WriteOutcome
-from tests.schemas.shapes import PORT, Schema, described, duration, maybe, record, text, time, truth, whole, word
+from nvscope.view.documents.visu import MOST_NAMED
+from tests.schemas.shapes import (
+    PORT,
+    Schema,
+    described,
+    duration,
+    maybe,
+    record,
+    several,
+    text,
+    time,
+    truth,
+    whole,
+    word,
+)
 
 _ENDS = {
     "client": text("address"), "client_name": maybe(text("what the project calls it")),
@@ -29,6 +43,19 @@ def visu() -> Schema:
             "ambiguous": whole("replies whose values may be divided in several ways"),
             "latency_ns": described(record(latency), "from the request to its reply"),
             "polling_ns": described(record(polling), "from one read to the next one of the same"),
+        }
+    )  # fmt: skip
+
+
+def visu_unchanging() -> Schema:
+    """Return the schema of a row of ``visu_unchanging``."""
+    names = several(text(), f"names, up to {MOST_NAMED}")
+    return record(
+        {
+            **{name: _ENDS[name] for name in ("server", "server_name")},
+            "variables": whole("that pages asked it for", 1),
+            "unchanged": described(names, "told twice at least, and always the same"), "unchanged_cut": whole("more"),
+            "unreadable": described(names, "never a value, or always ???"), "unreadable_cut": whole("more"),
         }
     )  # fmt: skip
 

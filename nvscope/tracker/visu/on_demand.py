@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from nvscope.tracker.visu.messages import VisuBatch
     from nvscope.tracker.visu.state import VisuCounts
 
-NAME, WRITES = "visu", "visu_writes"
+NAME, WRITES, UNCHANGING = "visu", "visu_writes", "visu_unchanging"
 
 
 class _Nothing:
@@ -93,8 +93,8 @@ class VisuState:
             return NO_SUMMARY
         from nvscope.tracker.visu.summary import summarize_visu  # noqa: PLC0415
 
-        writes = {WRITES: tuple(self.known.writes.kept)}
-        return ProtocolSummary(summarize_visu(self.known), writes, tuple(self.known.clients()))
+        further = {WRITES: tuple(self.known.writes.kept), UNCHANGING: self.known.unchanging.summary()}
+        return ProtocolSummary(summarize_visu(self.known), further, tuple(self.known.clients()))
 
 
 class PageReader(Protocol):

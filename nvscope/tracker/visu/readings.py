@@ -82,7 +82,7 @@ class ReadValues:
     def of(self, told: Told, part: VisuBatch) -> Iterator[Readings]:
         """Yield the readings of a batch, in stretches of so many that memory stays bounded."""
         messages = part.messages
-        replies = _telling(part)
+        replies = telling(part)
         if told.chosen is not None:
             replies = replies[told.chosen[messages.row[replies]]]
         if not len(replies):
@@ -143,7 +143,7 @@ class ReadValues:
         return own
 
 
-def _telling(part: VisuBatch) -> I64:
+def telling(part: VisuBatch) -> I64:
     """Return the messages that tell values, rising."""
     messages = part.messages
     writes = np.array([one.writes for one in part.requests] + [False], np.bool_)[messages.asked]

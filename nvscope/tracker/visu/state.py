@@ -19,6 +19,7 @@ from nvscope.tracker.latency import Latencies
 from nvscope.tracker.visu.events import VisuEvent
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages
 from nvscope.tracker.visu.names import name_of
+from nvscope.tracker.visu.unchanging import Unchanging
 from nvscope.tracker.visu.writes import Writes
 
 MOST_WRITE_MINUTES = 10_000
@@ -100,7 +101,8 @@ class VisuCounts:
     ``pairs`` number client, server and port, as in ``VisuBatch.pairs``; ``columns``, ``latencies`` and ``pollings`` are
     by pair. ``events`` are keyed by ``VisuEvent`` and by subject, which ``subjects`` number; ``write_minutes`` are
     the writes among them by subject and minute since 1970, ``write_minutes_left_out`` those of more minutes. ``writes``
-    are who wrote what. ``left_out`` is that for which there was no room, keyed by ``Beyond``.
+    are who wrote what, ``unchanging`` what never changed. ``left_out`` is that for which there was no room, keyed by
+    ``Beyond``.
     """
 
     def __init__(self) -> None:
@@ -114,6 +116,7 @@ class VisuCounts:
         self.write_minutes_left_out = 0
         self.left_out = EventLog(1)
         self.writes = Writes()
+        self.unchanging = Unchanging()
         self._minutes: set[tuple[int, int]] = set()
         self._variables: set[tuple[int, str]] = set()
         self._asked: set[tuple[int, Request]] = set()
@@ -132,6 +135,7 @@ class VisuCounts:
         self._count(pair, messages, part.requests)
         self._note(told, part, pair, messages)
         self._note_writes(told, part, pair, messages)
+        self.unchanging.observe(part, told.max_streams)
         self.events.settle()
         self.write_minutes.settle()
         self.left_out.settle()

@@ -124,6 +124,10 @@ def report_document(
         from nvscope.view.documents.visu_writes import visu_write_rows  # noqa: PLC0415
 
         document["visu_writes"] = visu_write_rows(written, node_names, secrets=secrets)
+    if unchanging := whole_summary.others.get("visu_unchanging"):
+        from nvscope.view.documents.visu import unchanging_rows  # noqa: PLC0415
+
+        document["visu_unchanging"] = unchanging_rows(unchanging, node_names)
     document |= {"buses": can_buses(summary.can, names, measures)} if summary.can.buses else {}
     return document if drawn else dict(plain(document))
 

@@ -56,6 +56,7 @@ class Known:
     secret: bool = False
     readings: list[Series] = field(default_factory=list)
     unreadable: int = 0
+    asked: int = 0
 
 
 class VisuValues(Visu):
@@ -87,6 +88,7 @@ class VisuValues(Visu):
             known = self.variables.setdefault((server, entry.address), Known())
             known.name = self.called(server, entry.address)
             known.secret = self.may_be_secret(server, entry.address)
+            known.asked += 1
             if place >= len(values):
                 continue
             if values[place] == b"???":
@@ -114,7 +116,7 @@ class VisuValues(Visu):
         return [
             {
                 "server": str(server), "name": known.name, "place": text_of(address), "secret": known.secret,
-                "readings": len(known.readings), "unreadable": known.unreadable,
+                "readings": len(known.readings), "asked": known.asked, "unreadable": known.unreadable,
                 "changes": sum(one.changed for one in known.readings),
                 "text": known.readings[-1].text if known.readings else None,
                 "value": known.readings[-1].value if known.readings else None,
@@ -182,3 +184,19 @@ def real(text: str, size: int) -> float | None:
     except OverflowError:
         return None
     return number
+
+
+def never_changed(rules: VisuValues) -> list[tuple[str, int, list[str], list[str]]]:
+    """Return by server: how many variables replies told of, those that never changed, those that never had a value."""
+    found: dict[str, tuple[list[str], list[str], list[str]]] = {}
+    for row in rules.rows():
+        every, unchanged, unreadable = found.setdefault(row["server"], ([], [], []))
+        every.append(row["name"])
+        if not row["readings"]:
+            unreadable.append(row["name"])
+        elif not row["changes"] and row["asked"] > 1:
+            unchanged.append(row["name"])
+    return sorted(
+        (server, len(every), sorted(unchanged), sorted(unreadable))
+        for server, (every, unchanged, unreadable) in found.items() if unchanged or unreadable
+    )  # fmt: skip
