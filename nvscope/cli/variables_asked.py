@@ -48,8 +48,11 @@ class VariablesAsked:
         if self.inquiry.layouts is not None:
             return None
         if not self.inquiry.project.files:
+            what = "no page of a web visualization asked for variables"
+            if self.wanted is not None:
+                what = "the filter chooses no reply to a page of a web visualization that has a value"
             return UsageError(
-                "no definition is given, and no page of a web visualization asked for variables",
+                f"no definition is given, and {what}",
                 next_step="name the exported list and its types with --gvl FILE or in nvscope.toml, or propose a "
                 "layout with --infer",
             )
