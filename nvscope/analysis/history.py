@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from heapq import merge
+from typing import TYPE_CHECKING
 
 from nvscope.analysis.inquiry import Inquiry, Watch
+from nvscope.analysis.page_values import is_of_pages, nothing_meant, page_history, selection
 from nvscope.analysis.seen_lists import SeenLists
-from nvscope.definition.selection import names_of_lists, select, unplaced_text
+from nvscope.definition.selection import Selection, names_of_lists, select, unplaced_text
+from nvscope.engine.run import Observer
+from nvscope.errors import UsageError
+from nvscope.tracker.variables.data_telegrams import DataTelegrams
 from nvscope.tracker.variables.history import Entry, History
+
+if TYPE_CHECKING:
+    from nvscope.tracker.visu.on_demand import PageObserver
+    from nvscope.tracker.visu.value_history import PageEntry, ValueHistory
 
 
 class Changes:
@@ -15,6 +25,9 @@ class Changes:
 
     ``listed`` is the list, None for all that have such a variable. With ``every``, the values of each telegram, changed
     or not; ``expression`` is a filter. UsageError where nothing has the name, or no definition is given.
+
+    ``with_pages``: variables of web visualization are meant, too, by ``pages``. Which there are is known in the end:
+    where no list has the name, ``check`` raises what is raised at once without them; there is no ``history`` then.
     """
 
     def __init__(
@@ -25,37 +38,84 @@ class Changes:
         listed: str | None = None,
         every: bool = False,
         expression: str | None = None,
+        with_pages: bool = False,
     ) -> None:
         self._inquiry = inquiry
-        self._layouts = inquiry.defined_layouts()
-        self.selection = select(self._layouts, name, listed)
+        self._name = name
+        self._of_pages = with_pages and (is_of_pages(name) or (listed is not None and is_of_pages(listed)))
+        self._problem: UsageError | None = None
+        meant = selection(name, listed) if with_pages else None
+        self.pages: PageObserver[ValueHistory] | None = None if meant is None else page_history(meant, every=every)
+        self.selection = self._select(listed)
         self._chosen = None if expression is None else inquiry.filter(expression)
         self.source = inquiry.open()
-        self.history = History(self._layouts, self.selection.names_in, every=every)
+        self.history: History | None = None
+        if self._problem is None:
+            self.history = History(inquiry.defined_layouts(), self.selection.names_in, every=every)
+        self.read = self.history.read if self.history else DataTelegrams(lambda _: False)
         self.seen = SeenLists()
+
+    def _select(self, listed: str | None) -> Selection:
+        try:
+            if self._of_pages:
+                raise nothing_meant(self._name, ())
+            return select(self._inquiry.defined_layouts(), self._name, listed)
+        except UsageError as error:
+            if self.pages is None:
+                raise
+            self._problem = error
+            return Selection()
+
+    @property
+    def pages_alone(self) -> bool:
+        """Whether only pages may have the variables."""
+        return self._problem is not None
+
+    @property
+    def came_from_nobody(self) -> bool:
+        """Whether neither a list is defined nor any page seen."""
+        return self._inquiry.layouts is None and (self.pages is None or self.pages.known is None)
+
+    def check(self) -> None:
+        """Raise UsageError where nothing has the name, now that all was read."""
+        known = self.pages.known if self.pages else None
+        if self._problem is None or (known is not None and known.read.meant):
+            return
+        if known is not None and (self._of_pages or self._inquiry.layouts is None):
+            raise nothing_meant(self._name, known.read.variables.known)
+        raise self._problem
 
     @property
     def lists(self) -> list[tuple[str, str]]:
         """Keys, as reports write them, and names of the lists that have the variables."""
         keys = self.selection.lists()
-        return [(str(key), known.name) for key, known in names_of_lists(self._layouts) if key in keys]
+        layouts = self._inquiry.layouts
+        return [(str(key), known.name) for key, known in names_of_lists(layouts) if key in keys] if layouts else []
 
     @property
     def some_came(self) -> bool:
         """Whether any data telegram of these lists was seen."""
-        keys = self.selection.lists()
-        return any(self._layouts.key_of(key) in keys for key in self.history.read.lists)
+        keys, layouts = self.selection.lists(), self._inquiry.layouts
+        return layouts is not None and any(layouts.key_of(key) in keys for key in self.read.lists)
 
     @property
     def unplaced(self) -> str:
         """What of the name cannot be shown, as a sentence; '' if nothing."""
         return unplaced_text(self.selection.unplaced) if self.selection.unplaced else ""
 
-    def batches(self, watch: Watch | None = None) -> Iterator[Iterator[Entry]]:
+    def batches(self, watch: Watch | None = None) -> Iterator[Iterator[Entry | PageEntry]]:
         """Yield the changes of each batch in turn."""
-        for _ in self._inquiry.run(self.source, [self.history, self.seen], self._chosen, watch=watch):
-            yield self.history.entries()
+        observers: list[Observer] = [self.seen]
+        observers += [one for one in (self.history, self.pages) if one is not None]
+        for _ in self._inquiry.run(self.source, observers, self._chosen, watch=watch):
+            yield self._entries()
+
+    def _entries(self) -> Iterator[Entry | PageEntry]:
+        pages = self.pages.known if self.pages else None
+        of_lists: Iterator[Entry | PageEntry] = self.history.entries() if self.history else iter(())
+        return of_lists if pages is None else merge(of_lists, pages.entries(), key=lambda entry: entry.frame)
 
     def __iter__(self) -> Iterator[Entry]:
+        """Yield the changes of variables of lists."""
         for entries in self.batches():
-            yield from entries
+            yield from (entry for entry in entries if isinstance(entry, Entry))

@@ -36,12 +36,12 @@ from nvscope.tracker.summary import Summary
 from nvscope.view.documents.report import report_document
 
 if TYPE_CHECKING:  # what only some questions need is imported when they are asked
+    from nvscope.analysis.compared import Comparisons
     from nvscope.causes.cause import Cause
     from nvscope.definition.layouts import Layouts
     from nvscope.definition.pdos import Pdos
     from nvscope.engine.session import Session
     from nvscope.tracker.evidence.witness import Witness
-    from nvscope.tracker.variables.hops import Hops
     from nvscope.tracker.variables.values import Values
     from nvscope.view.asked_time import AskedRange
     from nvscope.view.chosen import Chosen
@@ -63,8 +63,8 @@ class Analysis:
     """What one reading of captures showed: everything, and what a filter leaves of it.
 
     ``summary`` and ``findings`` are those of all telegrams; ``chosen`` is what the filter chose, None without one.
-    ``values`` are those of the chosen telegrams, None without definitions. ``hops`` compare the variables that several
-    lists have, whatever the filter; ``happened`` is why findings are there. None where nobody asked.
+    ``values`` are those of the chosen telegrams, None without definitions. ``compared`` are the variables that several
+    lists, or pages, have; ``happened`` is why findings are there. None where nobody asked.
     """
 
     infos: Sequence[SourceInfo]
@@ -73,7 +73,7 @@ class Analysis:
     findings: Sequence[Finding]
     values: Values | None = None
     chosen: Chosen | None = None
-    hops: Hops | None = None
+    compared: Comparisons | None = None
     happened: Happenings | None = None
 
 
@@ -123,10 +123,10 @@ class Inquiry:
     def defined_layouts(self) -> Layouts:
         """Return ``layouts``; UsageError where there are none."""
         if self.layouts is None:
-            raise self._nothing_defined()
+            raise self.nothing_defined()
         return self.layouts
 
-    def _nothing_defined(self) -> UsageError:
+    def nothing_defined(self) -> UsageError:
         """Return the error that no list with variables is defined, and why as far as the files tell."""
         definition = self.project.definition
         if not self.project.files:
@@ -274,13 +274,14 @@ class Inquiry:
 
     def report(
         self, found: Analysis, *, names: bool = True, values: bool = False, drawn: bool = False,
-        listed: Sequence[str] = (),
+        listed: Sequence[str] = (), secrets: bool = False,
     ) -> dict[str, Any]:  # fmt: skip
         """Return the report on an analysis for which causes were asked as data (schema ``nvscope.report/2``).
 
         ``names``: with those of the nodes; ``values``: with the variables of each list, where they are defined;
         ``drawn``: as a document whose rows are made when they are asked for, one after the other; ``listed``: of lists
-        that are meant by one of these names, identifiers or keys alone. UsageError where none is.
+        that are meant by one of these names, identifiers or keys alone; ``secrets``: with the passwords that pages
+        wrote, or showed. UsageError where none is.
         """
         rows = None
         if values and found.values is not None:
@@ -298,7 +299,7 @@ class Inquiry:
         document = report_document(
             summary, findings, found.infos, self.project.definition, rows,
             node_names=self.project.node_names if names else {}, whole=found.summary, all_findings=found.findings,
-            causes=causes, left_out=found.happened.left_out, drawn=drawn,
+            causes=causes, left_out=found.happened.left_out, drawn=drawn, secrets=secrets,
         )  # fmt: skip
         if found.chosen is not None:
             document["filter"] = {"expression": found.chosen.expression, "telegrams": summary.capture.chosen}
@@ -307,11 +308,8 @@ class Inquiry:
 
             called = self.project.node_names if names else {}
             document["missing"] = missing(found, self.project, summary, findings, causes, called)
-        if found.hops is not None:
-            from nvscope.view.documents.hops import hop_rows  # noqa: PLC0415
-
-            document["hops"] = hop_rows(found.hops, summary.end_ns)
-            document["hops_of_other_types"] = found.hops.untyped
+        if found.compared is not None:
+            document |= found.compared.document(summary.end_ns, secrets=secrets)
         return document
 
     def _of_lists(
@@ -335,12 +333,12 @@ class Inquiry:
         observers: list[Observer] = [state, *others]
         if witness is not None:
             observers.append(witness)
-        hops = None
+        compared = None
         if wanted.compare and self.layouts is not None:
-            from nvscope.tracker.variables.hops import Hops  # noqa: PLC0415
+            from nvscope.analysis.compared import Comparisons  # noqa: PLC0415
 
-            hops = Hops(self.layouts)
-            observers.append(hops)
+            compared = Comparisons.by(self.layouts)
+            observers += compared.observers
         for _ in self.run(source, observers, chosen):
             pass
         found = snapshot(
@@ -348,7 +346,7 @@ class Inquiry:
             node_names=None if wanted.names else {},
         )  # fmt: skip
         return Analysis(
-            found.infos, state, found.summary, found.findings, state.values, hops=hops, happened=found.happened
+            found.infos, state, found.summary, found.findings, state.values, compared=compared, happened=found.happened
         )  # fmt: skip
 
     def state(self, *, values: bool = False, listeners: Listeners = ()) -> TrackerState:

@@ -7,10 +7,19 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from nvscope.analysis.page_values import is_of_pages
 from nvscope.cli import completion
 from nvscope.cli.definitions import GvlOption, ProjectOption, flaws_told_first, project_of, tell_of_lists
+from nvscope.cli.exported_pages import (
+    check_pages_alone,
+    nothing_defined,
+    observed_pages,
+    tell_of_exported_pages,
+    write_pages_alone,
+)
 from nvscope.cli.live import LiveOptions, captured, with_live_options
 from nvscope.cli.named_files import named_files
+from nvscope.cli.secrets import SecretsOption, warn_of_secrets
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
     ChannelMapOption,
@@ -34,6 +43,7 @@ from nvscope.extras import require
 if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.export.lists import Lists
+    from nvscope.export.values import Pages
     from nvscope.view.fields.field import TelegramField
     from nvscope.view.rows.defined import DefinedRows, DefinedTelegrams
     from nvscope.view.rows.frames import FrameRows, PacketRows
@@ -90,7 +100,8 @@ def export(
         typer.Option(
             "--list",
             metavar="LIST",
-            help="Only this list: its name, identifier, or key as udp/1202/7.",
+            help="Only this list: its name, identifier, or key as udp/1202/7; visu/ADDRESS for what pages asked a "
+            "controller for.",
             autocompletion=completion.lists,
         ),
     ] = None,
@@ -112,6 +123,7 @@ def export(
     to_time: ToTimeOption = None,
     utc: Annotated[bool, typer.Option("--utc", help="Take --from-time and --to-time as UTC.")] = False,
     force: ForceOption = False,
+    show_secrets: SecretsOption = False,
     channel_map: ChannelMapOption = None,
     quiet: Annotated[
         bool, typer.Option("-q", "--quiet", help="No progress bar; of the files, only what was left out.")
@@ -120,8 +132,10 @@ def export(
     """Write the values of all telegrams, or the telegrams themselves, as CSV, NDJSON or Parquet.
 
     With several lists, the name of each stands in the name of its file: values.parquet becomes values.axis.parquet.
-    What a telegram does not send is null. Files appear when they are complete. Exits with 3 where a capture could not
-    be read to its end.
+    Values of web visualization stand in the long form between those of lists; else a row a value in a file of their
+    own, values.visu.parquet, which is there where pages asked for any. Passwords among them are hidden. What a telegram
+    does not send is null. Files appear when they are complete. Exits with 3 where a capture could not be read to its
+    end.
 
     TIME, LTIME and times of day are durations: in Parquet by their type, elsewhere nanoseconds, in CSV and NDJSON with
     the unit in the name (tRun_ns), in the long form in the column integer. DATE, DT, LDATE and LDT are times without a
@@ -161,59 +175,79 @@ def export(
     inquiry = Inquiry(captured(paths, live, plant, ports), plant, ports, watch=watching(quiet=quiet), asked=between)
     layouts = None if wants_telegrams else inquiry.layouts
     lists: Lists = []
+    of_pages = [name for name in listed or () if is_of_pages(name)]
+    pages = None if wants_telegrams else observed_pages(listed or (), secrets=show_secrets)
+    # Where no list is defined, telegrams are what is written, unless values are asked for.
+    pages_alone = pages is not None and (
+        (layouts is None and (what == "values" or form == "long"))
+        or (bool(of_pages) and len(of_pages) == len(listed or ()))
+    )
     with flaws_told_first(plant.definition):
-        if layouts is not None:
+        if pages_alone:
+            check_pages_alone(form, by)
+        elif layouts is not None:
             from nvscope.export.lists import lists_to_write
 
-            lists = lists_to_write(layouts, listed or ())
+            lists = lists_to_write(layouts, [name for name in listed or () if name not in of_pages])
         elif not wants_telegrams and (what == "values" or form_text or gvl):
             if not plant.files:
                 next_step = "name the exported lists and their types with --gvl FILE"
                 raise UsageError("no list is defined", next_step=next_step)
             inquiry.defined_layouts()
-        if not lists and form_text:
+        if not lists and form_text and not pages_alone:
             raise UsageError(f"{form_text} is for values", next_step="leave it out, or leave out --what and -e")
         named = _fields(fields or (), inquiry)
         filtered = None if wanted is None else inquiry.filter(wanted)
 
     if inquiry.paths:
         keep_freed_memory()
+    warn_of_secrets(shown=show_secrets)
     source, reading = inquiry.open(), inquiry.reading(filtered)
-    columns = [] if lists else named or default_fields(inquiry, source)
+    columns = [] if lists or pages_alone else named or default_fields(inquiry, source)
     inputs = [*(info.path for info in source.infos), *inquiry.project.inputs]
     files = WholeFiles(inputs, force=force)
     try:
         with watching(quiet=quiet)(source) as progress:
-            if lists:
+            if pages_alone:
+                assert pages is not None
+                frames, fragments = write_pages_alone(inquiry, source, filtered, pages, write, files), 0
+                if pages.known is None and not of_pages:
+                    raise nothing_defined(inquiry)
+            elif lists:
                 from nvscope.analysis.values import values
                 from nvscope.view.rows.defined import DefinedTelegrams
 
                 assert layouts is not None
                 told = DefinedTelegrams(layouts, keys=[key for key, _ in lists])
-                rows = values(source, reading, told, progress)
-                written = _write_values(told, rows, lists, write, "cycle" if by == "cycle" else form or "wide", files)
-                fragments = told.fragments
+                rows = values(source, reading, told, progress, [pages] if pages else ())
+                row = "cycle" if by == "cycle" else form or "wide"
+                written = _write_values(told, rows, lists, write, row, files, pages)
+                frames, fragments = told.frames, told.fragments
             else:
                 from nvscope.analysis.packets import packets
                 from nvscope.view.rows.frames import PacketRows
 
                 telegrams = PacketRows()
                 beyond = _write_telegrams(packets(source, reading, telegrams, progress), columns, write, files)
-                fragments = telegrams.fragments
+                frames, fragments = telegrams.frames, telegrams.fragments
         files.publish()
     except BaseException:
         files.discard()
         raise
+    if pages is not None:
+        tell_of_exported_pages(
+            pages, write, alone=pages_alone, long=form == "long", secrets=show_secrets, quiet=quiet
+        )  # fmt: skip
     if lists:
         _tell_of_values(
             told, written, write, "cycle" if by == "cycle" else "telegram", quiet=quiet, all_lists=not listed
         )
         if not listed:
             tell_of_lists(inquiry)
-    else:
+    elif not pages_alone:
         _tell_of_telegrams(telegrams, beyond, write)
     tell_of_channels(channel_map, source.channels)
-    if between and not (told.frames if lists else telegrams.frames):
+    if between and not frames:
         echo(NOTHING_BETWEEN, err=True)
     if fragments:
         from nvscope.units import count_of
@@ -230,13 +264,18 @@ def _write_values(
     path: str,
     form: Form | Rows,
     files: WholeFiles,
+    pages: Pages | None,
 ) -> list[Written]:
-    from nvscope.export.values import paths_of, write_long, write_wide
+    from nvscope.export.values import PageFile, path_of_pages, paths_of, write_long, write_wide
+    from nvscope.whole_files import Existing, is_stdout
 
     if form == "long":
-        return [(path, write_long(telegrams, rows, path, files), 0)]
+        return [(path, write_long(telegrams, rows, path, files, pages), 0)]
     paths = paths_of(path, lists)
-    told = write_wide(telegrams, rows, paths, files, by_cycle=form == "cycle")
+    beside = None
+    if pages is not None and not is_stdout(path):
+        beside = PageFile(path_of_pages(path), files, pages, Existing.KEPT)
+    told = write_wide(telegrams, rows, paths, files, by_cycle=form == "cycle", pages=beside)
     return [(name, count, beyond) for name, (count, beyond) in zip(paths, told, strict=True)]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
@@ -22,6 +22,7 @@ from nvscope.cli.definitions import (
 from nvscope.cli.encodings import as_data
 from nvscope.cli.live import LiveOptions, captured, with_live_options
 from nvscope.cli.named_files import named_files
+from nvscope.cli.secrets import SecretsOption, warn_of_secrets
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
     ChannelMapOption,
@@ -127,6 +128,7 @@ def packets(
     channel_map: ChannelMapOption = None,
     from_time: FromTimeOption = None,
     to_time: ToTimeOption = None,
+    show_secrets: SecretsOption = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress bar.")] = False,
     colour: ColourOption = "auto",
     wide: Annotated[bool, typer.Option("--wide", help="Whole lines, however wide the terminal is.")] = False,
@@ -179,12 +181,15 @@ def packets(
         _write(inquiry, write, chosen_by, all_frames=all_frames, quiet=quiet)
         return
     all_frames |= any(field.of_others for field in named) or bool(chosen_by and chosen_by.of_others)
+    from nvscope.protocols.visu import page_ports
     from nvscope.tracker.can.canopen_since import CanOpenSince
 
+    warn_of_secrets(shown=show_secrets)
     canopen = CanOpenSince(pdos.cob_ids if pdos else ())
     make = _face(
         output, trees, dumps, named, settings or (), moment, colour_wanted(colour),
         {} if no_names else plant.node_names, inquiry, pdos, canopen, all_frames=all_frames, wide=wide,
+        secrets=show_secrets, page_ports=page_ports(plant.webvisu),
     )  # fmt: skip
 
     from nvscope import units
@@ -286,6 +291,8 @@ def _face(
     *,
     all_frames: bool,
     wide: bool,
+    secrets: bool,
+    page_ports: Collection[int],
 ) -> Callable[[Source], Face]:
     """Return what makes the form that was asked for; UsageError where options contradict each other."""
     chosen_format = output or ("fields" if named else "text")
@@ -306,7 +313,8 @@ def _face(
         text = Text(
             trees=trees, dumps=dumps, moment=moment, width=None if wide else _line_width(), colour=colour,
             layouts=layouts, names=node_names, pdos=pdos, canopen=canopen,
-            parameters=inquiry.project.definition.parameters if inquiry else None,
+            parameters=inquiry.project.definition.parameters if inquiry else None, secrets=secrets,
+            page_ports=page_ports,
         )  # fmt: skip
         return lambda _: text
 

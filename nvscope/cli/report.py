@@ -14,6 +14,7 @@ from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, fla
 from nvscope.cli.encodings import as_data
 from nvscope.cli.live import LiveOptions, captured, with_live_options
 from nvscope.cli.named_files import named_files
+from nvscope.cli.secrets import SecretsOption, warn_of_secrets
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
     BitRateOption,
@@ -73,7 +74,8 @@ def report(
         bool,
         typer.Option(
             "--compare",
-            help="Compare variables that several lists have, such as on Ethernet and CAN: delays, differences.",
+            help="Compare variables that several lists have, such as on Ethernet and CAN, and those that a page of a "
+            "web visualization showed with what the list carried: delays, differences.",
         ),
     ] = False,
     wanted: FilterOption = None,
@@ -109,6 +111,7 @@ def report(
         Literal["note", "warning", "error", "never"],
         typer.Option("--fail-on", help="Exit with 1 where a cause or finding is shown that is at least so bad."),
     ] = "never",
+    show_secrets: SecretsOption = False,
     utc: Annotated[bool, typer.Option("--utc", help="Show times in UTC.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress bar.")] = False,
     colour: ColourOption = "auto",
@@ -147,7 +150,10 @@ def report(
         keep_freed_memory()
     with flaws_told_first(plant.definition):
         found = inquiry.analyze(wanted, values=True, compare=compare, causes=True, names=not no_names)
-        document = inquiry.report(found, names=not no_names, values=as_json, drawn=True, listed=listed or ())
+        document = inquiry.report(
+            found, names=not no_names, values=as_json, drawn=True, listed=listed or (), secrets=show_secrets
+        )  # fmt: skip
+    warn_of_secrets(shown=show_secrets)
     shown = colour_wanted(colour)
     chronicle = found.happened.chronicle if found.happened else None
     shapes = None

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any
 
 import typer
 
@@ -20,9 +18,12 @@ from nvscope.cli.definitions import (
     tell_of_lists,
     tell_of_missing,
 )
+from nvscope.cli.drafted_lists import propose
 from nvscope.cli.encodings import as_data
 from nvscope.cli.live import LiveOptions, captured, with_live_options
 from nvscope.cli.named_files import named_files
+from nvscope.cli.page_notes import tell_of_pages
+from nvscope.cli.secrets import SecretsOption, warn_of_secrets
 from nvscope.cli.sources import (
     ChannelMapOption,
     DecodeOption,
@@ -38,14 +39,10 @@ from nvscope.cli.sources import (
     tell_of_losses,
     with_channels,
 )
-from nvscope.cli.terminal import ColourOption, WideOption, colour_wanted, echo, tables_are_wide, tell, width
+from nvscope.cli.terminal import ColourOption, WideOption, colour_wanted, echo, tables_are_wide, width
 from nvscope.cli.undecoded import tell_of_truncated, tell_of_unfitting
+from nvscope.cli.variables_asked import VariablesAsked, VariablesRead
 from nvscope.errors import UsageError
-
-if TYPE_CHECKING:
-    from nvscope.analysis.inquiry import Inquiry
-    from nvscope.capture.source import Source, SourceInfo
-    from nvscope.list_key import ListKey
 
 
 @with_live_options
@@ -63,7 +60,8 @@ def variables(
             "--history",
             metavar="NAME",
             help="Show every change of a variable, of all elements of a structure or array, or of what a pattern "
-            "with * stands for, in each list that has it. LIST:NAME, or --list, for one of them.",
+            "with * stands for, in each list, and on each page, that has it. LIST:NAME, or --list, for one of them; "
+            "visu/ADDRESS/NAME for those of pages.",
         ),
     ] = None,
     every: Annotated[bool, typer.Option("--all", help="With --history: every telegram, not only changes.")] = False,
@@ -84,7 +82,8 @@ def variables(
         typer.Option(
             "--list",
             metavar="LIST",
-            help="Only this list: its name, identifier, or key as udp/1202/7.",
+            help="Only this list: its name, identifier, or key as udp/1202/7; visu/ADDRESS for what pages asked a "
+            "controller for.",
             autocompletion=lists,
         ),
     ] = None,
@@ -106,6 +105,7 @@ def variables(
     from_time: FromTimeOption = None,
     to_time: ToTimeOption = None,
     channel_map: ChannelMapOption = None,
+    show_secrets: SecretsOption = False,
     utc: Annotated[bool, typer.Option("--utc", help="Show times in UTC.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress bar.")] = False,
     wide: WideOption = False,
@@ -113,21 +113,15 @@ def variables(
 ) -> None:
     """Show the variables of a capture: last value, when and how often it changed, and its bounds.
 
-    Their names come from the definition files that the PLC project exports. Exits with 3 where a capture could not be
-    read to its end.
+    Names of variables of lists come from the definition files that the PLC project exports. Variables of web
+    visualization stand beside them, without any file; their names come from variable lists that are in the capture, or
+    that the project names. Exits with 3 where a capture could not be read to its end.
     """
     files_named = named_files(sources, read, gvl, live.interfaces)
     paths, gvl = files_named.captures, files_named.definitions
     ports = port_rules(decode)
     _check(gvl, history, every, at, infer, write, as_json=as_json)
     plant = with_channels(project_of(project, gvl, paths), channel_map)
-    if not infer and not plant.files:
-        _check_readable([] if live.follow else paths)
-        raise UsageError(
-            "no definition is given",
-            next_step="name the exported list and its types with --gvl FILE or in nvscope.toml, or propose a layout "
-            "with --infer",
-        )
 
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.progress import watching
@@ -135,9 +129,12 @@ def variables(
     between = asked_range(from_time, to_time, utc=utc)
     inquiry = Inquiry(captured(paths, live, plant, ports), plant, ports, watch=watching(quiet=quiet), asked=between)
     names = {} if no_names else plant.node_names
-    asked = _Asked(inquiry, wanted, as_json, utc, quiet, colour_wanted(colour), names, tables_are_wide(wide))
+    asked = VariablesAsked(
+        inquiry, wanted, as_json, utc, quiet, colour_wanted(colour), names, tables_are_wide(wide), show_secrets
+    )  # fmt: skip
+    warn_of_secrets(shown=show_secrets)
     if infer:
-        told = _infer(asked, listed, write, force=force)
+        told = propose(asked, listed, write, force=force)
     else:
         with flaws_told_first(plant.definition):
             if history is not None:
@@ -150,44 +147,6 @@ def variables(
     tell_of_channels(channel_map, told.channels)
     if code := tell_of_losses(told.infos):
         raise typer.Exit(code)
-
-
-class _Read(NamedTuple):
-    """What the captures that were read say of themselves, and what their channels are called."""
-
-    infos: Sequence[SourceInfo]
-    channels: Sequence[str]
-
-    @classmethod
-    def of(cls, source: Source) -> _Read:
-        return cls(source.infos, source.channels)
-
-
-@dataclass(frozen=True)
-class _Asked:
-    """What was asked of which captures, and how it is to be told."""
-
-    inquiry: Inquiry
-    wanted: str | None
-    as_json: bool
-    utc: bool
-    quiet: bool
-    colour: bool
-    names: Mapping[str, str]
-    wide: bool
-
-    def keys(self, listed: str | None) -> Collection[ListKey] | None:
-        """Return the keys of the lists of a name, None for all; UsageError where there is none."""
-        layouts = self.inquiry.defined_layouts()
-        if listed is None:
-            return None
-        from nvscope.definition.selection import lists_named, names_of_lists
-
-        return {key for key, _ in lists_named(names_of_lists(layouts), listed, layouts.unplaced)}
-
-    def tell(self, document: Mapping[str, Any], render: Callable[[Mapping[str, Any]], str]) -> None:
-        """Print a document as JSON, or as ``render`` makes it."""
-        tell(document, render, as_json=self.as_json, colour=self.colour)
 
 
 def _check(
@@ -224,18 +183,8 @@ def _check(
         )
 
 
-def _check_readable(paths: Sequence[str]) -> None:
-    """Raise what is wrong with files: where no definition is given, the name of one may be mistyped."""
-    from nvscope.capture.live.open import is_live, is_stream
-    from nvscope.capture.open import open_source
-
-    files = [path for path in paths if not is_stream(path) and not is_live(path)]
-    if files:
-        open_source(files)
-
-
-def _last_values(asked: _Asked, listed: str | None) -> _Read:
-    from nvscope.analysis.missing import missing_of_lists
+def _last_values(asked: VariablesAsked, listed: str | None) -> VariablesRead:
+    from nvscope.analysis.page_values import last_page_values, selection
     from nvscope.analysis.seen_lists import SeenLists
     from nvscope.cli.memory import keep_freed_memory
     from nvscope.report import variables as face
@@ -244,48 +193,66 @@ def _last_values(asked: _Asked, listed: str | None) -> _Read:
     keys = asked.keys(listed)
     if asked.inquiry.paths:
         keep_freed_memory()
-    seen = SeenLists()
-    found = asked.inquiry.analyze(asked.wanted, values=True, causes=False, others=[seen])
-    assert found.values
-    undecoded = left_out(found.state, found.values, keys)
-    unplaced = [entry for entry, _ in asked.inquiry.defined_layouts().unplaced]
-    some_came = any(undecoded) or (keys is None and seen.saw_any(unplaced))
-    missing = missing_of_lists(found, asked.inquiry.project, keys, asked.names)
+    seen, pages = SeenLists(), last_page_values(selection(None, listed))
+    found = asked.inquiry.analyze(asked.wanted, values=True, causes=False, others=[seen, pages])
+    rows: Sequence[Mapping[str, Any]] = ()
+    if pages.known is not None:
+        from nvscope.view.documents.page_variables import page_rows
+
+        rows = page_rows(pages.known, secrets=asked.secrets)
+    if not rows and (problem := asked.nothing_of(listed, pages.known.read if pages.known else None)):
+        raise problem
+    layouts = asked.inquiry.layouts
+    undecoded = left_out(found.state, found.values, keys) if found.values else None
+    unplaced = [entry for entry, _ in layouts.unplaced] if layouts else []
+    some_came = any(undecoded or ()) or (keys is None and seen.saw_any(unplaced))
+    missing: Sequence[Mapping[str, Any]] = ()
+    if layouts:
+        from nvscope.analysis.missing import missing_of_lists
+
+        missing = missing_of_lists(found, asked.inquiry.project, keys, asked.names)
     asked.tell(
-        variables_document(found.state, found.values, keys=keys, expression=asked.wanted, missing=missing),
+        variables_document(
+            found.state, found.values, keys=keys, expression=asked.wanted, missing=missing, pages=rows
+        ),
         lambda document: face.render(
             document, colour=asked.colour, width=width(), wide=asked.wide, utc=asked.utc, node_names=asked.names,
             some_came=some_came, of_one_list=keys is not None,
         ),
     )  # fmt: skip
-    tell_of_unfitting(undecoded.unfitting, undecoded.unlike_known_part)
-    if undecoded.truncated:
-        tell_of_truncated(undecoded.truncated)
-    if listed is None:
+    if undecoded:
+        tell_of_unfitting(undecoded.unfitting, undecoded.unlike_known_part)
+        if undecoded.truncated:
+            tell_of_truncated(undecoded.truncated)
+    if pages.known is not None:
+        tell_of_pages(pages.known.read, hidden=sum(row["hidden"] for row in rows))
+    if listed is None and layouts:
         tell_of_missing(asked.inquiry, seen)
-    return _Read(found.infos, [bus.channel for bus in found.summary.can.buses])
+    return VariablesRead(found.infos, [bus.channel for bus in found.summary.can.buses])
 
 
-def _history(asked: _Asked, name: str, listed: str | None, every: bool) -> _Read:
+def _history(asked: VariablesAsked, name: str, listed: str | None, every: bool) -> VariablesRead:
     """Write changes as they are found."""
     from nvscope.analysis.history import Changes
+    from nvscope.analysis.page_values import is_of_pages
     from nvscope.cli.progress import watching
     from nvscope.report.history import Json, Text
-    from nvscope.view.documents.history import change_row, change_summary
+    from nvscope.view.documents.history import change_summary, row_of_change
     from nvscope.view.documents.variables import filter_told
     from nvscope.view.escape import visible
 
-    changes = Changes(asked.inquiry, name, listed=listed, every=every, expression=asked.wanted)
+    changes = Changes(asked.inquiry, name, listed=listed, every=every, expression=asked.wanted, with_pages=True)
     wanted, history = changes.selection, changes.history
     if asked.as_json:
         as_data()
     face = (
-        Json()
+        Json(pages=changes.pages_alone)
         if asked.as_json
         else Text(
             wanted.names(),
             changes.lists,
             subindexes=wanted.repeated,
+            pages=changes.pages_alone,
             width=width(),
             wide=asked.wide,
             colour=asked.colour,
@@ -293,100 +260,68 @@ def _history(asked: _Asked, name: str, listed: str | None, every: bool) -> _Read
         )
     )
     out = sys.stdout
-    out.write(face.begin())
+    begun = False
     for entries in changes.batches(watching(quiet=asked.quiet or out.isatty())):
         for entry in entries:
-            out.write(face.line(change_row(entry)))
+            if not begun:
+                begun = True
+                out.write(face.begin())
+            out.write(face.line(row_of_change(entry, secrets=asked.secrets)))
         out.flush()
-    chosen = filter_told(asked.wanted, history.read.chosen, history.read.telegrams)
-    out.write(face.end(change_summary(history), chosen, some_came=changes.some_came))
+    if changes.came_from_nobody and not is_of_pages(name) and (problem := asked.nothing_defined):
+        raise problem
+    changes.check()
+    if not begun:
+        out.write(face.begin())
+    chosen = filter_told(asked.wanted, changes.read.chosen, changes.read.telegrams)
+    summary = change_summary(history) if history else []
+    pages = changes.pages.known if changes.pages else None
+    if pages is not None:
+        from nvscope.view.documents.page_variables import page_change_summary
+
+        summary += page_change_summary(pages)
+    for text in face.end(summary, chosen, some_came=changes.some_came):
+        out.write(text)
     out.flush()
     if changes.unplaced:
         echo(f"nvscope: {visible(changes.unplaced)}.", err=True)
-    tell_of_unfitting(history.unfitting, history.unlike_known_part)
-    if listed is None:
+    if history:
+        tell_of_unfitting(history.unfitting, history.unlike_known_part)
+    if pages is not None:
+        tell_of_pages(pages.read, hidden=0 if asked.secrets else pages.read.hidden)
+    if listed is None and history:
         tell_of_missing(asked.inquiry, changes.seen)
-    return _Read.of(changes.source)
+    return VariablesRead.of(changes.source)
 
 
-def _at(asked: _Asked, text: str, listed: str | None) -> _Read:
+def _at(asked: VariablesAsked, text: str, listed: str | None) -> VariablesRead:
     """Show the values as they were at a time."""
     from nvscope.analysis.moment import at
+    from nvscope.analysis.page_values import NO_PAGES, selection
     from nvscope.report import history as face
     from nvscope.view.asked_time import parse_time
     from nvscope.view.documents.history import at_document
 
     keys = asked.keys(listed)
     moment_asked = parse_time("--at", text, utc=asked.utc)
-    found = at(asked.inquiry, moment_asked, expression=asked.wanted, utc=asked.utc, told=f"--at {text}")
+    meant = selection(None, listed) or NO_PAGES
+    found = at(
+        asked.inquiry, moment_asked, expression=asked.wanted, utc=asked.utc, told=f"--at {text}", pages=meant
+    )  # fmt: skip
+    pages = found.pages.known if found.pages else None
+    rows: Sequence[Mapping[str, Any]] = ()
+    if pages is not None and pages.read.meant:
+        from nvscope.view.documents.page_variables import page_rows_at
+
+        rows = page_rows_at(pages, found.time_ns, secrets=asked.secrets)
+    if not rows and (problem := asked.nothing_of(listed, pages.read if pages else None)):
+        raise problem
     asked.tell(
         at_document(
-            found.moment, asked.inquiry.defined_layouts(), found.time_ns, keys=keys, expression=asked.wanted
+            found.moment, asked.inquiry.layouts, found.time_ns, keys=keys, expression=asked.wanted, pages=rows
         ),
         lambda document: face.render_at(document, colour=asked.colour, width=width(), wide=asked.wide, utc=asked.utc),
     )  # fmt: skip
-    return _Read.of(found.source)
-
-
-def _infer(asked: _Asked, listed: str | None, write: str | None, *, force: bool) -> _Read:
-    """Propose layouts, and draft definition files of them."""
-    from nvscope.analysis.inference import infer
-    from nvscope.definition.gvl_text import gvl_text
-    from nvscope.report import inference as face
-    from nvscope.units import count_of
-    from nvscope.view.documents.inference import drafts, inference_document, proposals
-    from nvscope.whole_files import WholeFiles, is_stdout
-
-    inferred = infer(asked.inquiry, expression=asked.wanted)
-    samples, source = inferred.samples, inferred.source
-    if inferred.some_on_can:
-        echo(
-            "nvscope: lists on CAN are not proposed: a frame does not tell how many variables it has.", err=True
-        )  # fmt: skip
-    found = proposals(samples, listed)
-    made = drafts(found) if write is not None else []
-    if write is None or not is_stdout(write):
-        asked.tell(
-            inference_document(found, samples),
-            lambda document: face.render(document, colour=asked.colour, width=width(), wide=asked.wide),
-        )
-    elif len(made) > 1:
-        raise UsageError(
-            f"{count_of(len(made), 'draft')} cannot be written to stdout side by side",
-            next_step="choose one with --list, or name a file: each list gets its own",
-        )
-    if write is None:
-        return _Read.of(source)
-    if not made:
-        echo(f"nvscope: nothing to draft, {write} was not written.", err=True)
-    drafted = [*zip(made, _draft_paths(write, [(draft.port, draft.list_id) for draft in made]), strict=True)]
-    files = WholeFiles([*(info.path for info in source.infos), *asked.inquiry.project.inputs], force=force)
-    try:
-        for draft, path in drafted:
-            # Somebody may have worked on a draft: one that is there already stays, whatever its name.
-            files.write(str(path), gvl_text(draft).encode())
-        files.publish()
-    except BaseException:
-        files.discard()
-        raise
-    for draft, path in drafted:
-        note = f"; it does not fit the wire: {draft.problem}" if draft.problem else ""
-        echo(f"nvscope: {path}: draft of list {draft.list_id}, {_CHECK}{note}.", err=True)
-    return _Read.of(source)
-
-
-_CHECK = "to be checked against the PLC project"
-
-
-def _draft_paths(write: str, lists: list[tuple[int, int]]) -> list[Path]:
-    """Return the file of each list: as named, or with identifier (and port, if need be) where there are several."""
-    path = Path(write)
-    if len(lists) == 1:
-        return [path]
-    if not path.name or path.name == "..":
-        raise UsageError("no name of a file", where=write, next_step="name one, such as draft.gvl, with -w")
-    identifiers = [index for _, index in lists]
-    return [
-        path.with_name(f"{path.stem}-{f'{port}-' if identifiers.count(index) > 1 else ''}{index}{path.suffix}")
-        for port, index in lists
-    ]
+    if pages is not None:
+        tell_of_pages(pages.read, hidden=sum(row["hidden"] for row in rows))
+    return VariablesRead.of(found.source)

@@ -12,12 +12,12 @@ from nvscope.cli.completion import visu_variables
 from nvscope.cli.definitions import ProjectOption
 from nvscope.cli.help import Command, Group
 from nvscope.cli.sdo_serve import NetworkOption
+from nvscope.cli.secrets import SecretsOption
 from nvscope.cli.sources import duration_ns
 from nvscope.cli.terminal import ColourOption, colour_wanted, echo, erase_interrupt
 from nvscope.cli.visu_asked import (
     JsonOption,
     PageOption,
-    SecretsOption,
     TimeoutOption,
     UrlArgument,
     VariablesOption,

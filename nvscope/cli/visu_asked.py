@@ -11,6 +11,7 @@ import typer
 
 from nvscope.cli.completion import nodes
 from nvscope.cli.definitions import project_of
+from nvscope.cli.secrets import warn_of_secrets
 from nvscope.cli.sources import duration_ns
 from nvscope.cli.terminal import echo, tell, width
 from nvscope.errors import ExitCode, UsageError
@@ -56,7 +57,6 @@ PageOption = Annotated[
         show_default=False,
     ),
 ]
-SecretsOption = Annotated[bool, typer.Option("--show-secrets", help="Show passwords, which are hidden else.")]
 TimeoutOption = Annotated[
     str, typer.Option("--timeout", metavar="DURATION", help="How long a request may take, with its answer.")
 ]
@@ -95,8 +95,7 @@ def client_of(wanted: Wanted) -> VisuClient:
     from nvscope.plc.visu.link import VisuLink
 
     link = VisuLink(url, allow_network=wanted.allow_network, timeout_ns=timeout_ns)
-    if wanted.secrets:
-        echo("nvscope: passwords are shown: whoever sees this output has them.", err=True)
+    warn_of_secrets(shown=wanted.secrets)
     return VisuClient(link, secrets=wanted.secrets, server_name=names.get(link.address, ""))
 
 

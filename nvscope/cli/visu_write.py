@@ -11,11 +11,11 @@ from nvscope.cli.agreement import Agreed, refuse_without_terminal
 from nvscope.cli.completion import visu_variables
 from nvscope.cli.definitions import ProjectOption
 from nvscope.cli.sdo_serve import NetworkOption
+from nvscope.cli.secrets import SecretsOption
 from nvscope.cli.terminal import ColourOption, colour_wanted, echo
 from nvscope.cli.visu_asked import (
     JsonOption,
     PageOption,
-    SecretsOption,
     TimeoutOption,
     UrlArgument,
     VariablesOption,
@@ -95,7 +95,8 @@ def write(
 
 def _sent(place: Place, value: str) -> str:
     """Return a value as it goes onto the wire; UsageError where it is none of the type."""
-    from nvscope.plc.visu.value import entered, type_name
+    from nvscope.definition.visu_values import type_name
+    from nvscope.plc.visu.value import entered
     from nvscope.units import count_of
 
     try:

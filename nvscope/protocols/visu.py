@@ -28,11 +28,16 @@ PORTS = (80, 8080)
 """The TCP ports of controllers' web servers."""
 
 
+def page_ports(webvisu: WebVisu | None) -> tuple[int, ...]:
+    """Return the TCP ports over which pages are looked for, with what a project says of it."""
+    return *PORTS, *(webvisu.ports if webvisu else ())
+
+
 def _dissector(webvisu: WebVisu | None = None) -> Dissector:
     from dissectors.claims import Claims  # noqa: PLC0415
     from dissectors.dissector import Dissector  # noqa: PLC0415
 
-    ports = (*PORTS, *(webvisu.ports if webvisu else ()))
+    ports = page_ports(webvisu)
     names = webvisu.names if webvisu else {}
     return Dissector(NAME, Claims(tcp=ports), begin=lambda: FollowOnDemand(ports, names))
 

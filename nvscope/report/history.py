@@ -6,13 +6,13 @@ Each face is used so: ``begin``, then ``line`` for each change, then ``end``. No
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import lru_cache
-from typing import Any
+from typing import IO, Any
 
 from nvscope import units
 from nvscope.report.ansi import paint
-from nvscope.report.variables import VALUE_WIDTH, filter_lines
+from nvscope.report.variables import VALUE_WIDTH, filter_lines, never_readable, page_rows_by_list
 from nvscope.version import head
 from nvscope.view.documents.history import HISTORY_SCHEMA
 from nvscope.view.escape import json_ascii, visible, visible_document
@@ -30,9 +30,11 @@ _ARROW = " → "
 _FIRST = " (first)"
 _FIRST_FROM_WIDTH = 20
 _LIST_WIDTH = 16
+_PAGE_NAME_WIDTH = 32
 _SUBINDEX = "SubIndex"
 _S_NS = 1_000_000_000
 _MOST_COLUMNS = 1024
+_KEPT_CHARACTERS = 1 << 22
 _LEAST_REST = 33
 """Columns that variable and values keep: what else there is in a line has to fit beside them."""
 _WIDE = 1 << 30
@@ -54,7 +56,8 @@ class Text:
 
     Lines have at most ``width`` columns, or as many as they need (``wide``). ``names`` of variables and ``lists``
     (their keys and names) are all that can occur: columns that would say the same in each line are left out.
-    ``subindexes``: a name alone does not say which telegram has it.
+    ``subindexes``: a name alone does not say which telegram has it. ``pages``: only variables of web
+    visualization can occur, of which nothing is known beforehand.
     """
 
     def __init__(
@@ -63,6 +66,7 @@ class Text:
         lists: Collection[tuple[str, str]],
         *,
         subindexes: bool = False,
+        pages: bool = False,
         width: int = 80,
         wide: bool = False,
         colour: bool = False,
@@ -72,6 +76,7 @@ class Text:
         self._wide = wide
         self._colour = colour
         self._utc = utc
+        self._pages = pages
         self._day = ""
         self._second: int | None = None
         # They come again in each telegram of a stream.
@@ -89,15 +94,21 @@ class Text:
             self._list = longest if wide else min(longest, _LIST_WIDTH, max(room // 4, 4))
             self._short_lists = short_names(told, self._list)
             room -= self._list + 2
+        if pages:
+            self._list = _LIST_WIDTH
+            room -= self._list + 2
         self._subindex = len(_SUBINDEX) if subindexes else 0
         room -= self._subindex + 2 if subindexes else 0
-        self._sender = _SENDER_WIDTH if room - _SENDER_WIDTH - 2 >= _LEAST_REST else 0
+        # Of pages, what stands for the list has the address.
+        self._sender = _SENDER_WIDTH if room - _SENDER_WIDTH - 2 >= _LEAST_REST and not pages else 0
         room -= self._sender + 2 if self._sender else 0
         self._frame = room - _FRAME_WIDTH - 2 >= _LEAST_REST
         room -= _FRAME_WIDTH + 2 if self._frame else 0
         longest = max(map(display_width, [*shown, "Variable"]))
         self._name = min(longest, max(room // 2, 8)) if len(shown) > 1 else 0
-        self._short_names = short_names(shown, self._name) if self._name else {}
+        if pages:
+            self._name = max(min(_PAGE_NAME_WIDTH, room // 2), 8)
+        self._short_names = short_names(shown, self._name) if shown and self._name else {}
         self._change = room - (self._name + 2 if self._name else 0)
 
     def begin(self) -> str:
@@ -129,21 +140,24 @@ class Text:
         cells = [clock, Cell("  ")]
         if self._frame:
             cells.append(Cell(f"{row['frame']:>{_FRAME_WIDTH}}  ", Tone.FAINT))
-        cells.append(self._columns(row[self._label], row["sender"], row["subindex"], row["name"]))
+        label, sender = row.get(self._label), row["sender"]
+        if "place" in row:  # of a page: it is of no list, but of a controller
+            label, sender = row["list"], sender if self._list else row["list"]
+        cells.append(self._columns(label, sender, row.get("subindex"), row["name"]))
         lines.append([*cells, *self._values(row)])
         return paint(lines, colour=self._colour)
 
-    def _told_columns(self, label: str, sender: str, subindex: int, name: str) -> Cell:
+    def _told_columns(self, label: str, sender: str, subindex: int | None, name: str) -> Cell:
         """Return what a line says of where a variable is, in the columns that are shown."""
         label, sender, name = visible(label), visible(sender), visible(name)
         columns = (
-            (self._list, self._short_lists.get(label, label)),
+            (self._list, self._short_lists.get(label) or (label if self._wide else shorten(label, self._list or 1))),
             (self._sender, sender if self._wide else shorten(sender, self._sender or 1)),
-            (self._subindex, str(subindex).rjust(self._subindex)),
-            (self._name, self._short_names.get(name, name)),
+            (self._subindex, ("" if subindex is None else str(subindex)).rjust(self._subindex)),
+            (self._name, self._short_names.get(name) or (name if self._wide else shorten(name, self._name or 1))),
         )
         told = [(width, text) for width, text in columns if width]
-        return Cell("".join(text + " " * (width - display_width(text) + 2) for width, text in told))
+        return Cell("".join(text + " " * max(width - display_width(text) + 2, 1) for width, text in told))
 
     def _values(self, row: Row) -> list[Cell]:
         new = visible(row["new_text"])
@@ -160,16 +174,19 @@ class Text:
             Cell(old, Tone.FAINT), Cell(_ARROW), Cell(shorten(new, max(room - display_width(old), 1)), Tone.STRONG)
         ]  # fmt: skip
 
-    def end(self, summary: Sequence[Row], chosen: Row | None = None, *, some_came: bool = False) -> str:
-        """Return how often each variable changed, and what the filter chose.
+    def end(self, summary: Sequence[Row], chosen: Row | None = None, *, some_came: bool = False) -> Iterator[str]:
+        """Yield how often each variable changed, and what the filter chose.
 
         ``some_came``: telegrams of the lists came, of whatever shape.
         """
         rows = visible_document(summary)
         told_filter = None if chosen is None else visible_document(chosen)
-        gone = [title for title, there in (("Frame", self._frame), ("Sender", self._sender)) if not there]
+        there = ("Frame", self._frame), ("Sender", self._sender or self._pages)
+        gone = [title for title, is_there in there if not is_there]
         lines: list[Line] = [*hidden(gone if self._day else [], self._width), *filter_lines(told_filter, self._width)]
-        if not rows and told_filter is None and not some_came:
+        if not rows and self._pages:
+            lines += wrap([Cell("No value of this variable came that could be read.", Tone.WARNING)], self._width)
+        elif not rows and told_filter is None and not some_came:
             text = (
                 "No telegram with this variable was found: compare the identifiers and ports of the definition files "
                 "with `nvscope report`."
@@ -183,7 +200,7 @@ class Text:
             steps = sum(row["changes"] for row in rows)
             told = f"{units.count_of(steps, 'change')}; shortest and longest are times between two changes."
             lines += [[], *wrap([Cell(told.replace("\u00a0", NO_BREAK), Tone.FAINT)], self._width)]
-        return paint(lines, colour=self._colour)
+        yield paint(lines, colour=self._colour)
 
 
 def _figures(row: Row) -> list[Cell]:
@@ -209,23 +226,46 @@ def _no_history(chosen: Row | None) -> str:
 class Json:
     """One document of schema ``nvscope.history/1``, each change on a line of its own; in constant memory.
 
-    Plain printable ASCII, as the other documents.
+    Plain printable ASCII, as the other documents. Changes of variables of pages stand behind those of lists: until
+    then they are kept in a file, but where there can be no others (``pages``).
     """
 
-    def __init__(self) -> None:
-        self._any = False
+    def __init__(self, *, pages: bool = False) -> None:
+        self._any = self._any_page = False
+        self._pages = pages
+        self._kept: IO[str] | None = None
 
     def begin(self) -> str:
-        return f'{_ascii(head(HISTORY_SCHEMA))[:-1]}, "changes": ['
+        return f'{_ascii(head(HISTORY_SCHEMA))[:-1]}, "changes": [' + ('], "page_changes": [' if self._pages else "")
 
     def line(self, row: Row) -> str:
-        separator = ",\n" if self._any else "\n"
-        self._any = True
-        return separator + _ascii(row)
+        if "place" not in row:
+            separator = ",\n" if self._any else "\n"
+            self._any = True
+            return separator + _ascii(row)
+        text = (",\n" if self._any_page else "\n") + _ascii(row)
+        self._any_page = True
+        if self._pages:
+            return text
+        if self._kept is None:
+            from tempfile import SpooledTemporaryFile  # noqa: PLC0415  # most captures have no pages
 
-    def end(self, summary: Sequence[Row], chosen: Row | None = None, *, some_came: bool = False) -> str:
-        rows = ",\n".join(_ascii(row) for row in summary)
-        return f'\n], "variables": [\n{rows}\n], "filter": {_ascii(chosen)}}}\n'
+            self._kept = SpooledTemporaryFile(_KEPT_CHARACTERS, "w+", encoding="ascii")  # noqa: SIM115  # as long as this
+        self._kept.write(text)
+        return ""
+
+    def end(self, summary: Sequence[Row], chosen: Row | None = None, *, some_came: bool = False) -> Iterator[str]:
+        """Yield the rest of the document."""
+        if self._kept is not None:
+            yield '\n], "page_changes": ['
+            self._kept.seek(0)
+            while piece := self._kept.read(_KEPT_CHARACTERS):
+                yield piece
+            self._kept.close()
+        of_pages = [row for row in summary if "place" in row]
+        rows, pages = (",\n".join(map(_ascii, part)) for part in ([r for r in summary if "place" not in r], of_pages))
+        told = f', "page_variables": [\n{pages}\n]' if of_pages else ""
+        yield f'\n], "variables": [\n{rows}\n]{told}, "filter": {_ascii(chosen)}}}\n'
 
 
 def _ascii(value: Any) -> str:
@@ -266,7 +306,12 @@ def render_at(
         lines += wrap([*title, whence], width)
         unseen = "not yet seen" if shown["filter"] is None else "not yet chosen"
         lines += align(_AT, [_at_cells(row, unseen) for row in rows], None if wide else width, 2)
-    if not groups:
+    for key, of_page in page_rows_by_list(shown).items():
+        lines += [[], *wrap([Cell(key, Tone.STRONG), Cell(", web visualization")], width)]
+        known = [row for row in of_page if row["missing"] != "not readable"]
+        lines += align(_AT, [_at_cells(row, "not yet seen") for row in known], None if wide else width, 2)
+        lines += never_readable([row["name"] for row in of_page if row["missing"] == "not readable"], width)
+    if not groups and not shown.get("page_variables"):
         lines += wrap([Cell("The definition files have no list that can be decoded.", Tone.WARNING)], width)
     return paint(lines, colour=colour)
 

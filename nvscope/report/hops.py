@@ -14,7 +14,7 @@ TITLE = "Hops: the same variable in several lists"
 
 def hops(report: Report) -> tuple[list[Measure], list[Row]]:
     """Return columns and rows of the table; no rows where it was not asked for."""
-    return list(_HOPS), report.get("hops", [])
+    return list(_HOPS), [*report.get("hops", []), *report.get("page_hops", [])]
 
 
 def remarks(report: Report) -> Sequence[str]:
@@ -22,7 +22,7 @@ def remarks(report: Report) -> Sequence[str]:
     if "hops" not in report:
         return ()
     told = []
-    if not report["hops"]:
+    if not report["hops"] and "page_hops" not in report:
         told.append(
             "No variable was seen in two lists: only variables of the same name and type are compared, of lists that "
             "are defined."

@@ -94,6 +94,8 @@ def _lines(
         yield f"### {visu.TITLE}"
         yield ""
         yield from _table(measures, rows)
+        for sentence in visu.remarks(report):
+            yield from ("", markdown_safe(sentence))
     if "visu_writes" in report:
         from nvscope.view.lines.plant import visu_writes  # noqa: PLC0415
 

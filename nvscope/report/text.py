@@ -229,6 +229,8 @@ def _visu(report: content.Report, width: int, room: int | None, asked: Asked) ->
 
     measures, rows, left = visu.visu(report, None if asked.details else visu.MOST_PAIRS)
     yield from _pairs(visu.TITLE, measures, rows, left, width, room)
+    for sentence in visu.remarks(report):
+        yield from wrap([Cell(sentence, Tone.FAINT)], min(width, _TEXT_WIDTH), 0, 2)
 
 
 def _pairs(

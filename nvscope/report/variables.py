@@ -18,6 +18,7 @@ MIN_WIDTH = 40
 _TEXT_WIDTH = 110  # longer lines of prose are hard to read
 _NOTHING_CAME = "No telegram of a defined list was found: compare the identifiers and ports of the definition files."
 _NOT_ONE_CAME = "No telegram of this list was found: compare its identifier and port with what `nvscope report` shows."
+_MOST_NAMED = 5
 
 VALUE_WIDTH = 40
 """Values up to this width are shown whole: everything else about a variable gives way first."""
@@ -54,8 +55,10 @@ def render(
     shown, width = visible_document(document), max(width, MIN_WIDTH)
     parts = [filter_lines(shown["filter"], width)]
     absent = [*missing.lines(shown["missing"], min(width, _TEXT_WIDTH))]
-    if shown["variables"]:
+    if shown["variables"] or shown.get("page_variables"):
         parts += [absent, [*_lines(shown, width, wide, utc, names)]]
+        for rows in page_rows_by_list(shown).values():
+            parts.append([*_page_lines(rows, width, wide, utc, names.get(rows[0]["sender"], ""))])
     else:
         told = _nothing_told(shown["filter"], some_came, of_one_list)
         parts[0] = [*parts[0], *wrap([Cell(told, Tone.WARNING)], width)]
@@ -106,6 +109,34 @@ def _lines(document: Mapping[str, Any], width: int, wide: bool, utc: bool, names
             title.append(Cell(told, Tone.WARNING))
         yield from wrap(title, width)
         yield from align(_COLUMNS, [_cells(row, utc) for row in rows], None if wide else width, 2)
+
+
+def page_rows_by_list(document: Mapping[str, Any]) -> Mapping[str, Sequence[Mapping[str, Any]]]:
+    """Return the rows of variables of pages by controller; none where there are none."""
+    found: dict[str, list[Mapping[str, Any]]] = {}
+    for row in document.get("page_variables", ()):
+        found.setdefault(row["list"], []).append(row)
+    return found
+
+
+def _page_lines(
+    rows: Sequence[Mapping[str, Any]], width: int, wide: bool, utc: bool, name: str
+) -> Iterator[Line]:  # fmt: skip
+    """Yield the variables of one controller that pages asked for; those that it never could read by their names."""
+    known = [row for row in rows if row["telegrams"]]
+    told = f"{' ' + name if name else ''}, {units.count_of(len(known), 'variable')} of web visualization"
+    yield from wrap([Cell(rows[0]["list"], Tone.STRONG), Cell(told)], width)
+    if known:
+        yield from align(_COLUMNS, [_cells(row, utc) for row in known], None if wide else width, 2)
+    yield from never_readable([row["name"] for row in rows if not row["telegrams"]], width)
+
+
+def never_readable(names: Sequence[str], width: int) -> Sequence[Line]:
+    """Return which variables pages asked for, and controllers could never read; nothing where there are none."""
+    if not names:
+        return []
+    more = f" and {units.count(len(names) - _MOST_NAMED)} more" if len(names) > _MOST_NAMED else ""
+    return wrap([Cell(f"Never readable (???): {'; '.join(names[:_MOST_NAMED])}{more}.", Tone.WARNING)], width, 2, 4)
 
 
 def _telegrams(rows: Sequence[Mapping[str, Any]]) -> str:

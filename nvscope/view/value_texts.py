@@ -43,7 +43,7 @@ def exact_text(kind: Elementary, value: Value) -> str:
         # Nine digits tell every REAL from its neighbours.
         texts = (f"{value:.{digits}g}" for digits in range(1, 10))
         with np.errstate(over="ignore"):  # the greatest REAL with fewer digits may be beyond all REALs
-            return next(text for text in texts if np.float32(text) == value)
+            value = float(next(text for text in texts if np.float32(text) == value))
     return repr(value).removesuffix(".0")
 
 

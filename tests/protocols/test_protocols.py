@@ -112,7 +112,7 @@ def test_its_frames_are_rows_with_fields_lines_and_trees(protocol: Protocol, see
             tree = protocol.tree()(rows, NO_WORDING, dumps=True)
             for place, row in enumerate(at.tolist()):
                 packet = rows.packets.packet(int(rows.row[row]))
-                start, data, stop = tree.spans(place)
+                start, data, stop, _ = tree.spans(place)
                 assert 0 <= start <= data <= stop <= len(packet)
                 link = int(rows.packets.link[rows.row[row]])
                 ends = [(layer.start, layer.stop) for layer in tree.layers(place, packet, link)]

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from nvscope.capture.open import open_sink
+from tests.analysis.transactions.talk import post, reply
 from tests.definition.lists import telegram
 from tests.oracle.builders import data_frame
 from tests.oracle.builders import telegram as parameter_telegram
@@ -16,6 +17,7 @@ from tests.oracle.frame import Frame
 from tests.oracle.tcp_line import Line
 from tests.packets import batch_of
 from tests.simulate.simulation import simulated
+from tests.tracker.visu.shown_and_carried import GVL, plant
 
 _START_NS = 1_700_000_000_000_000_000
 _MS = 1_000_000
@@ -93,6 +95,10 @@ def make_odd_plant(folder: Path) -> None:
     refused = [frame for service in range(20, 29) for frame in _refused(service)]
     _write(folder / "refusing.pcap", [unasked, *refused, *_written()])
     _write(folder / "pages.pcap", _pages())
+    _write(folder / "timed_pages.pcap", _timed_pages())
+    _write(folder / "shown.pcap", plant(range(0, 500, 10), range(25, 500, 60)))
+    _write(folder / "shown_once.pcap", plant([10], [100]))
+    (folder / "shown.gvl").write_text(GVL)
     lines = []
     for number, data in enumerate(values):
         at_s = (_START_NS + (number * 10 + 2) * _MS) / 1e9
@@ -139,11 +145,19 @@ def _pages() -> list[Frame]:
     body = b"|1|1|0|4|0|21|8|secret|"
     line.ask(b"POST /plc/webvisu.htm HTTP/1.1\r\nContent-Length: %d\r\n\r\n%s" % (len(body), body))
     # What else is spoken on these ports.
-    for post in (b"/WebVisuV3.bin", b"/TcAdsWebService/TcAdsWebService.dll"):
-        line.ask(b"POST %s HTTP/1.1\r\nContent-Length: 1\r\n\r\nx" % post)
+    for other in (b"/WebVisuV3.bin", b"/TcAdsWebService/TcAdsWebService.dll"):
+        line.ask(b"POST %s HTTP/1.1\r\nContent-Length: 1\r\n\r\nx" % other)
     begins = (b"\x16\x03\x01" + bytes(3000), b"?\n")
     others = [Line(("10.0.0.9", port), now=line.now).open().ask(begin) for port, begin in enumerate(begins, 50_001)]
     return [*line.frames, *(frame for other in others for frame in other.frames)]
+
+
+def _timed_pages() -> list[Frame]:
+    """Return reads of times and dates, and a write by an older page."""
+    line = Line(("10.0.0.1", 40_000), ("10.0.0.2", 80), now=_START_NS).open()
+    for number in range(3):
+        line.wait(10 * _MS).ask(post("|0|2|0|4|0|4|7|1|4|4|4|20|")).answer(reply(f"|{1_500 + number}|{1_700_000_000}|"))
+    return line.ask(b"GET /WRITEPI?ADR=MW230&VALUE=12 HTTP/1.1\r\n\r\n").answer(reply("")).frames
 
 
 def _values(number: int) -> bytes:

@@ -51,7 +51,7 @@ from tests.schemas.shapes import (
     word,
 )
 from tests.schemas.variables import MISSING, VALUE, VALUE_OF_LIST
-from tests.schemas.visu import visu, visu_other, visu_write
+from tests.schemas.visu import visu, visu_other, visu_unchanging, visu_write
 
 SCOPES = [*SCOPE_NAMES.values(), SCOPE_UNUSED]
 _JUDGED = [kind for kind in CATALOGUE.values() if kind.judged]
@@ -75,6 +75,7 @@ def report() -> Schema:
             "sdo": several(shared("sdo"), "the Parameter Manager, where there is such traffic: who asks whom"),
             "sdo_writes": several(shared("sdo_write"), "the first writes of parameters, where there are any"),
             "visu": several(shared("visu"), "web visualization, where there is such traffic: who asks whom"),
+            "visu_unchanging": several(shared("visu_unchanging"), "what pages saw no change of, where there is any"),
             "visu_writes": several(shared("visu_write"), "the first variables that were written, where there are any"),
             "visu_others": several(shared("visu_other"), "other protocols on the same ports, where there are any"),
             "buses": several(shared("bus"), "the channels of CAN, where there are any"),
@@ -82,17 +83,19 @@ def report() -> Schema:
             "missing": several(MISSING, "with definitions: what does not arrive of what is defined"),
             "hops": several(shared("hop"), "with --compare: variables that several lists have"),
             "hops_of_other_types": several(text(), "with --compare: names of variables that differ in type"),
+            "page_hops": several(shared("page_hop"), "with --compare: what pages showed of variables of lists"),
         },
         optional=(
-            "evidence_left_out", "sdo", "sdo_writes", "visu", "visu_writes", "visu_others", "buses",
-            "filter", "missing", *_OF_COMPARE,
+            "evidence_left_out", "sdo", "sdo_writes", "visu", "visu_writes", "visu_unchanging", "visu_others", "buses",
+            "filter", "missing", *_OF_COMPARE, "page_hops",
         ),
     )  # fmt: skip
     parts = {
         "list": _list(), "node": _node(), "stream": _stream(), "can_list": _can_list(), "can_stream": _can_stream(),
         "value": VALUE_OF_LIST, "cause": cause(), "finding": _finding(), "bus": bus(), "hop": _hop(),
+        "page_hop": _page_hop(),
         "canopen_node": canopen_node(), "sdo": sdo(), "sdo_write": sdo_write(),
-        "visu": visu(), "visu_write": visu_write(), "visu_other": visu_other(),
+        "visu": visu(), "visu_write": visu_write(), "visu_unchanging": visu_unchanging(), "visu_other": visu_other(),
     }  # fmt: skip
     return found | {"dependentRequired": {key: [other] for key, other in permutations(_OF_COMPARE)}, "$defs": parts}
 
@@ -293,20 +296,26 @@ def _finding() -> Schema:
     return found | {"dependentRequired": {"lists": ["channel", "parts"], "parts": ["lists"]}}
 
 
+def _page_hop() -> Schema:
+    end = record({"list": text("key, or visu/ADDRESS"), "sender": text(), "telegrams": whole(), **VALUE})
+    return record({**_hop_of(end), "hidden": truth("it is, or may be, a password, and stays hidden")})
+
+
 def _hop() -> Schema:
-    end = record({"list": LIST_KEY, "sender": text(), "telegrams": whole(), **VALUE})
+    return record(_hop_of(record({"list": LIST_KEY, "sender": text(), "telegrams": whole(), **VALUE})))
+
+
+def _hop_of(end: Schema) -> dict[str, Schema]:
     delays = {"count": whole("changes that were timed")}
-    return record(
-        {
-            "variable": text(),
-            "type": text(),
-            "from": end,
-            "to": end,
-            "changes": whole(),
-            "followed": whole(),
-            "delay_ns": record(delays | {key: maybe(duration()) for key in ("min", "mean", "p50", "p99", "max")}),
-            "observed_ns": duration(),
-            "differed_ns": duration(),
-            "equal": truth("whether both had the same value at last"),
-        }
-    )
+    return {
+        "variable": text(),
+        "type": text(),
+        "from": end,
+        "to": end,
+        "changes": whole(),
+        "followed": whole(),
+        "delay_ns": record(delays | {key: maybe(duration()) for key in ("min", "mean", "p50", "p99", "max")}),
+        "observed_ns": duration(),
+        "differed_ns": duration(),
+        "equal": truth("whether both had the same value at last"),
+    }

@@ -55,6 +55,34 @@ _VARIABLE: Properties = {
 }
 VALUE_OF_LIST = record(_VARIABLE)
 
+_OF_PAGES = "variables of web visualization; absent without any"
+_OF_PAGE: Properties = {
+    "list": text("visu/ADDRESS of the controller", "^visu/"),
+    "name": text("as the variable list calls it, else its place"),
+    "type": text("as the request calls it; unknown where it says nothing"),
+    "sender": text("address of the controller"),
+}
+_PLACE: Properties = {
+    "place": text("ref,offset,size,type; of older pages the ADR"),
+    "hidden": truth("it is, or may be, a password, and stays hidden"),
+}
+_PAGE_VALUE: Properties = {
+    "unit": UNIT,
+    "value": ANY_VALUE | {"description": "null of what is none of its type, and of what is hidden or was never read"},
+    "text": maybe(text("as an engineer writes it; as it came where it is none of its type")),
+}
+_PAGE_VARIABLE: Properties = {
+    **_OF_PAGE,
+    **_PAGE_VALUE,
+    "last_ns": maybe(time("of the last value")),
+    "changed_ns": maybe(time("of the last change, or of the first value")),
+    "telegrams": whole("replies with a value, and confirmed writes"),
+    "changes": whole(),
+    **{name: _VARIABLE[name] for name in ("min", "max", "min_text", "max_text")},
+    "unreadable": whole("how often the controller answered ???"),
+    **_PLACE,
+}
+
 _MISSING: Properties = {
     "kind": word(KINDS),
     "severity": word(SEVERITIES),
@@ -79,9 +107,11 @@ def last_values() -> Schema:
             "missing": several(record({**_MISSING, "list_name": text()}), "what does not arrive of what is defined"),
             "variables": several(shared("variable")),
             "earlier": several(shared("variable"), "of telegrams with a layout that another one took the place of"),
+            "page_variables": several(shared("page_variable"), _OF_PAGES),
         },
+        optional=["page_variables"],
     )  # fmt: skip
-    return found | {"$defs": {"variable": record({**_LISTED, **_VARIABLE})}}
+    return found | {"$defs": {"variable": record({**_LISTED, **_VARIABLE}), "page_variable": record(_PAGE_VARIABLE)}}
 
 
 def history() -> Schema:
@@ -90,9 +120,12 @@ def history() -> Schema:
         "history", "`nvscope vars --history NAME --json`: every change of a variable, and how often it changes",
         {
             "changes": several(shared("change")),
+            "page_changes": several(shared("page_change"), _OF_PAGES),
             "variables": several(shared("variable")),
+            "page_variables": several(shared("page_variable"), _OF_PAGES),
             "filter": FILTER,
         },
+        optional=["page_changes", "page_variables"],
     )  # fmt: skip
     change = {
         "frame": whole("", 1),
@@ -122,7 +155,13 @@ def history() -> Schema:
         "shortest_ns": maybe(duration("between two changes", None)),
         "longest_ns": maybe(duration("between two changes", None)),
     }
-    return found | {"$defs": {"change": record(change), "variable": record(variable)}}
+    of_page = {name: part for name, part in _OF_PAGE.items() if name != "type"}
+    of_lists = ("list_name", "subindex")
+    page_change = {name: one for name, one in {**change, **of_page, **_PLACE}.items() if name not in of_lists}
+    page_variable = {**variable, **_OF_PAGE, "place": _PLACE["place"]}
+    page_variable = {name: one for name, one in page_variable.items() if name not in of_lists}
+    told = {"change": change, "page_change": page_change, "variable": variable, "page_variable": page_variable}
+    return found | {"$defs": {name: record(properties) for name, properties in told.items()}}
 
 
 def at() -> Schema:
@@ -147,8 +186,22 @@ def at() -> Schema:
             "last_frame": maybe(whole("the last one up to that time", 1)),
             "filter": FILTER,
             "variables": several({"oneOf": [shared("seen"), shared("unseen")]}),
+            "page_variables": several({"oneOf": [shared("on_page"), shared("not_on_page")]}, _OF_PAGES),
         },
-    ) | {"$defs": {"seen": seen, "unseen": unseen}}  # fmt: skip
+        optional=["page_variables"],
+    ) | {"$defs": {"seen": seen, "unseen": unseen, **_on_pages_at(known)}}  # fmt: skip
+
+
+def _on_pages_at(known: Properties) -> dict[str, Schema]:
+    """Return what is told of variables of pages at a time, by name: of those with a value, and of the others."""
+    told = {name: part for name, part in known.items() if name not in _OF_PAGE}
+    on_page = {**_OF_PAGE, **told, **_PAGE_VALUE, **_PLACE, "text": text(), "missing": unknown()}
+    nothing = {name: unknown() for name in told}
+    why = word(("later", "not readable"), "why there is no value")
+    return {
+        "on_page": record(on_page),
+        "not_on_page": record({**_OF_PAGE, **nothing, **_PLACE, "hidden": word((False,)), "missing": why}),
+    }
 
 
 def inference() -> Schema:

@@ -4,7 +4,21 @@ from __future__ import annotations
 
 from dissectors.web_protocols import WebProtocol
 from nvscope.tracker.visu.writes import MOST_CHARACTERS, WriteOutcome
-from tests.schemas.shapes import PORT, Schema, described, duration, maybe, record, text, time, truth, whole, word
+from nvscope.view.documents.visu import MOST_NAMED
+from tests.schemas.shapes import (
+    PORT,
+    Schema,
+    described,
+    duration,
+    maybe,
+    record,
+    several,
+    text,
+    time,
+    truth,
+    whole,
+    word,
+)
 
 _ENDS = {
     "client": text("address"), "client_name": maybe(text("what the project calls it")),
@@ -43,6 +57,19 @@ def visu_other() -> Schema:
             "protocol": word(protocols, "what is spoken; other: no HTTP, and nobody knows what"),
             "count": whole("requests, or, of what is no HTTP, connections", 1),
             "first_frame": whole("that of the first one", 1),
+        }
+    )  # fmt: skip
+
+
+def visu_unchanging() -> Schema:
+    """Return the schema of a row of ``visu_unchanging``."""
+    names = several(text(), f"names, up to {MOST_NAMED}")
+    return record(
+        {
+            **{name: _ENDS[name] for name in ("server", "server_name")},
+            "variables": whole("that pages asked it for", 1),
+            "unchanged": described(names, "told twice at least, and always the same"), "unchanged_cut": whole("more"),
+            "unreadable": described(names, "never a value, or always ???"), "unreadable_cut": whole("more"),
         }
     )  # fmt: skip
 

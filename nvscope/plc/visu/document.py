@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from dissectors.webvisu import Answer, Reply
+from nvscope.definition.visu_values import type_name
 from nvscope.plc.visu.exchange import Ending, Exchange
-from nvscope.plc.visu.value import shown, type_name
+from nvscope.plc.visu.value import shown
 from nvscope.plc.visu.variables import KnownVariables, Variable
 from nvscope.version import head
 

@@ -7,22 +7,20 @@ from decimal import Decimal
 from math import isclose
 from typing import Any, NamedTuple
 
-from dissectors.webvisu import TYPES, Place
+from dissectors.webvisu import Place
 from nvscope.definition.scalars import SCALARS
 from nvscope.definition.value import Value, value_of
 from nvscope.definition.variables import Scalar, ScalarKind
+from nvscope.definition.visu_values import scalar_at, type_at, type_name, value_in
 from nvscope.plc.visu.body import write_body
 from nvscope.units import count_of
 from nvscope.view.entered_value import bytes_of
 from nvscope.view.value_texts import exact_text, json_value
 
 _WHOLE = re.compile(r"[-+]?[0-9]{1,20}", re.ASCII)
-_REAL = re.compile(r"[-+]?(?:[0-9]{1,400}(?:\.[0-9]{0,400})?|\.[0-9]{1,400})(?:e[-+]?[0-9]{1,3})?", re.ASCII | re.I)
 _RELATIVE, _ABSOLUTE = 1e-6, 5e-7
 """How exactly controllers write numbers: with six digits behind the point."""
 
-_SIGNED_BY_SIZE = {1: "SINT", 2: "INT", 4: "DINT"}
-_BITS_BY_SIZE = {0: "BOOL", 1: "BYTE"}
 _QUOTED = 2
 
 
@@ -39,50 +37,13 @@ class Shown(NamedTuple):
         return self._asdict()
 
 
-def type_name(code: int) -> str | None:
-    """Return what a type is called, None where nobody knows."""
-    return TYPES[code] if 0 <= code < len(TYPES) else None
-
-
-def scalar_at(place: Place) -> Scalar | None:
-    """Return which elementary type a variable has, None for texts, for others, and for types of another size."""
-    name = type_name(place.type)
-    if name == "ENUM":
-        name = _SIGNED_BY_SIZE.get(place.size)
-    elif name == "BITORBYTE":
-        name = _BITS_BY_SIZE.get(place.size)
-    kind = SCALARS.get(name) if name else None
-    if kind is None or not kind.size_bytes:
-        return None
-    return kind if kind.size_bytes == place.size or (kind.kind is ScalarKind.BOOL and place.size == 0) else None
-
-
 def shown(place: Place, raw: str) -> Shown:
     """Return a value that came; total: what is none of its type is shown as it came."""
-    if type_name(place.type) == "STRING":
-        return Shown(raw, raw, f"'{raw}'")
-    kind, text = scalar_at(place), raw.strip()
-    if kind is None:
+    kind = type_at(place)
+    value = value_in(kind, raw)
+    if kind is None or value is None:
         return Shown(raw, None, raw)
-    try:
-        data = _data(kind, text)
-    except (ValueError, OverflowError):
-        return Shown(raw, None, raw)
-    value = value_of(kind, data)
     return Shown(raw, json_value(kind, value), exact_text(kind, value))
-
-
-def _data(kind: Scalar, text: str) -> bytes:
-    """Return the bytes of a value on the wire; ValueError for what is none of the type."""
-    if kind.kind is ScalarKind.REAL:
-        if not _REAL.fullmatch(text):
-            raise ValueError(text[:60])
-        return bytes_of(kind, f"{float(text)!r}")
-    if not _WHOLE.fullmatch(text):
-        raise ValueError(text[:60])
-    if kind.kind is ScalarKind.BOOL:
-        return bytes_of(kind, text)
-    return int(text).to_bytes(kind.size_bytes, "little", signed=kind.kind is ScalarKind.SIGNED or text[0] == "-")
 
 
 def entered(place: Place, text: str) -> str:

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from nvscope.protocols.protocol import Protocol
 from nvscope.protocols.table import PROTOCOLS
 from nvscope.report.ansi import paint
+from nvscope.units import count_of
 from nvscope.view.lines.hexdump import dump
 from nvscope.view.lines.mixed_lines import MixedLines, line_makers
 from nvscope.view.lines.moments import Moment
 from nvscope.view.lines.netvar_line import LineWriter
-from nvscope.view.lines.shown import Spans, Wording
-from nvscope.view.lines.table import Line, Tone
+from nvscope.view.lines.shown import HIDDEN_BYTES, Spans, Wording
+from nvscope.view.lines.table import Cell, Line, Tone
 from nvscope.view.lines.tree import Trees
 from nvscope.view.rows.frames import FrameRows
 
@@ -31,8 +32,8 @@ class Text:
     With ``trees`` a tree takes the place of the line. With ``dumps`` the captured bytes follow. ``width`` limits lines
     and trees, not dumps; None for no limit. ``layouts`` name the variables in trees, ``names`` the nodes in lines, by
     the text of their address, ``pdos`` the lists on CAN, ``canopen`` what is CANopen's, ``parameters`` those
-    of the Parameter Manager; ``protocols`` are those that rows may be of. With and without ``colour`` the text is the
-    same.
+    of the Parameter Manager; ``protocols`` are those that rows may be of. Passwords of web visualization, and the bytes
+    that go over its ``page_ports``, are shown with ``secrets`` alone. With and without ``colour`` the text is the same.
     """
 
     def __init__(
@@ -48,13 +49,15 @@ class Text:
         pdos: Pdos | None = None,
         canopen: CanOpenSince | None = None,
         parameters: Parameters | None = None,
+        secrets: bool = False,
+        page_ports: Collection[int] = (),
         protocols: Sequence[Protocol] = PROTOCOLS,
     ) -> None:
         self._trees = trees
         self._dumps = dumps
         self._width = width
         self._colour = colour
-        self._wording = Wording(names, layouts, pdos, canopen, parameters)
+        self._wording = Wording(names, layouts, pdos, canopen, parameters, secrets, page_ports)
         self._make_trees = {protocol.name: protocol.tree() for protocol in protocols}
         self._lines = line_makers(
             {protocol.name: protocol.lines() for protocol in protocols}, moment, width, self._wording
@@ -101,10 +104,15 @@ class Text:
 def _dump(rows: FrameRows, row: int, spans: Spans) -> Iterator[Line]:
     """Yield the captured bytes of a frame: what is in front of the message faint, its header strong."""
     packet = rows.packets.packet(int(rows.row[row]))
+    if spans.hidden:
+        yield from dump(packet[: spans.start], [(spans.start, Tone.FAINT)])
+        hidden = count_of(len(packet) - spans.start, "byte")
+        yield [Cell(f"{spans.start:04x}  ", Tone.FAINT), Cell(f"{hidden} {HIDDEN_BYTES}", Tone.WARNING)]
+        return
     parts = (
         (spans.start, Tone.FAINT),
         (spans.data, Tone.STRONG),
         (spans.stop, Tone.PLAIN),
         (len(packet), Tone.FAINT),
     )
-    return dump(packet, parts)
+    yield from dump(packet, parts)

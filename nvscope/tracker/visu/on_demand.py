@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, ClassVar, Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -17,9 +17,10 @@ from nvscope.tracker.accumulator import NO_SUMMARY, ProtocolSummary
 if TYPE_CHECKING:
     from dissectors.webvisu import Place
     from nvscope.tracker.visu.follower import VisuFollower
+    from nvscope.tracker.visu.messages import VisuBatch
     from nvscope.tracker.visu.state import VisuCounts
 
-NAME, WRITES, OTHERS = "visu", "visu_writes", "visu_others"
+NAME, WRITES, UNCHANGING, OTHERS = "visu", "visu_writes", "visu_unchanging", "visu_others"
 
 
 class _Nothing:
@@ -92,5 +93,47 @@ class VisuState:
             return NO_SUMMARY
         from nvscope.tracker.visu.summary import summarize_others, summarize_visu  # noqa: PLC0415
 
-        further = {WRITES: tuple(self.known.writes.kept), OTHERS: summarize_others(self.known)}
+        further = {
+            WRITES: tuple(self.known.writes.kept),
+            UNCHANGING: self.known.unchanging.summary(),
+            OTHERS: summarize_others(self.known),
+        }
         return ProtocolSummary(summarize_visu(self.known), further, tuple(self.known.clients()))
+
+
+class PageReader(Protocol):
+    """Whatever takes the messages of pages, batch by batch; ``forget``: nobody listened for a while."""
+
+    def observe(self, told: Told, part: VisuBatch) -> None:
+        """Take what a batch brings, which follows those before."""
+        ...
+
+    def forget(self) -> None:
+        """Begin anew with what comes next."""
+        ...
+
+
+Reader = TypeVar("Reader", bound=PageReader)
+
+
+class PageObserver(Generic[Reader]):
+    """An observer that makes a reader of pages with the first message, ``known``: None before there is any."""
+
+    by_stream: ClassVar[bool] = False
+
+    def __init__(self, make: Callable[[], Reader]) -> None:
+        self._make = make
+        self.known: Reader | None = None
+
+    def observe(self, told: Told) -> None:
+        """Take a batch, which follows those observed so far."""
+        part = told.parts.get(NAME)
+        if part is not None:
+            from nvscope.tracker.visu.messages import VisuBatch  # noqa: PLC0415
+
+            assert isinstance(part, VisuBatch)
+            if self.known is None:
+                self.known = self._make()
+            self.known.observe(told, part)
+        if told.is_deaf and self.known is not None:
+            self.known.forget()

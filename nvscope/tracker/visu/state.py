@@ -20,6 +20,7 @@ from nvscope.tracker.visu.events import VisuEvent
 from nvscope.tracker.visu.limits import MOST_ENTRIES, Beyond
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages
 from nvscope.tracker.visu.names import name_of
+from nvscope.tracker.visu.unchanging import Unchanging
 from nvscope.tracker.visu.writes import Writes
 
 MOST_WRITE_MINUTES = 10_000
@@ -100,8 +101,8 @@ class VisuCounts:
     ``pairs`` number client, server and port, as in ``VisuBatch.pairs``; ``columns``, ``latencies`` and ``pollings`` are
     by pair. ``events`` are keyed by ``VisuEvent`` and by subject, which ``subjects`` number; ``write_minutes`` are
     the writes among them by subject and minute since 1970, ``write_minutes_left_out`` those of more minutes. ``writes``
-    are who wrote what, ``others`` what is spoken beside by pair and ``WebProtocol``. ``left_out`` is that for which
-    there was no room, keyed by ``Beyond``.
+    are who wrote what, ``unchanging`` what never changed, ``others`` what is spoken beside by pair and
+    ``WebProtocol``. ``left_out`` is that for which there was no room, keyed by ``Beyond``.
     """
 
     def __init__(self) -> None:
@@ -116,6 +117,7 @@ class VisuCounts:
         self.left_out = EventLog(1)
         self.writes = Writes()
         self.others: dict[tuple[int, int], Spoken] = {}
+        self.unchanging = Unchanging()
         self._minutes: set[tuple[int, int]] = set()
         self._variables: set[tuple[int, str]] = set()
         self._asked: set[tuple[int, Request]] = set()
@@ -139,6 +141,7 @@ class VisuCounts:
         self._note_others(told, pair, messages)
         self._note(told, part, pair, messages)
         self._note_writes(told, part, pair, messages)
+        self.unchanging.observe(part, told.max_streams)
         self.events.settle()
         self.write_minutes.settle()
         self.left_out.settle()

@@ -12,6 +12,7 @@ from dissectors.batch import Bool
 from dissectors.carried import Carrier
 from nvscope.list_key import ListKey
 from nvscope.protocols.table import PROTOCOLS
+from nvscope.protocols.visu import page_ports
 from nvscope.view.lines.mixed_lines import MixedLines, line_makers
 from nvscope.view.lines.moments import Moment
 from nvscope.view.lines.shown import Spans, Wording
@@ -59,7 +60,8 @@ class PacketText:
         inquiry = scene.inquiry
         names = inquiry.project.node_names if scene.node_names is None else scene.node_names
         self._wording = Wording(
-            names, inquiry.layouts, inquiry.pdos, self._newest, inquiry.project.definition.parameters
+            names, inquiry.layouts, inquiry.pdos, self._newest, inquiry.project.definition.parameters,
+            page_ports=page_ports(inquiry.project.webvisu),
         )  # fmt: skip
         makers = line_makers({one.name: one.lines() for one in PROTOCOLS}, moment, width, self._wording)
         self._mixed = MixedLines(makers, width)
@@ -82,6 +84,10 @@ class PacketText:
             number = int(before.frame_number[0])
             there = Trees(before, self._trees, self._wording, dumps=False).spans(0)
             changed = changed_bytes(packet, spans, before.packets.packet(int(before.row[0])), there)
+        if spans.hidden:
+            # Passwords may be among the bytes.
+            packet, changed = packet[: spans.start], None if changed is None else changed[: spans.start]
+            spans = Spans(spans.start, spans.start, spans.start, hidden=True)
         return ShownFrame(
             int(rows.frame_number[0]), packet, spans, list(trees.placed_lines(0, beside_bytes=beside_bytes)), number,
             changed, _list_key(rows),

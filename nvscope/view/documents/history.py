@@ -7,7 +7,7 @@ decimal strings, durations numbers in ns.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.packing import TelegramLayout, known_fronts, undescribed
@@ -19,6 +19,9 @@ from nvscope.tracker.variables.moment import LastTelegram, Moment
 from nvscope.version import head
 from nvscope.view.documents.variables import filter_told
 from nvscope.view.value_texts import exact_text, json_value, unit_of, value_text
+
+if TYPE_CHECKING:
+    from nvscope.tracker.visu.value_history import PageEntry
 
 HISTORY_SCHEMA = "nvscope.history/1"
 AT_SCHEMA = "nvscope.at/1"
@@ -48,6 +51,15 @@ def change_row(entry: Entry) -> dict[str, Any]:
         "old_text": None if old is None else exact_text(kind, old),
         "new_text": exact_text(kind, new),
     }
+
+
+def row_of_change(entry: Entry | PageEntry, *, secrets: bool = False) -> dict[str, Any]:
+    """Return the row of a change, of a list or of a page; passwords on pages are hidden without ``secrets``."""
+    if isinstance(entry, Entry):
+        return change_row(entry)
+    from nvscope.view.documents.page_variables import page_change_row  # noqa: PLC0415
+
+    return page_change_row(entry, secrets=secrets)
 
 
 def change_summary(history: History) -> list[dict[str, Any]]:
@@ -86,13 +98,16 @@ def _known(duration_ns: int) -> int | None:
 
 def at_document(
     moment: Moment,
-    layouts: Layouts,
+    layouts: Layouts | None,
     time_ns: int,
     *,
     keys: Collection[ListKey] | None = None,
     expression: str | None = None,
+    pages: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
     """Return what all variables of the defined lists were at a moment; ``keys`` are these lists, None for all.
+
+    ``pages`` are rows of variables of web visualization, which stand behind them, if there are any.
 
     A row without ``text`` is a variable of which there was no telegram until then, and ``missing`` says why: it was
     sent ``later`` or not at all by this sender; or by nobody (then there is no ``sender``) in the whole capture: ``not
@@ -109,11 +124,12 @@ def at_document(
     everything = {*senders, *moment.read.lists}
     wanted = [
         key
-        for defined, _ in layouts.lists()
+        for defined, _ in (layouts.lists() if layouts else ())
         if keys is None or defined in keys
-        for key in [one for one in everything if layouts.key_of(one) == defined] or [defined]
+        for key in [one for one in everything if layouts and layouts.key_of(one) == defined] or [defined]
     ]
     for key in sorted(wanted):
+        assert layouts
         own = senders.get(key, {})
         missing = "later" if own else _missing(moment, key, expression)
         for subindex, sender, last, layout in _telegrams_at(key, layouts, by_place, sorted(own, key=own.__getitem__)):
@@ -137,6 +153,7 @@ def at_document(
         "last_frame": moment.last_frame or None,
         "filter": filter_told(expression, moment.read.chosen, moment.read.telegrams),
         "variables": rows,
+        **({"page_variables": list(pages)} if pages else {}),
     }
 
 

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from nvscope.definition.value import value_of
-from nvscope.tracker.variables.hops import Direction, End, Hops, Pair, ordered
+from nvscope.tracker.variables.following import Direction, Pair
+from nvscope.tracker.variables.hops import End, Hops, ordered
 from nvscope.units import divide
 from nvscope.view.value_texts import json_value, unit_of, value_text
 
@@ -21,17 +22,27 @@ def hop_rows(hops: Hops, end_ns: int | None) -> list[dict[str, Any]]:
     return [_row(pair, end_ns) for _, pair in ordered(hops.pairs)]
 
 
-def _row(pair: Pair, end_ns: int | None) -> dict[str, Any]:
-    forth = _rank(pair.forth) >= _rank(pair.back)
-    leader, follower = (pair.first, pair.second) if forth else (pair.second, pair.first)
-    direction = pair.forth if forth else pair.back
-    equal = pair.first.last == pair.second.last
-    rest_ns = 0 if end_ns is None or pair.until_ns is None else max(end_ns - pair.until_ns, 0)
+def _row(pair: Pair[End], end_ns: int | None) -> dict[str, Any]:
+    leader, follower = (pair.first, pair.second) if direction_of(pair) else (pair.second, pair.first)
     return {
         "variable": leader.element.name,
         "type": leader.element.type.name,
         "from": _end(leader),
         "to": _end(follower),
+        **figures(pair, end_ns, equal=pair.first.last == pair.second.last),
+    }
+
+
+def direction_of(pair: Pair[Any]) -> bool:
+    """Tell whether the second end follows the first, or else the first the second."""
+    return _rank(pair.forth) >= _rank(pair.back)
+
+
+def figures(pair: Pair[Any], end_ns: int | None, *, equal: bool) -> dict[str, Any]:
+    """Return how the end that follows does, and for how long both differed; ``equal``: they are in the end."""
+    direction = pair.forth if direction_of(pair) else pair.back
+    rest_ns = 0 if end_ns is None or pair.until_ns is None else max(end_ns - pair.until_ns, 0)
+    return {
         "changes": direction.changes,
         "followed": direction.followed,
         "delay_ns": _delays(direction),

@@ -58,6 +58,7 @@ def report_document(
     causes: Sequence[Cause] = (),
     left_out: int = 0,
     drawn: bool = False,
+    secrets: bool = False,
 ) -> dict[str, Any]:
     """Return the document of what was summarized and judged, and where it was read from.
 
@@ -66,7 +67,8 @@ def report_document(
     shows a part of: figures are those of all its streams; ``all_findings`` are those that ``findings`` were chosen
     from: they decide on the status of lists. ``causes`` are those to be shown; for ``left_out`` events there was no
     room, so that they are told without these. ``drawn``: lists and findings are made when they are asked for
-    (``nvscope.view.documents.drawn``), so that never all of them are there.
+    (``nvscope.view.documents.drawn``), so that never all of them are there. ``secrets``: passwords that pages wrote are
+    not hidden.
     """
     names = {key: entry.name for key, entry in definition.by_key().items()} if definition else {}
     keys, shown = _keys(whole or summary), _keys(summary)
@@ -125,7 +127,11 @@ def report_document(
     if written := whole_summary.others.get("visu_writes"):
         from nvscope.view.documents.visu_writes import visu_write_rows  # noqa: PLC0415
 
-        document["visu_writes"] = visu_write_rows(written, node_names)
+        document["visu_writes"] = visu_write_rows(written, node_names, secrets=secrets)
+    if unchanging := whole_summary.others.get("visu_unchanging"):
+        from nvscope.view.documents.visu import unchanging_rows  # noqa: PLC0415
+
+        document["visu_unchanging"] = unchanging_rows(unchanging, node_names)
     document |= {"buses": can_buses(summary.can, names, measures)} if summary.can.buses else {}
     return document if drawn else dict(plain(document))
 

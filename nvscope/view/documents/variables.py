@@ -22,14 +22,15 @@ DOCUMENTED, ASSUMED = "documented", "assumed"
 
 def variables_document(
     state: TrackerState,
-    values: Values,
+    values: Values | None,
     *,
     keys: Collection[ListKey] | None = None,
     expression: str | None = None,
     missing: Sequence[Mapping[str, Any]] = (),
+    pages: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
     """Return the variables of all streams as data, by list, SubIndex and sender; ``keys`` are the lists, as their
-    definition has them, None for all.
+    definition has them, None for all. ``pages`` are rows of variables of pages, behind them.
 
     Numbers are numbers (``null`` where they are not finite), times of the type as numbers in its unit, bytes as
     hexadecimal text; absolute times are nanoseconds as decimal strings. ``earlier`` are the variables of telegrams with
@@ -37,7 +38,9 @@ def variables_document(
     that of the filter; ``missing`` are rows of what is missing of what is defined.
     """
     streams = [
-        stream for stream in streams_of(state, values) if keys is None or values.layouts.key_of(stream.list) in keys
+        stream
+        for stream in (streams_of(state, values) if values else ())
+        if keys is None or (values and values.layouts.key_of(stream.list) in keys)
     ]
     return {
         **head("nvscope.vars/1"),
@@ -45,6 +48,7 @@ def variables_document(
         "missing": list(missing),
         "variables": [row for stream in streams for row in _listed(stream, stream.sequence[-1])],
         "earlier": [row for stream in streams for known in stream.sequence[:-1] for row in _listed(stream, known)],
+        **({"page_variables": list(pages)} if pages else {}),
     }
 
 

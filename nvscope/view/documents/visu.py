@@ -7,6 +7,10 @@ from types import MappingProxyType
 from typing import Any
 
 from nvscope.tracker.visu.summary import OtherSpoken, VisuSummary
+from nvscope.tracker.visu.unchanging import NeverChanged
+
+MOST_NAMED = 10
+"""So many variables of a kind are named."""
 
 
 def visu_other_rows(
@@ -60,4 +64,22 @@ def visu_rows(
             "polling_ns": {"p50": one.polling.p50, "p99": one.polling.p99},
         }
         for one in pairs
+    ]
+
+
+def unchanging_rows(
+    found: Sequence[NeverChanged], node_names: Mapping[str, str] = MappingProxyType({})
+) -> list[dict[str, Any]]:  # fmt: skip
+    """Return a row a controller: which variables pages asked for that never changed, or could never be read."""
+    return [
+        {
+            "server": one.server,
+            "server_name": node_names.get(one.server),
+            "variables": one.variables,
+            "unchanged": list(one.unchanged[:MOST_NAMED]),
+            "unchanged_cut": max(len(one.unchanged) - MOST_NAMED, 0),
+            "unreadable": list(one.unreadable[:MOST_NAMED]),
+            "unreadable_cut": max(len(one.unreadable) - MOST_NAMED, 0),
+        }
+        for one in found
     ]

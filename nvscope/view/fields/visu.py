@@ -13,6 +13,7 @@ from dissectors.batch import I64, U64, Bool
 from nvscope.expression.typed_columns import AddressColumn, FieldType, Numbers, TextColumn
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch
 from nvscope.view.fields.field import TelegramField
+from nvscope.view.fields.visu_variable import variable_field
 
 NAME = "visu"
 _KINDS = tuple(kind.name.lower() for kind in Kind)
@@ -77,6 +78,7 @@ VISU_FIELDS: Sequence[TelegramField] = (
         "visu.variables", FieldType.UNSIGNED, "Variables", "that are asked for, or written",
         _of_requests(lambda part: [len(one.entries) for one in part.requests]), _known("asked"), of=NAME,
     ),
+    variable_field(),
     TelegramField(
         "visu.status", FieldType.UNSIGNED, "Status", "of the HTTP response", _column("status"), _known("status"),
         of=NAME,

@@ -34,7 +34,7 @@ class MessageTree(TransportTree):
         self._dumps = dumps
 
     def entries(self, place: int, packet: bytes) -> Iterator[Entry]:
-        start, data, stop = self.spans(place)
+        start, data, stop, _ = self.spans(place)
         yield title_entry(self._layout.title, (), Place(start, data))
         yield from table_entries(self._layout, packet, start, stop)
         if data < stop:

@@ -48,7 +48,7 @@ class TelegramTree(TransportTree):
         self._remarks = words.remarks(self._telegrams)
 
     def entries(self, place: int, packet: bytes) -> Iterator[Entry]:
-        start, _, stop = self.spans(place)
+        start, _, stop, _ = self.spans(place)
         payload_bytes, data_at = int(self._over.payload_bytes[place]), start + HEADER.size_bytes
         yield from self._header(place, packet[start:stop], start, payload_bytes)
         if stop > data_at:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
@@ -31,7 +31,8 @@ class Wording:
     """What people call things: ``names`` of nodes by the text of their address, defined lists on UDP and on CAN.
 
     ``canopen`` tells which CAN frames are CANopen's by what the capture has shown so far; without it, none are.
-    ``parameters`` are those of the Parameter Manager, None or none where nobody has named any.
+    ``parameters`` are those of the Parameter Manager, None or none where nobody has named any. ``secrets``: passwords
+    are shown; else what goes over TCP ports of web visualization (``page_ports``) is not shown as bytes, either.
     """
 
     names: Mapping[str, str] = field(default_factory=dict)
@@ -39,17 +40,27 @@ class Wording:
     pdos: Pdos | None = None
     canopen: KnowsCanOpen | None = None
     parameters: Parameters | None = None
+    secrets: bool = False
+    page_ports: Collection[int] = ()
 
 
 NO_WORDING = Wording()
 
 
 class Spans(NamedTuple):
-    """Where in its packet a frame's message begins, where the data behind its header do, and where it ends."""
+    """Where in its packet a frame's message begins, where the data behind its header do, and where it ends.
+
+    ``hidden``: what it is must not be shown as bytes, since passwords may be among them.
+    """
 
     start: int
     data: int
     stop: int
+    hidden: bool = False
+
+
+HIDDEN_BYTES = "hidden, since passwords may be among them; --show-secrets shows them"
+"""What is said of bytes in their place."""
 
 
 class LineMaker(Protocol):

@@ -13,11 +13,11 @@ _NAME = "visu"
 
 def visu_lines(moment: Moment, width: int | None, wording: Wording) -> LineMaker:
     """Return what makes the lines of frames with such messages."""
-    return MessageLines(_NAME, _told, moment, width, wording)
 
+    def told(part: VisuBatch) -> list[str]:
+        return [
+            " | ".join(message_words(part, one, secrets=wording.secrets) for one in range(first, first + count))
+            for first, count in zip(part.first.tolist(), part.count.tolist(), strict=True)
+        ]
 
-def _told(part: VisuBatch) -> list[str]:
-    return [
-        " | ".join(message_words(part, message) for message in range(first, first + count))
-        for first, count in zip(part.first.tolist(), part.count.tolist(), strict=True)
-    ]
+    return MessageLines(_NAME, told, moment, width, wording)

@@ -10,7 +10,7 @@ from nvscope.tracker.visu.messages import Kind, VisuBatch
 from nvscope.tracker.visu.writes import HIDDEN
 from nvscope.view.escape import visible
 from nvscope.view.lines import tree_lines
-from nvscope.view.lines.shown import Wording
+from nvscope.view.lines.shown import Spans, Wording
 from nvscope.view.lines.table import Cell, Tone
 from nvscope.view.lines.transport_tree import TransportTree
 from nvscope.view.lines.tree_lines import Entry, label_cell, title_entry
@@ -25,7 +25,7 @@ _AREAS = ("%M", "inputs", "outputs", "retain", "global")
 class VisuTree(TransportTree):
     """A ``Tree`` of frames of the protocol: messages lie in any number of frames, and are told of their last one.
 
-    The bytes of a message are not dumped: passwords may be among them.
+    The bytes of a message are not dumped without being asked for: passwords may be among them.
     """
 
     def __init__(self, rows: FrameRows, wording: Wording, *, dumps: bool = True) -> None:
@@ -33,16 +33,20 @@ class VisuTree(TransportTree):
         part = rows.parts[_NAME].part
         assert isinstance(part, VisuBatch)
         self._part = part
+        self._secrets = wording.secrets
+
+    def spans(self, place: int) -> Spans:
+        return super().spans(place)._replace(hidden=not self._secrets)
 
     def entries(self, place: int, packet: bytes) -> Iterator[Entry]:
-        start, _, stop = self.spans(place)
+        start, _, stop, _ = self.spans(place)
         carried = f"  ends with {units.count_of(stop - start, 'byte')} of this frame"
         first, count = int(self._part.first[place]), int(self._part.count[place])
         for message in range(first, first + count):
             place_of_all = tree_lines.Place(start, stop)
             yield title_entry("WebVisu", [Cell(f"  {self._title(message)}"), Cell(carried, Tone.FAINT)], place_of_all)
             yield from self._facts(message)
-            for variable in variables_of(self._part, message):
+            for variable in variables_of(self._part, message, secrets=self._secrets):
                 yield _variable(variable)
 
     def _title(self, message: int) -> str:

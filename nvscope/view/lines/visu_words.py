@@ -61,8 +61,8 @@ def protocol_words(protocol: WebProtocol) -> str:
     return _PROTOCOLS[protocol]
 
 
-def message_words(part: VisuBatch, message: int) -> str:
-    """Return what a message is, in a line; it need not be safe to print."""
+def message_words(part: VisuBatch, message: int, *, secrets: bool = False) -> str:
+    """Return what a message is, in a line, values that may be secret only with ``secrets``; it may not be printable."""
     messages = part.messages
     kind, asked = Kind(int(messages.kind[message])), int(messages.asked[message])
     if kind is Kind.GAP:
@@ -76,7 +76,7 @@ def message_words(part: VisuBatch, message: int) -> str:
     request = part.requests[asked]
     if kind is Kind.UNANSWERED:
         return f"no reply to frame {messages.asked_frame[message]}"
-    told = "; ".join(_shown(variables_of(part, message)))
+    told = "; ".join(_shown(variables_of(part, message, secrets=secrets)))
     if kind is Kind.REPLY:
         return _reply(part, message, request, told)
     miscounted = f", declares {request.declared}" if request.is_miscounted else ""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from nvscope import units
 from nvscope.view.lines.plant.content import Report, Row, node_names
 from nvscope.view.lines.plant.tables import Measure, count_cell, duration_cell, used
 from nvscope.view.lines.table import NOTHING, Cell, Column, Tone
@@ -15,6 +16,7 @@ TITLE = "WebVisu"
 MOST_PAIRS = 50
 """So many pairs are shown unless all are wanted: those of which something is wrong before the others."""
 
+_MOST_NAMED = 5
 _WRONG = ("refused", "unanswered", "miscounted", "ambiguous")
 
 
@@ -34,6 +36,20 @@ def visu(report: Report, most: int | None = None) -> tuple[list[Measure], list[R
         worst = sorted(range(len(rows)), key=lambda place: not any(rows[place][name] for name in _WRONG))[:most]
         rows = [rows[place] for place in sorted(worst)]
     return used(_PAIRS, rows), rows, len(found) - len(rows)
+
+
+def remarks(report: Report) -> Sequence[str]:
+    """Return which variables never changed though pages asked for them again and again, or could never be read."""
+    names, told = node_names(report), []
+    for row in report.get("visu_unchanging", ()):
+        server = names.get(row["server"], row["server"])
+        every = units.count(row["variables"])
+        for kind, what in (("unchanged", "never changed"), ("unreadable", "could never be read (???)")):
+            if count := len(row[kind]) + row[f"{kind}_cut"]:
+                more = f" and {units.count(count - _MOST_NAMED)} more" if count > _MOST_NAMED else ""
+                named = "; ".join(row[kind][:_MOST_NAMED])
+                told.append(f"{server}: {units.count(count)} of {every} variables {what}: {named}{more}.")
+    return told
 
 
 def _polled(row: Row) -> Cell:

@@ -1,0 +1,82 @@
+"""What is asked of ``nvscope vars``, and what the captures that were read for it say of themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from nvscope.analysis.page_values import is_of_pages, nothing_asked
+from nvscope.cli.terminal import tell
+from nvscope.errors import UsageError
+
+if TYPE_CHECKING:
+    from nvscope.analysis.inquiry import Inquiry
+    from nvscope.capture.source import Source, SourceInfo
+    from nvscope.list_key import ListKey
+    from nvscope.tracker.visu.readings import ReadValues
+
+
+class VariablesRead(NamedTuple):
+    """What the captures that were read say of themselves, and what their channels are called."""
+
+    infos: Sequence[SourceInfo]
+    channels: Sequence[str]
+
+    @classmethod
+    def of(cls, source: Source) -> VariablesRead:
+        return cls(source.infos, source.channels)
+
+
+@dataclass(frozen=True)
+class VariablesAsked:
+    """What was asked of which captures, and how it is to be told."""
+
+    inquiry: Inquiry
+    wanted: str | None
+    as_json: bool
+    utc: bool
+    quiet: bool
+    colour: bool
+    names: Mapping[str, str]
+    wide: bool
+    secrets: bool = False
+
+    @property
+    def nothing_defined(self) -> UsageError | None:
+        """The error that no list with variables is defined, None where one is; pages need none."""
+        if self.inquiry.layouts is not None:
+            return None
+        if not self.inquiry.project.files:
+            what = "no page of a web visualization asked for variables"
+            if self.wanted is not None:
+                what = "the filter chooses no reply to a page of a web visualization that has a value"
+            return UsageError(
+                f"no definition is given, and {what}",
+                next_step="name the exported list and its types with --gvl FILE or in nvscope.toml, or propose a "
+                "layout with --infer",
+            )
+        return self.inquiry.nothing_defined()
+
+    def nothing_of(self, listed: str | None, read: ReadValues | None) -> UsageError | None:
+        """Return the error that there is nothing of what was asked for, where no page has any of it."""
+        if listed is not None and is_of_pages(listed):
+            return nothing_asked(listed, read)
+        return self.nothing_defined
+
+    def keys(self, listed: str | None) -> Collection[ListKey] | None:
+        """Return the keys of the lists of a name, None for all; UsageError where there is none."""
+        if listed is not None and is_of_pages(listed):
+            return ()
+        if listed is None and self.inquiry.layouts is None:
+            return None
+        layouts = self.inquiry.defined_layouts()
+        if listed is None:
+            return None
+        from nvscope.definition.selection import lists_named, names_of_lists
+
+        return {key for key, _ in lists_named(names_of_lists(layouts), listed, layouts.unplaced)}
+
+    def tell(self, document: Mapping[str, Any], render: Callable[[Mapping[str, Any]], str]) -> None:
+        """Print a document as JSON, or as ``render`` makes it."""
+        tell(document, render, as_json=self.as_json, colour=self.colour)

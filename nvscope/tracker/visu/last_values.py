@@ -1,0 +1,121 @@
+"""LastValues: what WebVisu variables are now, how often they changed, and between which bounds they lay."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import ClassVar
+
+import numpy as np
+
+from dissectors.batch import I64, U64
+from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.told import Told
+from nvscope.tracker.visu.changes import ChangeMemory, Steps
+from nvscope.tracker.visu.messages import VisuBatch
+from nvscope.tracker.visu.number_texts import Form
+from nvscope.tracker.visu.readings import Readings, ReadValues
+from nvscope.tracker.visu.variables import PageVariable
+from nvscope.tracker.visu.writes import MOST_CHARACTERS
+
+_LEAST, _MOST = np.iinfo(np.int64).min, np.iinfo(np.int64).max
+
+
+class ValueColumns(KeyedColumns):
+    """One row a variable.
+
+    ``readings`` is how often it had a value, ``unreadable`` how often the controller could not read it; ``changes``
+    counts those that are another value than before, ``changed_ns`` is when it was last (its first time before that).
+    ``form`` is the last ``Form``. Bounds are those of numbers: of whole ones, or of REALs; the least is above the most
+    where there was none.
+    """
+
+    readings: I64
+    unreadable: I64
+    changes: I64
+    changed_ns: I64
+    last_ns: I64
+    last_frame: I64
+    form: I64
+    bits: U64
+    least: I64
+    most: I64
+    least_real: np.ndarray[tuple[int], np.dtype[np.float64]]
+    most_real: np.ndarray[tuple[int], np.dtype[np.float64]]
+    COLUMNS: ClassVar = {
+        **{
+            name: (np.int64(0), 1)
+            for name in ("readings", "unreadable", "changes", "changed_ns", "last_ns", "last_frame", "form")
+        },
+        "bits": (np.uint64(0), 1),
+        "least": (np.int64(_MOST), 1), "most": (np.int64(_LEAST), 1),
+        "least_real": (np.float64(np.inf), 1), "most_real": (np.float64(-np.inf), 1),
+    }  # fmt: skip
+
+
+class LastValues:
+    """The values of wanted variables (None: of all), by number of ``read.variables``.
+
+    ``texts`` are the last ones, as they came. Longer texts than what is worth keeping are cut, and end with "…".
+    """
+
+    def __init__(self, wanted: Callable[[PageVariable], bool] | None = None) -> None:
+        self.read = ReadValues(wanted)
+        self.columns = ValueColumns()
+        self.texts: dict[int, str] = {}
+        self._memory = ChangeMemory()
+
+    def observe(self, told: Told, part: VisuBatch) -> None:
+        """Take what a batch brings, which follows those before."""
+        for readings in self.read.of(told, part):
+            self._take(told, readings)
+
+    def forget(self) -> None:
+        """Let what comes next change nothing: nobody listened for a while."""
+        self._memory.forget()
+
+    def _take(self, told: Told, readings: Readings) -> None:
+        columns = self.columns
+        columns.resize(len(self.read.variables))
+        nothing = readings.variable[readings.form == Form.NOTHING]
+        columns.unreadable[: len(columns)] += np.bincount(nothing, minlength=len(columns))
+        steps = self._memory.steps(readings)
+        order = steps.order
+        if not len(order):
+            return
+        variable, time_ns = readings.variable[order], told.packets.ts_ns[readings.row[order]]
+        first = steps.begins & (columns.readings[variable] == 0)
+        columns.changed_ns[variable[first]] = time_ns[first]
+        columns.readings[: len(columns)] += np.bincount(variable, minlength=len(columns))
+        changed = np.flatnonzero(steps.differs)
+        columns.changes[: len(columns)] += np.bincount(variable[changed], minlength=len(columns))
+        # Assigned in order, so that the last one is what stays.
+        columns.changed_ns[variable[changed]] = time_ns[changed]
+        self._bound(readings, steps)
+        ends = np.flatnonzero(np.append(steps.begins[1:], True))
+        last, own = order[ends], variable[ends]
+        columns.last_ns[own] = time_ns[ends]
+        columns.last_frame[own] = readings.row[last] + told.first_frame
+        columns.form[own], columns.bits[own] = readings.form[last], readings.bits[last]
+        for number, place in zip(own.tolist(), last.tolist(), strict=True):
+            self.texts[number] = cut_text(readings.text(place))
+
+    def _bound(self, readings: Readings, steps: Steps) -> None:
+        """Widen the bounds of numbers: by values that are not as those before."""
+        columns = self.columns
+        order = steps.order[steps.differs | steps.fresh]
+        for form, least, most, dtype in (
+            (Form.WHOLE, columns.least, columns.most, np.int64),
+            (Form.REAL, columns.least_real, columns.most_real, np.float64),
+        ):  # fmt: skip
+            own = order[readings.form[order] == form]
+            if len(own):
+                variable, number = readings.variable[own], readings.bits[own].view(dtype)
+                start = np.flatnonzero(np.append(True, variable[1:] != variable[:-1]))
+                which = variable[start]
+                least[which] = np.minimum(least[which], np.minimum.reduceat(number, start))
+                most[which] = np.maximum(most[which], np.maximum.reduceat(number, start))
+
+
+def cut_text(text: str) -> str:
+    """Return a text of so many characters as are worth keeping."""
+    return text if len(text) <= MOST_CHARACTERS else f"{text[:MOST_CHARACTERS]}…"

@@ -1,0 +1,174 @@
+"""Readings: what values variables had, as replies to reads say, and writes that were confirmed.
+
+Values of a reply are by position. Replies that may be divided in several ways have none; of one with more or fewer
+values than were asked for, those that are there count. A write counts where its reply comes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from dissectors.batch import I64, U64, Bool
+from dissectors.columns import Columns
+from dissectors.webvisu import UNREADABLE, read_reply
+from nvscope.capture.spans import stretches
+from nvscope.engine.runs import rows_by, spans
+from nvscope.engine.told import Told
+from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch
+from nvscope.tracker.visu.number_texts import Form, forms_and_bits
+from nvscope.tracker.visu.variables import LEFT_OUT, PageVariable, PageVariables
+
+MOST_AT_ONCE = 1 << 18
+"""So many values are looked at in one go, and those of one reply."""
+
+_SEPARATOR = ord("|")
+_QUESTION = ord("?")
+
+
+@dataclass(frozen=True, slots=True)
+class _Spans(Columns):
+    """Texts: the message that says each, its place among the message's values, and where it lies in data."""
+
+    message: I64
+    position: I64
+    start: I64
+    stop: I64
+
+
+@dataclass(frozen=True, slots=True)
+class Readings:
+    """Values in the order in which they came; columns of shape (n,).
+
+    ``variable`` is a number of ``PageVariables``, ``message`` a row of the messages of the batch, ``row`` that of the
+    packet. ``form`` is a ``Form``, ``bits`` are those of its number (``forms_and_bits``). ``secret``: by what the
+    variable was called then, it is a password, or may be one. The text lies from ``start`` to ``stop`` in ``data``.
+    """
+
+    variable: I64
+    message: I64
+    row: I64
+    form: I64
+    bits: U64
+    secret: Bool
+    start: I64
+    stop: I64
+    data: bytes
+
+    def __len__(self) -> int:
+        return len(self.variable)
+
+    def text(self, place: int) -> str:
+        """Return the text of a value, as it came."""
+        return self.data[int(self.start[place]) : int(self.stop[place])].decode("latin-1")
+
+
+class ReadValues:
+    """Finds the readings of batches that follow each other; ``variables`` are those of which there were any.
+
+    Only those of ``wanted`` variables, as these are called when they are read, and where a filter chooses frames, of
+    the frames that it chooses. ``hidden`` counts values that are, or may be, passwords. ``meant`` are the numbers of
+    those of which there was any.
+    """
+
+    def __init__(self, wanted: Callable[[PageVariable], bool] | None = None) -> None:
+        self.variables = PageVariables()
+        self.hidden = 0
+        self.meant: set[int] = set()
+        self._wanted = wanted
+
+    def of(self, told: Told, part: VisuBatch) -> Iterator[Readings]:
+        """Yield the readings of a batch, in stretches of so many that memory stays bounded."""
+        messages = part.messages
+        replies = telling(part)
+        if told.chosen is not None:
+            replies = replies[told.chosen[messages.row[replies]]]
+        if not len(replies):
+            return
+        entries = np.array([len(one.entries) for one in part.requests], np.int64)[messages.asked[replies]]
+        bars = np.flatnonzero(np.frombuffer(part.data, np.uint8) == _SEPARATOR)
+        for piece in stretches(np.maximum(entries, 1), MOST_AT_ONCE, MOST_AT_ONCE):
+            yield self._read(told, part, replies[piece], entries[piece], bars)
+
+    def _read(self, told: Told, part: VisuBatch, replies: I64, entries: I64, bars: I64) -> Readings:
+        messages = part.messages
+        octets = np.frombuffer(part.data, np.uint8)
+        start, stop = messages.start[replies], messages.stop[replies]
+        # Written values lie nowhere in the bodies of replies; others have to be put together.
+        usual = (messages.outcome[replies] == Outcome.DONE) & (messages.fields[replies] == entries) & (entries > 0)
+        usual[usual] = (octets[start[usual]] == _SEPARATOR) & (octets[stop[usual] - 1] == _SEPARATOR)
+        own = np.flatnonzero(usual)
+        count = entries[own]
+        bar = spans(np.searchsorted(bars, start[own]), count)
+        found = _Spans(np.repeat(replies[own], count), spans(np.zeros_like(count), count), bars[bar] + 1, bars[bar + 1])
+        data = part.data
+        if len(own) < len(replies):
+            further, data = _put_together(part, replies[~usual])
+            found = _Spans.stacked([found, further])
+            found = found.take(np.lexsort((found.position, found.message)))
+        return self._told(told, part, found, data)
+
+    def _told(self, told: Told, part: VisuBatch, found: _Spans, data: bytes) -> Readings:
+        messages, variables = part.messages, self.variables
+        variable, secret = np.empty(len(found), np.int64), np.zeros(len(found), np.bool_)
+        keys = [getattr(messages, name)[found.message] for name in ("naming", "pair", "asked")]
+        for (naming, pair, asked), rows in rows_by(keys):
+            server, request = (int(part.pairs[2][pair]), int(part.pairs[3][pair])), part.requests[asked]
+            own = self._numbers(variables.of(server, request, naming, part.namings[naming], told.max_streams))
+            variable[rows] = own[found.position[rows]]
+            hides = [number >= 0 and variables.known[number].is_secret for number in own.tolist()]
+            secret[rows] = np.array(hides, np.bool_)[found.position[rows]]
+        kept = variable >= 0
+        if not kept.all():
+            found, variable, secret = found.take(kept), variable[kept], secret[kept]
+        form, bits = forms_and_bits(variables.kinds, variable, data, found.start, found.stop)
+        octets = np.frombuffer(data, np.uint8)
+        unread = found.stop - found.start == len(UNREADABLE)
+        for place in range(len(UNREADABLE)):
+            unread[unread] = octets[found.start[unread] + place] == _QUESTION
+        form[unread] = int(Form.NOTHING)
+        self.hidden += int(np.count_nonzero(secret & ~unread))
+        return Readings(
+            variable, found.message, messages.row[found.message], form, bits, secret, found.start, found.stop, data
+        )  # fmt: skip
+
+    def _numbers(self, own: I64) -> I64:
+        """Return the numbers of the variables of a request, ``LEFT_OUT`` of those that are not wanted."""
+        wanted, known = self._wanted, self.variables.known
+        if wanted is not None:
+            own = np.array([one if one >= 0 and wanted(known[one]) else LEFT_OUT for one in own.tolist()], np.int64)
+        self.meant.update(own[own >= 0].tolist())
+        return own
+
+
+def telling(part: VisuBatch) -> I64:
+    """Return the messages that tell values, rising."""
+    messages = part.messages
+    writes = np.array([one.writes for one in part.requests] + [False], np.bool_)[messages.asked]
+    query = np.array([one.query for one in part.requests] + [False], np.bool_)[messages.asked]
+    done = messages.outcome == Outcome.DONE
+    reads = ~writes & ~query & (done | (messages.outcome == Outcome.MISCOUNTED))
+    return np.flatnonzero((messages.kind == Kind.REPLY) & (reads | (writes & done)))
+
+
+def _put_together(part: VisuBatch, replies: I64) -> tuple[_Spans, bytes]:
+    """Return values that are read one by one, and data in which they lie behind all that was there."""
+    messages = part.messages
+    texts: list[bytes] = []
+    told: list[tuple[int, int]] = []
+    for row in replies.tolist():
+        request = part.requests[int(messages.asked[row])]
+        if request.writes:
+            values = [entry.value for entry in request.entries]
+        else:
+            body = part.data[int(messages.start[row]) : int(messages.stop[row])]
+            values = [UNREADABLE if value is None else value for value in read_reply(request, body).values]
+        for place, value in enumerate(values):
+            told.append((row, place))
+            texts.append((value or "").encode("latin-1", "replace"))
+    length = np.array([len(text) for text in texts], np.int64)
+    stop = len(part.data) + np.cumsum(length)
+    message, position = np.array(told, np.int64).reshape(-1, 2).T
+    return _Spans(message, position, stop - length, stop), b"".join([part.data, *texts])

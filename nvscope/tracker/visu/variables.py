@@ -1,0 +1,106 @@
+"""The variables of controllers that WebVisu pages read and write: one for each place of each controller.
+
+A variable is what lies at one place of one controller, whoever asks for it. It is called as it was called when it was
+asked for last; before a list says a name, by its place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from dissectors import address
+from dissectors.batch import I64
+from dissectors.webvisu import Place, Request
+from nvscope.definition.variables import Elementary
+from nvscope.definition.visu_values import type_at
+from nvscope.tracker.visu.names import is_secret, name_of
+from nvscope.tracker.visu.number_texts import Kinds
+
+Server = tuple[int, int]
+"""The halves of the address of a controller."""
+
+Where = Place | str
+
+LEFT_OUT = -1
+"""The number of variables for which there is no room."""
+
+_MOST_REMEMBERED = 1 << 12
+
+
+@dataclass(slots=True)
+class PageVariable:
+    """A variable; ``is_secret``: it is a password, or may be one. ``kind`` is None where only texts are known."""
+
+    server: Server
+    where: Where
+    kind: Elementary | None
+    name: str
+    is_secret: bool
+
+    @property
+    def list(self) -> str:
+        """What stands in the place of the key of a list: ``visu/10.0.0.5``."""
+        return f"visu/{self.sender}"
+
+    @property
+    def sender(self) -> str:
+        """The address of the controller."""
+        return address.text(*self.server)
+
+    @property
+    def place(self) -> str:
+        """Where it lies, as text."""
+        return self.where.text if isinstance(self.where, Place) else self.where
+
+    @property
+    def type(self) -> str:
+        """What the request calls its type; '' where it says nothing, as on older pages."""
+        return self.where.type_name if isinstance(self.where, Place) else ""
+
+
+class PageVariables:
+    """The variables seen so far, by number; ``kinds`` are their types. ``left_out``: there was no room for some."""
+
+    def __init__(self) -> None:
+        self.known: list[PageVariable] = []
+        self.kinds = Kinds()
+        self.left_out = False
+        self._numbers: dict[tuple[Server, Where], int] = {}
+        self._of_requests: dict[tuple[Server, Request, int], I64] = {}
+
+    def __len__(self) -> int:
+        return len(self.known)
+
+    def of(self, server: Server, request: Request, naming: int, names: Mapping[Place, str], most: int) -> I64:
+        """Return the numbers of the entries of a request, ``LEFT_OUT`` of those beyond ``most`` variables.
+
+        ``naming`` is the number of ``names``, by which they are called from now on.
+        """
+        key = server, request, naming
+        found = self._of_requests.get(key)
+        if found is not None:
+            return found
+        numbers = []
+        for entry in request.entries:
+            number = self._numbers.get((server, entry.place))
+            if number is None:
+                if len(self.known) >= most:
+                    self.left_out = True
+                    numbers.append(LEFT_OUT)
+                    continue
+                number = self._numbers[server, entry.place] = len(self.known)
+                kind = type_at(entry.place)
+                self.known.append(PageVariable(server, entry.place, kind, "", False))
+                self.kinds.add(kind)
+            known = self.known[number]
+            known.name, known.is_secret = name_of(entry, names), is_secret(entry, names)
+            numbers.append(number)
+        found = np.array(numbers, np.int64)
+        if not request.writes:
+            if len(self._of_requests) >= _MOST_REMEMBERED:
+                self._of_requests.clear()
+            self._of_requests[key] = found
+        return found
