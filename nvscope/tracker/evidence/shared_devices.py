@@ -1,7 +1,8 @@
 """SharedAddress: an IP address that several devices have, what tells them from one, and whether they use it in turns.
 
-One device whose frames come by two ways (a router, a mirror of both its sides), one that got another device's address,
-and a pair of which the one takes over from the other are none of these.
+One device whose frames come by two ways (a router, a mirror of both its sides, two cables), one that got another
+device's address, a pair of which the one takes over from the other, and a computer that answers ARP for all of its
+addresses on each of its cards are none of these; nor is 0.0.0.0, which all have that have no address.
 """
 
 from __future__ import annotations
@@ -13,8 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dissectors.headers import IPV4_LOW
 from dissectors.keys import KeyTable
-from nvscope.tracker.evidence.presence import BY_ARP, HARDWARE_BITS, IP, Presence
+from nvscope.tracker.evidence.presence import BY_ARP, BY_ARP_ANSWER, HARDWARE_BITS, IP, Presence
 from nvscope.tracker.evidence.shared_addresses import ALL_DEVICES, ALL_LISTS, SharedAddresses
 
 LEAST_ALTERNATIONS = 3
@@ -26,6 +28,11 @@ _LEAST_STEPS = 3
 _TURNS_EACH = 5
 _TURNS_PERCENT = 10
 """A pair that takes over from each other does so a few times, and for long: its turns are few beside its frames."""
+
+_UNSPECIFIED, _HARDWARE_BYTES = IPV4_LOW, 6
+
+_VIRTUAL = ((0x00_00_5E_00_01, 40), (0x00_00_5E_00_02, 40), (0x00_00_0C_07_AC, 40), (0x00_00_0C_9F_F, 36))
+"""Begins, in bits, of hardware addresses that redundant devices have beside their own: VRRP, CARP and HSRP."""
 
 _MOST_HOPS = 8
 """By so much less a time to live is that of the same frame behind some routers; those of systems are further apart."""
@@ -95,7 +102,7 @@ def shared_addresses(
     numbers = presence.addresses.find(np.full(len(nodes), IP, np.uint64), *nodes.words)
     found = []
     for node, number in enumerate(numbers.tolist()):
-        if number < 0 or not presence.columns.shared[number]:
+        if number < 0 or not presence.columns.shared[number] or presence.addresses.words[2][number] == _UNSPECIFIED:
             continue
         devices = _devices(presence, shared, number, pairs)
         if len(devices) < 2 or sum(one.alternations for one in devices) < LEAST_ALTERNATIONS:
@@ -117,7 +124,7 @@ def addresses_by_hardware(presence: Presence) -> Mapping[int, Collection[tuple[i
 
 def hardware_text(hardware: int) -> str:
     """Return a hardware address as it is written: ``02:00:00:00:00:01``."""
-    return hardware.to_bytes(6, "big").hex(":")
+    return hardware.to_bytes(_HARDWARE_BYTES, "big").hex(":")
 
 
 class _Pairs:
@@ -141,7 +148,10 @@ class _Pairs:
 
 
 def _devices(presence: Presence, shared: SharedAddresses, number: int, pairs: _Pairs) -> list[Device]:
-    """Return the devices that have an address, by their first frames: no routers, and none that only repeat."""
+    """Return the devices that have an address, by their first frames: no routers, and none that only repeat or answer.
+
+    A computer with two cards in one network answers who looks for an address of it on both.
+    """
     _, high, low = (int(words[number]) for words in presence.addresses.words)
     time_to_live = presence.pairs.words[3]
     found = []
@@ -150,7 +160,10 @@ def _devices(presence: Presence, shared: SharedAddresses, number: int, pairs: _P
             continue
         columns = presence.pair_columns
         first = min(of_pairs, key=lambda row: int(columns.first_frame[row]))
-        lives = {int(time_to_live[row]) for row in of_pairs} - {BY_ARP}
+        told_by = {int(time_to_live[row]) for row in of_pairs}
+        if told_by == {BY_ARP_ANSWER}:
+            continue
+        lives = {one for one in told_by if one < BY_ARP}
         found.append(
             Device(
                 own, int(columns.first_frame[first]), int(columns.first_ns[first]),
@@ -193,9 +206,15 @@ def _told_by(
     by_counters = several and together is not None and not any(together)
     if by_counters:
         told.append("the counters of each of them are regular, those of both together are not")
-    if sum(one.hardware in own for one in devices) >= 2:
+    # What counts regularly over both of them, and not over each, is one device that sends over two cables.
+    is_one = together is not None and any(together) and not any(one is None or any(one) for one in counters)
+    if not is_one and sum(one.hardware in own and not _is_virtual(one.hardware) for one in devices) >= 2:
         told.append("ARP tells both hardware addresses for it")
     return told, by_counters
+
+
+def _is_virtual(hardware: int) -> bool:
+    return any(hardware >> (8 * _HARDWARE_BYTES - bits) == begin for begin, bits in _VIRTUAL)
 
 
 def _regular(shared: SharedAddresses, address: int, hardware: int) -> tuple[bool, bool] | None:
