@@ -78,12 +78,13 @@ class PairColumns(KeyedColumns):
 
 
 class Beyond(IntEnum):
-    """That for which there is no room: pairs, variables that differ, findings on more of these, and writes."""
+    """That for which there is no room: pairs, variables that differ, findings on more of these, writes, minutes."""
 
     PAIR = 0
     VARIABLE = 1
     FINDING = 2
     WRITE = 3
+    WRITE_MINUTE = 4
 
 
 class Subject(NamedTuple):
@@ -99,7 +100,7 @@ class VisuCounts:
 
     ``pairs`` number client, server and port, as in ``VisuBatch.pairs``; ``columns``, ``latencies`` and ``pollings`` are
     by pair. ``events`` are keyed by ``VisuEvent`` and by subject, which ``subjects`` number; ``write_minutes`` are
-    the writes among them by subject and minute since 1970, ``write_minutes_left_out`` those of more minutes. ``writes``
+    the writes among them by subject and minute since 1970. ``writes``
     are who wrote what. ``left_out`` is that for which there was no room, keyed by ``Beyond``.
     """
 
@@ -111,7 +112,6 @@ class VisuCounts:
         self.subjects: dict[Subject, int] = {}
         self.events = EventLog()
         self.write_minutes = EventLog()
-        self.write_minutes_left_out = 0
         self.left_out = EventLog(1)
         self.writes = Writes()
         self._minutes: set[tuple[int, int]] = set()
@@ -277,7 +277,7 @@ class VisuCounts:
         minute = time_ns // _MINUTE_NS
         if (number, minute) not in self._minutes:
             if len(self._minutes) >= MOST_WRITE_MINUTES:
-                self.write_minutes_left_out += 1
+                self.left_out.record(*_one(time_ns, frame, Beyond.WRITE_MINUTE))
                 return
             self._minutes.add((number, minute))
         words = np.array([number], np.uint64), np.array([minute], np.int64).view(np.uint64)
