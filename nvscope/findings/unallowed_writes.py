@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from nvscope import units
+from nvscope.findings.enumeration import enumerated
 from nvscope.findings.finding import Events, Finding, events_of
 from nvscope.findings.kind import FindingKind, Severity
-from nvscope.units import count_of
+from nvscope.units import count, count_of
 
 if TYPE_CHECKING:
     from nvscope.definition.project_security import Security
@@ -38,7 +39,9 @@ WRITE_NOT_ALLOWED = FindingKind(
     of_security=True,
 )
 
-_NAMED = 3
+MOST_APART = 8
+"""So many hosts that wrote to one controller have a finding each; of more, as made-up ones are, one tells of all."""
+
 _MINUTE_NS = 60_000_000_000
 
 
@@ -66,12 +69,16 @@ def judge_writes(facts: Facts) -> Iterator[Finding]:
     security = facts.security
     if security is None or not security.judges_writes:
         return
-    of_parameters, at_least = _parameters(facts, security)
-    for (writer, partner), written in sorted(of_parameters.items()):
-        yield _finding(facts, security, writer, partner, f"sdo/{partner}", written, at_least=at_least)
-    of_variables, at_least = _variables(facts, security)
-    for (writer, partner), written in sorted(of_variables.items()):
-        yield _finding(facts, security, writer, partner, f"visu/{partner}", written, at_least=at_least)
+    for protocol, (found, at_least) in (
+        ("sdo", _parameters(facts, security)), ("visu", _variables(facts, security)),
+    ):  # fmt: skip
+        by_partner: dict[tuple[str, bool], dict[str, _Written]] = defaultdict(dict)
+        for (writer, partner), written in sorted(found.items()):
+            by_partner[partner, written.is_stranger][writer] = written
+        for (partner, _), hosts in by_partner.items():
+            parts = [hosts] if len(hosts) > MOST_APART else [{host: written} for host, written in hosts.items()]
+            for part in parts:
+                yield _finding(facts, security, part, partner, f"{protocol}/{partner}", at_least=at_least)
 
 
 _Found = dict[tuple[str, str], _Written]
@@ -107,6 +114,7 @@ def _variables(facts: Facts, security: Security) -> tuple[_Found, bool]:
     if not isinstance(state, VisuState) or state.known is None:
         return found, False
     from nvscope.tracker.visu.events import VisuEvent
+    from nvscope.tracker.visu.state import Beyond
 
     counts = state.known
     subjects = list(counts.subjects)
@@ -121,17 +129,21 @@ def _variables(facts: Facts, security: Security) -> tuple[_Found, bool]:
         client, server, variable = subjects[number]
         if security.lets_write(client) and not security.lets_write_at(minute * _MINUTE_NS):
             found[client, server].add(variable, events_of(minutes.rows, row), is_stranger=False)
-    return found, counts.write_minutes_left_out > 0
+    return found, bool((counts.left_out.keys.words[0] == Beyond.WRITE_MINUTE).any())
 
 
 def _finding(
-    facts: Facts, security: Security, writer: str, partner: str, variable: str, written: _Written, *, at_least: bool
+    facts: Facts, security: Security, hosts: dict[str, _Written], partner: str, variable: str, *, at_least: bool
 ) -> Finding:  # fmt: skip
+    """Return the finding of one host, or of several, with what each wrote."""
+    writer, written = next(iter(hosts.items()))
+    if len(hosts) > 1:
+        writer, written = f"{count(len(hosts))} hosts ({enumerated([*hosts])})", _together(hosts.values())
     events = written.events
     assert events is not None
     how = "by SDO" if variable.startswith("sdo/") else "by WebVisu"
     number = f"{'at least ' if at_least else ''}{count_of(events.count, 'time')}"
-    message = f"{writer} wrote {number} to {partner} {how} ({_named([*written.names])}): "
+    message = f"{writer} wrote {number} to {partner} {how} ({enumerated([*written.names])}): "
     if written.is_stranger:
         assert security.writers is not None
         allowed = ", ".join(str(one).removesuffix("/32").removesuffix("/128") for one in security.writers)
@@ -139,15 +151,21 @@ def _finding(
     else:
         assert written.first_outside_ns is not None
         hours = ", ".join(one.text for one in security.hours)
-        message += (
-            f"outside the hours {hours}, first at {units.absolute_time(written.first_outside_ns, utc=False, digits=0)}."
-        )
+        first = units.absolute_time(written.first_outside_ns, utc=False, digits=0)
+        message += f"outside the hours {hours}, first at {first} local time."
     return Finding(
         WRITE_NOT_ALLOWED, message, events.count, events.first_ns, events.last_ns, events.frames,
         node=facts.node_numbers.get(writer), variable=variable,
     )  # fmt: skip
 
 
-def _named(names: Sequence[str]) -> str:
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return ", ".join(names[:_NAMED]) + more
+def _together(several: Iterable[_Written]) -> _Written:
+    """Return what several hosts wrote."""
+    found = _Written()
+    for one in several:
+        found.is_stranger = one.is_stranger
+        found.names |= one.names
+        times = [time_ns for time_ns in (found.first_outside_ns, one.first_outside_ns) if time_ns is not None]
+        found.first_outside_ns = min(times, default=None)
+        found.events = one.events if found.events is None or one.events is None else found.events.among(one.events)
+    return found

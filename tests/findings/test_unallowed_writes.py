@@ -78,10 +78,23 @@ def test_a_write_outside_the_hours_is_told_with_when(tmp_path: Path) -> None:
     of_panel = [message for _, message, _ in found if message.startswith(PANEL)]
     why = "outside the hours 06:00-08:00, sun 00:00-24:00, first at 2024-01-01 05:30:0"
     assert of_panel == [
-        f"{PANEL} wrote 2 times to {PRESS} by SDO (0x2000:0): {why}0.",
-        f"{PANEL} wrote 2 times to {PRESS} by WebVisu (4,0,4,6): {why}1.",
+        f"{PANEL} wrote 2 times to {PRESS} by SDO (0x2000:0): {why}0 local time.",
+        f"{PANEL} wrote 2 times to {PRESS} by WebVisu (4,0,4,6): {why}1 local time.",
     ]
     assert len(found) == 2  # the other host wrote within
+
+
+def test_of_very_many_hosts_that_wrote_one_finding_tells(tmp_path: Path) -> None:
+    frames = [frame for one in range(40) for frame in sdo(MORNING + one * 10**9, f"10.1.0.{one}", counter=one)]
+    (finding,) = found_in(frames, tmp_path, f'[security]\nwriters = ["{PANEL}"]')
+    who = "40 hosts (10.1.0.0, 10.1.0.1, 10.1.0.10 and 37 more)"
+    assert finding.message == f"{who} wrote 40 times to {PRESS} by SDO (0x2000:0): the project lets only {PANEL} write."
+    assert (finding.count, finding.node, finding.variable) == (40, None, f"sdo/{PRESS}")
+    assert (finding.first_ns, finding.last_ns) == (MORNING, MORNING + 39 * 10**9)
+    assert len(finding.frames) == 10
+    late = found_in(frames, tmp_path, '[security]\nhours = "05:31-06:00"')
+    assert [one.message.rpartition("first at ")[2] for one in late] == ["2024-01-01 05:30:00 local time."]
+    assert len(found_in(frames[:16], tmp_path, "[security]\nwriters = []")) == 8
 
 
 def test_reads_are_no_writes_and_a_refused_write_is_one(tmp_path: Path) -> None:
@@ -156,3 +169,8 @@ def test_of_more_minutes_than_are_kept_it_is_said_that_there_are_more(
         if one.variable.startswith("visu/") and one.message.startswith(PANEL)
     ]  # fmt: skip
     assert f"{PANEL} wrote at least 2 times to {PRESS} by WebVisu" in finding.message
+    told = [one.message for one in analysed(writes(), tmp_path, '[security]\nhours = "12:00-13:00"').findings]
+    what = "2 writes of web visualization, whose time is not compared with the hours"
+    assert any(f"Left out: {what}." in message for message in told)
+    # Where nobody asks for hours, nothing is left out.
+    assert "NV906" not in {one.code for one in analysed(writes(), tmp_path).findings}
