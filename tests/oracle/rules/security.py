@@ -27,6 +27,8 @@ from tests.oracle.rules.telegram import ACKNOWLEDGEMENT, BOOT_UP_REQUEST, DATA, 
 APART, LISTS, PORTS, MINUTE_NS = 8, 100, 20, 60 * 10**9
 EVENTS, STEPS_PERCENT, REGULAR_PERCENT, MERGED_PERCENT = 10, 80, 90, 50
 
+DAYS, DAY_MINUTES = ("mon", "tue", "wed", "thu", "fri", "sat", "sun"), 24 * 60
+
 Row = tuple[str, str | None, str | None, int | None, int]
 """Code, list, node, SubIndex and count."""
 
@@ -186,10 +188,18 @@ def is_of(key: ListKey, named: Iterable[int | str]) -> bool:
 
 
 def is_within(time_ns: int, span: str) -> bool:
-    """Tell whether a time lies in a span of hours that names no days, and ends on the day on which it begins."""
-    begin, end = (int(one[:2]) * 60 + int(one[3:]) for one in span.split("-"))
+    """Tell whether a local time lies in a span of hours; what is behind midnight is of the day before."""
+    days, _, hours = span.rpartition(" ")
+    begin, end = (int(one[:2]) * 60 + int(one[3:]) for one in hours.split("-"))
+    first, _, last = (days or "mon-sun").partition("-")
+    from_day, to_day = DAYS.index(first), DAYS.index(last or first)
     local = datetime.fromtimestamp(time_ns // 10**9)
-    return begin <= local.hour * 60 + local.minute < end
+    minute = local.weekday() * DAY_MINUTES + local.hour * 60 + local.minute
+    spans = (
+        (day * DAY_MINUTES + begin, day * DAY_MINUTES + end + (DAY_MINUTES if end <= begin else 0))
+        for day in range(from_day, to_day + 1 + 7 * (to_day < from_day))
+    )
+    return any(start <= minute + week * 7 * DAY_MINUTES < stop for start, stop in spans for week in (0, 1))
 
 
 def apart(code: str, key: str | None, counts: Mapping[Address, int]) -> Iterable[Row]:
