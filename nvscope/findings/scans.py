@@ -37,7 +37,7 @@ SCAN = FindingKind(
     ),
     next_steps=(
         "Ask who works at that host; find it by its hardware address.",
-        "If it reads these lists, name them: by their definitions, or in `reads` of its entry in [nodes].",
+        "If it reads these lists, name them: by their definitions, or as what it reads in [nodes] of the project.",
     ),
     of_security=True,
 )

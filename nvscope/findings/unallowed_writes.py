@@ -43,6 +43,7 @@ MOST_APART = 8
 """So many hosts that wrote to one controller have a finding each; of more, as made-up ones are, one tells of all."""
 
 _MINUTE_NS = 60_000_000_000
+_HINT_OF_PAGES = "See what was written, over which value: the table of WebVisu writes in `nvscope report -v`."
 
 
 @dataclass(slots=True)
@@ -141,7 +142,8 @@ def _finding(
         writer, written = f"{count(len(hosts))} hosts ({enumerated([*hosts])})", _together(hosts.values())
     events = written.events
     assert events is not None
-    how = "by SDO" if variable.startswith("sdo/") else "by WebVisu"
+    is_sdo = variable.startswith("sdo/")
+    how = "by SDO" if is_sdo else "by WebVisu"
     number = f"{'at least ' if at_least else ''}{count_of(events.count, 'time')}"
     message = f"{writer} wrote {number} to {partner} {how} ({enumerated([*written.names])}): "
     if written.is_stranger:
@@ -155,7 +157,7 @@ def _finding(
         message += f"outside the hours {hours}, first at {first} local time."
     return Finding(
         WRITE_NOT_ALLOWED, message, events.count, events.first_ns, events.last_ns, events.frames,
-        node=facts.node_numbers.get(writer), variable=variable,
+        node=facts.node_numbers.get(writer), variable=variable, hint="" if is_sdo else _HINT_OF_PAGES,
     )  # fmt: skip
 
 

@@ -71,6 +71,7 @@ def test_a_host_that_may_not_write_is_told_with_what_it_wrote(tmp_path: Path) ->
     assert (sdo_finding.first_ns, sdo_finding.last_ns) == (MORNING + HOUR, MORNING + 2 * HOUR)
     assert visu_finding.message == f"{OTHER} wrote 1 time to {PRESS} by WebVisu (4,0,4,6): {allowed}"
     assert visu_finding.variable == f"visu/{PRESS}"
+    assert (sdo_finding.hint, "WebVisu writes" in visu_finding.hint) == ("", True)
 
 
 def test_a_write_outside_the_hours_is_told_with_when(tmp_path: Path) -> None:
