@@ -48,6 +48,7 @@ def test_who_slips_in_telegrams_with_the_next_counter_counts_along(tmp_path: Pat
     (cause,) = found.happened.causes
     assert cause.kind.name == "second-sender"
     assert finding in cause.findings
+    assert cause.checked[0] == finding.message.rstrip(".")
 
 
 def test_fewer_telegrams_than_ten_may_be_chance(tmp_path: Path) -> None:
