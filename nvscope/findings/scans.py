@@ -9,9 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from nvscope.engine.keys import FrameKind
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind, Severity
 from nvscope.tracker.event_kinds import FRAMES_KEPT
@@ -82,6 +79,10 @@ def judge_scans(facts: Facts) -> Iterator[Finding]:
 
 def _asks_enough(facts: Facts) -> bool:
     """Tell whether so much was asked for that it can be a scan: else nothing further is imported."""
+    import numpy as np
+
+    from nvscope.engine.keys import FrameKind
+
     kinds = facts.state.lists.flows.column("kind")
     return int(np.count_nonzero(kinds == FrameKind.BOOT_UP_REQUEST)) >= LEAST_PORTS
 

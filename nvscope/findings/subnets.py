@@ -5,9 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from dissectors.headers import IPV4_HIGH
 from nvscope.findings.enumeration import enumerated
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind, Severity
@@ -25,7 +22,7 @@ OUTSIDE_SUBNET = FindingKind(
     meaning=(
         "Network variables come from an address outside the subnets that [security] of the project names. Without "
         "`subnets` there, only a public IPv4 address is one outside, where all others that send and receive are "
-        "private."
+        "private, and all in one recording."
     ),
     causes=(
         "a device with the address of another network, or a wrong one",
@@ -52,7 +49,8 @@ def judge_subnets(facts: Facts) -> Iterator[Finding]:
     """Yield the nodes outside the subnets that sent telegrams of lists or requests."""
     security = facts.security
     if security is None or not security.subnets:
-        if _has_unusual(facts):
+        # In recordings given together, the others may be those of another plant.
+        if _has_unusual(facts) and not facts.state.senders.mirrored.are_several:
             yield from _public(facts)
         return
     from nvscope.findings.sent_by_node import sent_by_node
@@ -68,6 +66,10 @@ def judge_subnets(facts: Facts) -> Iterator[Finding]:
 
 def _has_unusual(facts: Facts) -> bool:
     """Tell whether a node may have a public IPv4 address: most plants have none, and need not be looked at further."""
+    import numpy as np
+
+    from dissectors.headers import IPV4_HIGH
+
     high, low = facts.state.keys.nodes.words
     address = low[high == IPV4_HIGH].astype(np.uint32)
     for begin, bits in _USUALLY_PRIVATE:

@@ -43,7 +43,7 @@ MOST_APART = 8
 """So many hosts that wrote to one controller have a finding each; of more, as made-up ones are, one tells of all."""
 
 _MINUTE_NS = 60_000_000_000
-_HINT_OF_PAGES = "See what was written, over which value: the table of WebVisu writes in `nvscope report -v`."
+_HINT_OF_PAGES = "See the WebVisu writes in `nvscope report -v`: what was written, over which value."
 
 
 @dataclass(slots=True)
