@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from nvscope import units
@@ -46,14 +45,14 @@ _MINUTE_NS = 60_000_000_000
 _HINT_OF_PAGES = "See the WebVisu writes in `nvscope report -v`: what was written, over which value."
 
 
-@dataclass(slots=True)
 class _Written:
     """What a host wrote at a partner that it should not have, or not then; names of it in their order."""
 
-    events: Events | None = None
-    names: dict[str, None] = field(default_factory=dict)
-    is_stranger: bool = False
-    first_outside_ns: int | None = None
+    def __init__(self) -> None:
+        self.events: Events | None = None
+        self.names: dict[str, None] = {}
+        self.is_stranger = False
+        self.first_outside_ns: int | None = None
 
     def add(self, name: str, events: Events, *, is_stranger: bool) -> None:
         """Take some more, in any order."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -50,8 +49,7 @@ class Device(NamedTuple):
     times_to_live: Collection[int]
 
 
-@dataclass(frozen=True, slots=True)
-class SharedAddress:
+class SharedAddress(NamedTuple):
     """The devices that have the address of a node, by their first frames, and what tells them from one device.
 
     ``by_counters``: the Counters of their telegrams do.
