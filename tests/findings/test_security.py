@@ -207,6 +207,26 @@ def test_a_pair_that_shares_a_virtual_hardware_address_is_none_of_two(virtual: s
     assert told_in([*frames, *not_virtual], tmp_path)
 
 
+def tagged(frame: Frame, vlan: int) -> Frame:
+    data = frame.data[:12] + b"\x81\x00" + vlan.to_bytes(2, "big") + frame.data[12:]
+    return frame._replace(data=data, original=frame.original + 4)
+
+
+@pytest.mark.parametrize("vlan", [10, 20])
+def test_like_machines_with_the_same_addresses_in_vlans_of_their_own_are_none_of_two(vlan: int, tmp_path: Path) -> None:
+    """As a mirror of a trunk shows them; in one VLAN, they are two with one address."""
+    frames = [tagged(one, 10) for one in sent_by(PRESS, range(200))]
+    for one in sent_by(TWIN, range(200), first=500, value=9):
+        frames.append(tagged(one._replace(ts_ns=one.ts_ns + SECOND // 20), vlan))
+    found = analysed(frames, tmp_path)
+    assert ("NV963" in {one.code for one in found.findings}) == (vlan == 10)
+    assert found.happened is not None
+    (cause,) = found.happened.causes
+    assert cause.kind.name == "duplicate-address"
+    apart = "each is in a VLAN of its own (10 and 20): networks that have the same addresses"
+    assert (apart in cause.checked, "one VLAN" in cause.next) == (vlan == 20, vlan == 20)
+
+
 def test_devices_without_an_address_do_not_share_one(tmp_path: Path) -> None:
     """Before a DHCP server answers, all of them send from 0.0.0.0."""
     frames = [*sent_by(PRESS, range(100)), *sent_by(TWIN, range(100), first=500, value=9)]

@@ -28,7 +28,7 @@ _TURNS_EACH = 5
 _TURNS_PERCENT = 10
 """A pair that takes over from each other does so a few times, and for long: its turns are few beside its frames."""
 
-_UNSPECIFIED, _HARDWARE_BYTES = IPV4_LOW, 6
+_UNSPECIFIED, _HARDWARE_BYTES, _VLAN_SHIFT = IPV4_LOW, 6, 48
 
 _VIRTUAL = ((0x00_00_5E_00_01, 40), (0x00_00_5E_00_02, 40), (0x00_00_0C_07_AC, 40), (0x00_00_0C_9F_F, 36))
 """Begins, in bits, of hardware addresses that redundant devices have beside their own: VRRP, CARP and HSRP."""
@@ -38,7 +38,10 @@ _MOST_HOPS = 8
 
 
 class Device(NamedTuple):
-    """A hardware address that sends from an address others have, too; ``alternations`` are its turns behind others."""
+    """A hardware address that sends from an address others have, too; ``alternations`` are its turns behind others.
+
+    ``vlans`` are the numbers in the outermost tags of its frames, -1 where there is none.
+    """
 
     hardware: int
     first_frame: int
@@ -47,6 +50,7 @@ class Device(NamedTuple):
     alternations: int
     frames: int
     times_to_live: Collection[int]
+    vlans: Collection[int]
 
 
 class SharedAddress(NamedTuple):
@@ -66,8 +70,16 @@ class SharedAddress(NamedTuple):
         return sum(one.alternations for one in self.devices)
 
     @property
+    def are_apart(self) -> bool:
+        """Whether each is in VLANs of its own: networks that have the same addresses, as those of like machines."""
+        vlans = [one for device in self.devices for one in device.vlans]
+        return len(vlans) == len({*vlans})
+
+    @property
     def is_interleaved(self) -> bool:
         """Whether they use it at the same time, so that neither a router nor a change of hands explains it."""
+        if self.are_apart:
+            return False
         rarest = min(self.devices, key=lambda one: one.frames)
         if min(one.alternations for one in self.devices) < _TURNS_EACH:
             return False
@@ -129,8 +141,8 @@ class _Pairs:
     """Which addresses came from which hardware, looked up once for all: a flood makes very many of them."""
 
     def __init__(self, presence: Presence, addresses_of: Mapping[int, Collection[object]]) -> None:
-        high, low, device, _ = presence.pairs.words
-        self._hardware = (device & HARDWARE_BITS).tolist()
+        high, low, self.device, _ = presence.pairs.words
+        self._hardware = (self.device & HARDWARE_BITS).tolist()
         self._rows: dict[tuple[int, int], list[int]] = defaultdict(list)
         for row, place in enumerate(zip(high.tolist(), low.tolist(), strict=True)):
             self._rows[place].append(row)
@@ -168,6 +180,7 @@ def _devices(presence: Presence, shared: SharedAddresses, number: int, pairs: _P
                 max(int(columns.last_ns[row]) for row in of_pairs),
                 sum(int(columns.alternations[row]) for row in of_pairs),
                 sum(int(columns.count[row]) for row in of_pairs), lives,
+                {(int(pairs.device[row]) >> _VLAN_SHIFT) - 1 for row in of_pairs},
             )
         )  # fmt: skip
     return sorted(found, key=lambda one: one.first_frame)
