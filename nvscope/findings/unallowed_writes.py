@@ -55,8 +55,9 @@ class _Written:
         self.first_outside_ns: int | None = None
 
     def add(self, name: str, events: Events, *, is_stranger: bool) -> None:
-        """Take some more, in any order."""
-        self.names[name] = None
+        """Take some more, in any order; ``name`` is what was written, '' where nobody knows."""
+        if name:
+            self.names[name] = None
         self.is_stranger |= is_stranger
         if not is_stranger:
             known = self.first_outside_ns
@@ -86,8 +87,6 @@ _Found = dict[tuple[str, str], _Written]
 
 def _parameters(facts: Facts, security: Security) -> tuple[_Found, bool]:
     """Return what was written by SDO, and whether there may be more of it than was kept."""
-    from nvscope.tracker.parameter.writes import MOST_WRITES
-
     found: _Found = defaultdict(_Written)
     kept = facts.summary.parameter_writes
     for write in kept:
@@ -96,7 +95,17 @@ def _parameters(facts: Facts, security: Security) -> tuple[_Found, bool]:
             events = Events(1, write.time_ns, write.time_ns, (write.frame,))
             name = _parameter(facts, write.partner, write.index, write.subindex)
             found[write.requester, write.partner].add(name, events, is_stranger=is_stranger)
-    return found, len(kept) >= MOST_WRITES
+    known = facts.state.parameters.known
+    if known is None:
+        return found, False
+    further = known.writes.further
+    words = further.keys.high.tolist(), further.keys.low.view("int64").tolist()
+    for row, (pair, minute) in enumerate(zip(*words, strict=True)):
+        requester, partner, _ = known.writes.ends(pair)
+        is_stranger = not security.lets_write(requester)
+        if is_stranger or not security.lets_write_at(minute * _MINUTE_NS):
+            found[requester, partner].add("", events_of(further.rows, row), is_stranger=is_stranger)
+    return found, known.writes.further_left_out > 0
 
 
 def _parameter(facts: Facts, partner: str, index: int, subindex: int) -> str:
@@ -144,7 +153,8 @@ def _finding(
     is_sdo = variable.startswith("sdo/")
     how = "by SDO" if is_sdo else "by WebVisu"
     number = f"{'at least ' if at_least else ''}{count_of(events.count, 'time')}"
-    message = f"{writer} wrote {number} to {partner} {how} ({enumerated([*written.names])}): "
+    names = f" ({enumerated([*written.names])})" if written.names else ""
+    message = f"{writer} wrote {number} to {partner} {how}{names}: "
     if written.is_stranger:
         assert security.writers is not None
         allowed = ", ".join(str(one).removesuffix("/32").removesuffix("/128") for one in security.writers)

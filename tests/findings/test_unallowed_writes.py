@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from nvscope.tracker.parameter import writes as writes_of_parameters
 from nvscope.tracker.visu import state as visu_state
 from tests.findings.security_plants import analysed, found_in, told_in
 from tests.laws import some
@@ -96,6 +97,25 @@ def test_of_very_many_hosts_that_wrote_one_finding_tells(tmp_path: Path) -> None
     late = found_in(frames, tmp_path, '[security]\nhours = "05:31-06:00"')
     assert [one.message.rpartition("first at ")[2] for one in late] == ["2024-01-01 05:30:00 local time."]
     assert len(found_in(frames[:16], tmp_path, "[security]\nwriters = []")) == 8
+
+
+def test_who_writes_behind_those_that_are_kept_is_told_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where a gateway writes in cycles: it must not hide who else does."""
+    frames = [frame for one in range(20) for frame in sdo(MORNING + one * HOUR // 60, PANEL, counter=one)]
+    frames += sdo(MORNING + HOUR, OTHER, 0x2001, counter=99) + sdo(MORNING + HOUR + 10**9, OTHER, 0x2001, counter=100)
+    told = told_in(frames, tmp_path, f'[security]\nwriters = "{PANEL}"\nhours = "05:30-05:50"')
+    monkeypatch.setattr(writes_of_parameters, "MOST_WRITES", 19)
+    (with_less,) = told_in(frames, tmp_path, f'[security]\nwriters = "{PANEL}"\nhours = "05:30-05:50"')
+    assert told == [(with_less[0], with_less[1].replace("by SDO", "by SDO (0x2001:0)"), 2)]
+    late = '[security]\nhours = "05:30-05:49"'
+    assert {message.partition(" wrote ")[0] for _, message, _ in told_in(frames, tmp_path, late)} == {PANEL, OTHER}
+    monkeypatch.setattr(writes_of_parameters, "MOST_WRITES", 1)
+    (some,) = told_in(frames, tmp_path, '[security]\nhours = "12:00-13:00"')
+    assert some[1].startswith(f"{PANEL} wrote at least 2 times to {PRESS} by SDO (0x2000:0): ")
+    # What nobody compares with the hours is told by its number.
+    assert "NV906" in {one.code for one in analysed(frames, tmp_path, late).findings}
 
 
 def test_reads_are_no_writes_and_a_refused_write_is_one(tmp_path: Path) -> None:
