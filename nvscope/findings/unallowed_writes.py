@@ -65,13 +65,33 @@ class _Written:
         self.events = events if self.events is None else self.events.among(events)
 
 
+class _Allowed:
+    """What the project lets whom do when, asked once of each host and minute: there may be very many writes."""
+
+    def __init__(self, security: Security) -> None:
+        self.security = security
+        self._hosts: dict[str, bool] = {}
+        self._minutes: dict[int, bool] = {}
+
+    def lets_write(self, host: str) -> bool:
+        if host not in self._hosts:
+            self._hosts[host] = self.security.lets_write(host)
+        return self._hosts[host]
+
+    def lets_write_in(self, minute: int) -> bool:
+        if minute not in self._minutes:
+            self._minutes[minute] = self.security.lets_write_at(minute * _MINUTE_NS)
+        return self._minutes[minute]
+
+
 def judge_writes(facts: Facts) -> Iterator[Finding]:
     """Yield a finding for each host and controller between which there were such writes, by protocol."""
     security = facts.security
     if security is None or not security.judges_writes:
         return
+    allowed = _Allowed(security)
     for protocol, (found, at_least) in (
-        ("sdo", _parameters(facts, security)), ("visu", _variables(facts, security)),
+        ("sdo", _parameters(facts, allowed)), ("visu", _variables(facts, allowed)),
     ):  # fmt: skip
         by_partner: dict[tuple[str, bool], dict[str, _Written]] = defaultdict(dict)
         for (writer, partner), written in sorted(found.items()):
@@ -85,13 +105,13 @@ def judge_writes(facts: Facts) -> Iterator[Finding]:
 _Found = dict[tuple[str, str], _Written]
 
 
-def _parameters(facts: Facts, security: Security) -> tuple[_Found, bool]:
+def _parameters(facts: Facts, allowed: _Allowed) -> tuple[_Found, bool]:
     """Return what was written by SDO, and whether there may be more of it than was kept."""
     found: _Found = defaultdict(_Written)
     kept = facts.summary.parameter_writes
     for write in kept:
-        is_stranger = not security.lets_write(write.requester)
-        if is_stranger or not security.lets_write_at(write.time_ns):
+        is_stranger = not allowed.lets_write(write.requester)
+        if is_stranger or not allowed.lets_write_in(write.time_ns // _MINUTE_NS):
             events = Events(1, write.time_ns, write.time_ns, (write.frame,))
             name = _parameter(facts, write.partner, write.index, write.subindex)
             found[write.requester, write.partner].add(name, events, is_stranger=is_stranger)
@@ -102,8 +122,8 @@ def _parameters(facts: Facts, security: Security) -> tuple[_Found, bool]:
     words = further.keys.high.tolist(), further.keys.low.view("int64").tolist()
     for row, (pair, minute) in enumerate(zip(*words, strict=True)):
         requester, partner, _ = known.writes.ends(pair)
-        is_stranger = not security.lets_write(requester)
-        if is_stranger or not security.lets_write_at(minute * _MINUTE_NS):
+        is_stranger = not allowed.lets_write(requester)
+        if is_stranger or not allowed.lets_write_in(minute):
             found[requester, partner].add("", events_of(further.rows, row), is_stranger=is_stranger)
     return found, known.writes.further_left_out > 0
 
@@ -114,7 +134,7 @@ def _parameter(facts: Facts, partner: str, index: int, subindex: int) -> str:
     return facts.definition.parameters.name_of(partner, index, subindex)
 
 
-def _variables(facts: Facts, security: Security) -> tuple[_Found, bool]:
+def _variables(facts: Facts, allowed: _Allowed) -> tuple[_Found, bool]:
     """Return what was written by web visualization, and whether there may be more of it than was kept."""
     from nvscope.tracker.visu.on_demand import NAME, VisuState
 
@@ -130,13 +150,13 @@ def _variables(facts: Facts, security: Security) -> tuple[_Found, bool]:
     log = counts.events
     for row, (event, number) in enumerate(zip(log.keys.high.tolist(), log.keys.low.tolist(), strict=True)):
         client, server, variable = subjects[number]
-        if event == VisuEvent.WRITTEN and not security.lets_write(client):
+        if event == VisuEvent.WRITTEN and not allowed.lets_write(client):
             found[client, server].add(variable, events_of(log.rows, row), is_stranger=True)
     minutes = counts.write_minutes
     words = minutes.keys.high.tolist(), minutes.keys.low.view("int64").tolist()
     for row, (number, minute) in enumerate(zip(*words, strict=True)):
         client, server, variable = subjects[number]
-        if security.lets_write(client) and not security.lets_write_at(minute * _MINUTE_NS):
+        if allowed.lets_write(client) and not allowed.lets_write_in(minute):
             found[client, server].add(variable, events_of(minutes.rows, row), is_stranger=False)
     return found, bool((counts.left_out.keys.words[0] == Beyond.WRITE_MINUTE).any())
 
