@@ -52,7 +52,8 @@ class FrameAddresses(Columns):
     there is none; ``vlan`` is the number in the outermost tag, ``UNKNOWN`` without one. ``high`` and ``low`` are the
     halves of the sender's IP address, both 0 where there is none; ``ttl`` is its time to live, ``UNKNOWN`` where the
     address is told by ARP. ``announces`` is set where ARP tells an address that nobody asked for; ``sought`` is the
-    lower half of the IPv4 address that ARP asks for, 0 where it asks for none.
+    lower half of the IPv4 address that ARP asks for, 0 where it asks for none; ``answers`` is set where ARP tells the
+    address to who asked.
     """
 
     row: I64
@@ -63,6 +64,7 @@ class FrameAddresses(Columns):
     ttl: I64
     announces: Bool
     sought: U64
+    answers: Bool
 
     @property
     def has_ip(self) -> Bool:
@@ -82,6 +84,7 @@ def addresses_of(packets: PacketBatch, rows: I64 | None = None) -> FrameAddresse
     found = FrameAddresses(
         chosen, np.zeros(count, np.uint64), np.full(count, UNKNOWN), np.zeros(count, np.uint64),
         np.zeros(count, np.uint64), np.full(count, UNKNOWN), np.zeros(count, np.bool_), np.zeros(count, np.uint64),
+        np.zeros(count, np.bool_),
     )  # fmt: skip
     kinds = packets.link[chosen]
     for link in np.flatnonzero(np.bincount(kinds)).tolist():
@@ -141,3 +144,4 @@ def _read_arp(packets: PacketBatch, network: Place, found: FrameAddresses) -> No
     found.announces[row] = head["sender"] == head["target"]
     asks = (head["operation"] == _REQUEST) & (head["sender"] != head["target"])
     found.sought[row[asks]] = head["target"][asks].astype(np.uint64) | IPV4_LOW
+    found.answers[row] = (head["operation"] != _REQUEST) & (head["sender"] != head["target"])

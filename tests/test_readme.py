@@ -6,12 +6,18 @@ import re
 import subprocess
 import sys
 import tomllib
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
 from nvscope.definition.project_file import read_project
+from nvscope.definition.project_security import Security
+from nvscope.findings.catalogue import CATALOGUE
 from nvscope.list_key import ListKey
+from nvscope.tracker.counter_takeovers import MOST_PAIRS
+from nvscope.tracker.parameter.writes import MOST_WRITES
+from nvscope.tracker.visu.state import MOST_WRITE_MINUTES
 from tests.plc.parameter.peers import served
 from tests.plc.visu.peers import served as served_visu
 from tests.program import run_text
@@ -134,3 +140,20 @@ def test_the_opening_is_what_the_program_prints(here: Path) -> None:
     printed = done.stdout.splitlines()
     # Of the findings, the first two stand there.
     assert shown == printed[: len(shown)]
+
+
+def test_who_should_not_be_there_is_what_the_program_tells(here: Path) -> None:
+    """By the project file that stands there, of which all keys are, and all codes."""
+    (text,) = (text for text in PROJECTS if "[security]" in text)
+    (shown,) = (text for language, text in BLOCKS if language == "console" and "captures/visu/panel.pcap" in text)
+    (here / "nvscope.toml").write_text(text)
+    command, *lines = shown.splitlines()
+    done = run_text(*command.split()[2:], cwd=here, environment={"COLUMNS": "100", "TZ": "UTC"})
+    assert done.stdout.splitlines()[: len(lines)] == lines
+    assert tomllib.loads(text)["security"].keys() == {one.name for one in fields(Security)}
+    section = (ROOT / "README.md").read_text("utf-8").partition("## Who should not be there")[2].partition("\n## ")[0]
+    assert set(re.findall(r"^\| (NV\d+) ", section, re.MULTILINE)) == {
+        code for code, kind in CATALOGUE.items() if kind.of_security
+    }
+    for limit in (MOST_WRITES, MOST_WRITE_MINUTES, MOST_PAIRS):
+        assert f"{limit:,}".replace(",", " ") in section

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -10,10 +10,10 @@ from dissectors.batch import Bool
 from nvscope.causes.case import PAUSE_PERCENT, Case, Draft, Explained, slack_ns
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.ways import device_in_words
-from nvscope.causes.words import lists_in_words, moment
+from nvscope.causes.words import joined, lists_in_words, moment
 from nvscope.findings.kind import Severity
 from nvscope.findings.loss import COUNTER_ERRATIC, COUNTER_SCOPE, COUNTER_UNUSED
-from nvscope.tracker.evidence.shared_devices import Device, shared_addresses
+from nvscope.tracker.evidence.shared_devices import SharedAddress, shared_addresses
 from nvscope.units import count_of
 
 DUPLICATE_ADDRESS = CauseKind(
@@ -35,10 +35,11 @@ def judge_duplicate_addresses(case: Case) -> Iterator[Explained]:
     """Explain everything of addresses that two devices have, one cause an address."""
     presence, seen = case.witness.presence, case.witness.shared_addresses
     for shared in shared_addresses(presence, seen, case.facts.state.keys.nodes, case.life.addresses_of):
-        yield _draft(case, shared.node, shared.devices, shared.told_by)
+        yield _draft(case, shared)
 
 
-def _draft(case: Case, node: int, devices: Sequence[Device], told: Sequence[str]) -> Explained:
+def _draft(case: Case, shared: SharedAddress) -> Explained:
+    node, devices = shared.node, shared.devices
     since_ns = devices[1].first_ns
     lists = case.lists_of_node(node)
     last_ns = min(devices[0].last_ns, max(one.last_ns for one in devices[1:]))
@@ -58,9 +59,14 @@ def _draft(case: Case, node: int, devices: Sequence[Device], told: Sequence[str]
     )  # fmt: skip
     if lists:
         title += f" ({lists_in_words(case, lists)})"
-    checked = [f"hardware addresses {both} take turns, {count_of(turns, 'time')}", *told]
+    checked = [f"hardware addresses {both} take turns, {count_of(turns, 'time')}", *shared.told_by]
+    step = DUPLICATE_ADDRESS.next_step
+    if shared.are_apart:
+        vlans = joined(["none" if vlan < 0 else str(vlan) for one in devices for vlan in sorted(one.vlans)])
+        checked.insert(0, f"each is in a VLAN of its own ({vlans}): networks that have the same addresses")
+        step = "Look at one VLAN at a time: what two networks with the same addresses send looks like one sender."
     draft = Draft(
-        DUPLICATE_ADDRESS, title, DUPLICATE_ADDRESS.next_step, checked, lists, [node], since_ns=since_ns,
+        DUPLICATE_ADDRESS, title, step, checked, lists, [node], since_ns=since_ns,
         until_ns=until_ns,
     )  # fmt: skip
     return draft, _of_address(case, node, since_ns)

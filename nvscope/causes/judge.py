@@ -38,6 +38,7 @@ from nvscope.causes.readers import (
 )
 from nvscope.causes.recording import judge_clock_steps, judge_mirroring
 from nvscope.causes.restarts import judge_list_restarts, judge_node_restarts
+from nvscope.causes.scans import judge_scanned_lists
 from nvscope.causes.senders import judge_second_senders
 from nvscope.causes.silences import NODE_SILENT, PROGRAM_STOPPED, judge_lists, judge_nodes
 from nvscope.causes.snapped import judge_cut_frames, judge_drops
@@ -81,6 +82,7 @@ JUDGES: tuple[Judge, ...] = (
     judge_impossible,
     judge_silent_readers,
     judge_readers_not_found,
+    judge_scanned_lists,
     judge_boot_up,
     judge_unanswered_parameters,
     judge_refused_parameters,

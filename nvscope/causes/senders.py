@@ -282,7 +282,12 @@ def _of_one_sender(case: Case, group: _Group) -> tuple[list[str], str]:
     name = case.address(group.nodes[0])
     turns = "both" if len(group.others) < 2 else "all of them"
     step = f"Stop {name}, or give its list another identifier: readers take turns between {turns}."
-    return _compared(case, group.nodes[0], group.lists[0], group.others), step
+    numbers = {entry.number for entry in group.lists}
+    along = [
+        one.message.rstrip(".") for one in case.findings
+        if one.kind is COUNTER_SHARED and one.node == group.nodes[0] and one.list_number in numbers
+    ]  # fmt: skip
+    return [*along[:1], *_compared(case, group.nodes[0], group.lists[0], group.others)], step
 
 
 def _of_many(case: Case, nodes: Sequence[int], streams: Sequence[NodeStream]) -> tuple[list[str], str]:

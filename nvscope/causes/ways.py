@@ -36,7 +36,7 @@ def ways_of(case: Case, node: int) -> list[Way]:
             int(device[row] & HARDWARE_BITS), (int(device[row]) >> _VLAN_SHIFT) - 1, int(time_to_live[row]),
             int(presence.pair_columns.count[row]),
         )
-        for row in own[time_to_live[own] != BY_ARP].tolist()
+        for row in own[time_to_live[own] < BY_ARP].tolist()
     ]  # fmt: skip
     return sorted(found, key=lambda way: (-way.packets, way))
 

@@ -113,7 +113,7 @@ class Security:
     subnets: tuple[Network, ...] = key(
         array(ValueKind("network", _network, schema={"type": "string"}), single=True),
         "where network variables come from; a telegram from elsewhere is NV965. Of IPv4 and IPv6, only what is named "
-        "here is judged",
+        "here is judged, and link-local IPv6 never",
         default=(),
     )
     only_nodes: bool = key(
@@ -137,8 +137,13 @@ class Security:
         return any(one.holds(local.tm_wday, 60 * local.tm_hour + local.tm_min) for one in self.hours)
 
     def is_outside(self, address: str) -> bool:
-        """Tell whether an address is in none of the subnets, of which some are of its kind."""
+        """Tell whether an address is in none of the subnets, of which some are of its kind.
+
+        A link-local one of IPv6, which every host has beside others, is of this network: no router lets it through.
+        """
         own = ipaddress.ip_address(address)
+        if own.version == 6 and own.is_link_local:
+            return False
         alike = [one for one in self.subnets if one.version == own.version]
         return bool(alike) and not any(own in one for one in alike)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -37,12 +37,12 @@ def dense(asked: Sequence[Asked], least: int, within_ns: int) -> Sequence[Asked]
     return [ordered[place] for place in np.flatnonzero(np.cumsum(chosen)[:-1] > 0).tolist()]
 
 
-def _requests(facts: Facts) -> Iterator[tuple[int, int, int, int]]:
-    """Yield node, list, first time and frame of each flow of boot-up requests."""
+def _requests(facts: Facts) -> Sequence[tuple[int, int, int, int]]:
+    """Return node, list, first time and frame of each flow of boot-up requests."""
     flows = facts.state.lists.flows
     rows = np.flatnonzero((flows.column("kind") == FrameKind.BOOT_UP_REQUEST) & (flows.column("count") > 0))
     names = ("source", "list", "first_ns", "first_frame")
-    return zip(*(flows.column(name)[rows].tolist() for name in names), strict=True)
+    return [*zip(*(flows.column(name)[rows].tolist() for name in names), strict=True)]
 
 
 def _is_nobodys(facts: Facts) -> dict[int, str]:
@@ -60,9 +60,10 @@ def _is_nobodys(facts: Facts) -> dict[int, str]:
 
 def lists_in_vain(facts: Facts) -> Mapping[int, Sequence[Asked]]:
     """Return the lists that each node asked for, and that nobody has."""
-    nobodys = _is_nobodys(facts)
+    requests = _requests(facts)
+    nobodys = _is_nobodys(facts) if requests else {}
     found: dict[int, dict[int, Asked]] = defaultdict(dict)
-    for node, number, first_ns, frame in _requests(facts):
+    for node, number, first_ns, frame in requests:
         if number in nobodys:
             one = Asked(first_ns, frame, nobodys[number])
             # One a SubIndex, and one a receiver: the first of them counts.
@@ -80,10 +81,13 @@ def ports_in_vain(facts: Facts) -> Mapping[int, Sequence[Asked]]:
 
 def _add_ports_of_requests(facts: Facts, ports: dict[int, dict[int, Asked]]) -> None:
     """Add the ports on which nodes asked for lists, and on which no list is sent."""
+    requests = _requests(facts)
+    if not requests:
+        return
     keys = {entry.number: entry.key for entry in facts.summary.lists}
     used = {int(entry.key.port) for entry in facts.summary.lists if entry.senders or facts.misses_data(entry.number)}
     used |= {int(key.port) for key in facts.defined if isinstance(key.port, int)}
-    for node, number, first_ns, frame in _requests(facts):
+    for node, number, first_ns, frame in requests:
         port = int(keys[number].port)
         if port not in used:
             _add(ports[node], port, first_ns, frame)

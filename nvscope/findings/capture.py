@@ -277,6 +277,11 @@ def _left_out(facts: Facts) -> Iterator[Finding]:
     for events, what in _pages_left_out(facts):
         told.append(events)
         parts.append(what)
+    takeovers = [*all_events(facts.state.lists.counter_takeovers.left_out.rows)]
+    if takeovers:
+        told += takeovers
+        beyond = sum(events.count for events in takeovers)
+        parts.append(f"{count_of(beyond, 'telegram')} of further pairs of senders that count along")
     if not told:
         return
     frames = sorted(frame for events in told for frame in events.frames)[:FRAMES_KEPT]
@@ -339,7 +344,11 @@ def _pages_left_out(facts: Facts) -> Iterator[tuple[Events, str]]:
         Beyond.NAMES: ("list", f"of variables of web visualization beyond {count(MOST_NAMES)} names"),
         Beyond.POLLED: ("read", f"beyond the {count(MOST_POLLED)} whose interval is measured"),
     }
+    if facts.security is not None and facts.security.hours:  # else nobody asks when something was written
+        nouns[Beyond.WRITE_MINUTE] = "write", "of web visualization, whose time is not compared with the hours"
     (whats,) = log.keys.words
     for what, events in sorted(zip(whats.tolist(), all_events(log.rows), strict=True), key=lambda one: one[0]):
+        if what not in nouns:
+            continue
         noun, where = nouns[what]
         yield events, f"{count_of(events.count, noun)} {where}"

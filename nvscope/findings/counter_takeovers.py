@@ -20,7 +20,8 @@ COUNTER_SHARED = FindingKind(
     meaning=(
         "A node sends single telegrams of a list whose Counter goes on where another sender stands, again and again, "
         "although its own telegrams do not follow each other: it counts along with that sender, as who wants to pass "
-        "for it does. Two that count for themselves meet so once in 65 536 telegrams."
+        "for it does. Two that count for themselves meet so once in 65 536 telegrams; one device that sends from two "
+        "addresses is none of these."
     ),
     causes=(
         "somebody who slips in telegrams in the name of a sender",
@@ -42,6 +43,9 @@ LEAST_PERCENT = 80
 REGULAR_PERCENT = 90
 """So many of the steps of the other are by 1. Where they are not, both may count what nobody sees."""
 
+MERGED_PERCENT = 50
+"""Where the other goes on so often behind who counts along, both are one device that sends from two addresses."""
+
 
 def judge_takeovers(facts: Facts) -> Iterator[Finding]:
     """Yield a finding for each stream that counts along with another one, which counts for itself."""
@@ -55,12 +59,15 @@ def judge_takeovers(facts: Facts) -> Iterator[Finding]:
     by_node: dict[int, int] = {}
     for _, stream in streams.values():
         by_node[stream.node] = by_node.get(stream.node, 0) + 1
-    for row, (own, other) in enumerate(zip(log.keys.high.tolist(), log.keys.low.tolist(), strict=True)):
+    pairs = [*zip(log.keys.high.tolist(), log.keys.low.tolist(), strict=True)]
+    count_of_pair = dict(zip(pairs, log.rows.column("count").tolist(), strict=True))
+    for row, (own, other) in enumerate(pairs):
         events = events_of(log.rows, row)
         steps, others, regular = int(columns.steps[own]), int(columns.steps[other]), int(columns.regular[other])
         if (
             events.count < LEAST_EVENTS or 100 * events.count < LEAST_PERCENT * steps
             or not others or 100 * regular < REGULAR_PERCENT * others or not {own, other} <= streams.keys()
+            or 100 * count_of_pair.get((other, own), 0) >= MERGED_PERCENT * events.count
         ):  # fmt: skip
             continue
         number, stream = streams[own]

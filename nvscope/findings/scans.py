@@ -30,8 +30,12 @@ SCAN = FindingKind(
     causes=(
         "a tool that looks for lists, for an inventory or a test",
         "somebody who explores the plant",
+        "a host that reads a hundred lists whose senders are off, or send to it alone and unseen by this capture",
     ),
-    next_steps=("Ask who works at that host; find it by its hardware address.",),
+    next_steps=(
+        "Ask who works at that host; find it by its hardware address.",
+        "If it reads these lists, name them: by their definitions, or as what it reads in [nodes] of the project.",
+    ),
     of_security=True,
 )
 
@@ -50,6 +54,8 @@ def judge_scans(facts: Facts) -> Iterator[Finding]:
     """Yield each host that asked for so much in vain within a minute."""
     if not facts.state.lists.acknowledgement.hears_answers:
         return  # what others were answered, nobody knows
+    if facts.state.parameters.known is None and not _asks_enough(facts):
+        return
     from nvscope.findings.asked_in_vain import dense, lists_in_vain, ports_in_vain
 
     lists, ports = lists_in_vain(facts), ports_in_vain(facts)
@@ -69,6 +75,16 @@ def judge_scans(facts: Facts) -> Iterator[Finding]:
                 f"{count(LEAST_LISTS if of_lists else LEAST_PORTS)} of them within a minute.", len(found),
                 found[0].first_ns, found[-1].first_ns, tuple(frames[:FRAMES_KEPT]), node=node,
             )  # fmt: skip
+
+
+def _asks_enough(facts: Facts) -> bool:
+    """Tell whether so much was asked for that it can be a scan: else nothing further is imported."""
+    import numpy as np
+
+    from nvscope.engine.keys import FrameKind
+
+    kinds = facts.state.lists.flows.column("kind")
+    return int(np.count_nonzero(kinds == FrameKind.BOOT_UP_REQUEST)) >= LEAST_PORTS
 
 
 def _shown(asked: Sequence[Asked]) -> str:

@@ -10,13 +10,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from nvscope.findings.enumeration import enumerated
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind, Severity
-from nvscope.units import count_of
+from nvscope.tracker.event_kinds import FRAMES_KEPT
+from nvscope.units import count, count_of
 
 if TYPE_CHECKING:
     from nvscope.findings.facts import Facts
     from nvscope.tracker.evidence.shared_devices import SharedAddress
+    from nvscope.tracker.stream_summary import StreamSummary
     from nvscope.tracker.summary import ListSummary
 
 UNKNOWN_WRITER = FindingKind(
@@ -44,7 +47,8 @@ TWO_HARDWARE_ADDRESSES = FindingKind(
     Severity.ERROR,
     meaning=(
         "One IP address is used by two devices at the same time: their frames take turns, and either both claim it by "
-        "ARP, or each counts for itself. Who sends to it reaches the one or the other."
+        "ARP, or each counts for itself. Who sends to it reaches the one or the other. A router, a mirror of both its "
+        "sides, two cables of one device, and a pair of which the one takes over from the other are none of these."
     ),
     causes=(
         "one address given to two devices, by hand or by a copied project",
@@ -59,6 +63,9 @@ TWO_HARDWARE_ADDRESSES = FindingKind(
 
 _BOTH = 2
 
+MOST_APART = 8
+"""So many unknown writers of a list have a finding each; of more, as made-up senders are, one tells of all."""
+
 
 def judge_security(facts: Facts) -> Iterator[Finding]:
     """Yield who sends that should not, and who shares an address, as far as that is sure."""
@@ -67,39 +74,58 @@ def judge_security(facts: Facts) -> Iterator[Finding]:
 
 
 def _unknown_writers(facts: Facts) -> Iterator[Finding]:
-    """Yield each sender of a list that the project gives to others alone."""
+    """Yield the senders of lists that the project gives to others alone."""
     only_nodes = facts.security is not None and facts.security.only_nodes
     named = {listed for node in facts.nodes.values() for listed in node.writes}
     if not named and not only_nodes:
         return
     for entry in facts.summary.lists:
-        own = {address for address, node in facts.nodes.items() if _is_of(entry, node.writes)}
-        for node in dict.fromkeys(stream.node for stream in entry.streams):
-            if facts.address(node) in (own or (facts.nodes if only_nodes else {facts.address(node)})):
-                continue
-            yield _unknown_writer(facts, entry, node, own)
+        own = [address for address, node in facts.nodes.items() if _is_of(entry, node.writes)]
+        if not own and not only_nodes:
+            continue
+        allowed = {*own} or facts.nodes.keys()
+        streams: dict[int, list[StreamSummary]] = {}
+        is_there = False
+        for stream in entry.streams:
+            if facts.address(stream.node) in allowed:
+                is_there = True
+            else:
+                streams.setdefault(stream.node, []).append(stream)
+        if len(streams) > MOST_APART:
+            yield _unknown_writer(facts, entry, streams, own, is_there=is_there)
+        else:
+            for node, sent in streams.items():
+                yield _unknown_writer(facts, entry, {node: sent}, own, is_there=is_there)
 
 
 def _is_of(entry: ListSummary, lists: tuple[tuple[int | None, int], ...]) -> bool:
     return any(number == entry.key.identifier and port in (None, entry.key.port) for port, number in lists)
 
 
-def _unknown_writer(facts: Facts, entry: ListSummary, node: int, own: set[str]) -> Finding:
-    streams = [stream for stream in entry.streams if stream.node == node]
+def _unknown_writer(
+    facts: Facts, entry: ListSummary, sent: dict[int, list[StreamSummary]], own: list[str], *, is_there: bool
+) -> Finding:
+    """Return the finding of one node, or of several, with the streams that they send of a list."""
+    streams = [stream for of_node in sent.values() for stream in of_node]
     telegrams = sum(stream.telegrams for stream in streams)
-    sent = f"{facts.address(node)} sent {count_of(telegrams, 'telegram')} of this list"
-    message = f"{sent}: [nodes] names all who send lists, and not this one."
+    names = [facts.address(node) for node in sent]
+    who = names[0] if len(sent) == 1 else f"{count(len(sent))} nodes ({enumerated(names)})"
+    message = f"{who} sent {count_of(telegrams, 'telegram')} of this list: "
     hint = ""
     if own:
-        message = f"{sent}: the project gives it to {', '.join(sorted(own))} alone."
-        if not own & {facts.address(stream.node) for stream in entry.streams}:
+        message += f"the project gives it to {', '.join(own)} alone."
+        if not is_there:
             hint = (
-                f"{' and '.join(sorted(own))} sent nothing of it in this capture: see whether it has another address "
+                f"{' and '.join(own)} sent nothing of it in this capture: see whether it has another address "
                 "now, or is behind a router that translates addresses."
             )
+    else:
+        message += f"[nodes] names all who send lists, and not {'this one' if len(sent) == 1 else 'these'}."
+    # Of each node, the first frame is known.
+    frames = sorted(min(facts.frames_of_stream[one.stream][0] for one in of_node) for of_node in sent.values())
     return Finding(
         UNKNOWN_WRITER, message, telegrams, min(one.first_ns for one in streams), max(one.last_ns for one in streams),
-        (min(facts.frames_of_stream[one.stream][0] for one in streams),), entry.number, node, hint=hint,
+        tuple(frames[:FRAMES_KEPT]), entry.number, next(iter(sent)) if len(sent) == 1 else None, hint=hint,
     )  # fmt: skip
 
 

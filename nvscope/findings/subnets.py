@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
+from nvscope.findings.enumeration import enumerated
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind, Severity
+from nvscope.tracker.event_kinds import FRAMES_KEPT
 from nvscope.units import count, count_of
 
 if TYPE_CHECKING:
@@ -20,7 +22,7 @@ OUTSIDE_SUBNET = FindingKind(
     meaning=(
         "Network variables come from an address outside the subnets that [security] of the project names. Without "
         "`subnets` there, only a public IPv4 address is one outside, where all others that send and receive are "
-        "private."
+        "private, and all in one recording."
     ),
     causes=(
         "a device with the address of another network, or a wrong one",
@@ -36,19 +38,43 @@ OUTSIDE_SUBNET = FindingKind(
 _LEAST_PRIVATE = 2
 """So many others, all of them private: with one alone, that one might be who is in the wrong place."""
 
+MOST_APART = 8
+"""So many nodes outside have a finding each; of more, as made-up senders are, one tells of all."""
+
+_USUALLY_PRIVATE = ((0, 8), (10, 8), (127, 8), (0xAC1, 12), (0xC0A8, 16), (0xA9FE, 16), (7, 3))
+"""Begins of IPv4 addresses that are not public, and their lengths in bits: all that plants usually have."""
+
 
 def judge_subnets(facts: Facts) -> Iterator[Finding]:
-    """Yield each node outside the subnets that sent telegrams of lists or requests."""
+    """Yield the nodes outside the subnets that sent telegrams of lists or requests."""
     security = facts.security
     if security is None or not security.subnets:
-        yield from _public(facts)
+        # In recordings given together, the others may be those of another plant.
+        if _has_unusual(facts) and not facts.state.senders.mirrored.are_several:
+            yield from _public(facts)
         return
     from nvscope.findings.sent_by_node import sent_by_node
 
-    named = ", ".join(str(one) for one in security.subnets)
-    for node, sent in sent_by_node(facts).items():
-        if security.is_outside(facts.address(node)):
-            yield _finding(facts, node, sent, f"outside {named}")
+    why = f"outside {', '.join(str(one) for one in security.subnets)}"
+    outside = {node: sent for node, sent in sent_by_node(facts).items() if security.is_outside(facts.address(node))}
+    if len(outside) > MOST_APART:
+        yield _finding(facts, outside, why)
+    else:
+        for node, sent in outside.items():
+            yield _finding(facts, {node: sent}, why)
+
+
+def _has_unusual(facts: Facts) -> bool:
+    """Tell whether a node may have a public IPv4 address: most plants have none, and need not be looked at further."""
+    import numpy as np
+
+    from dissectors.headers import IPV4_HIGH
+
+    high, low = facts.state.keys.nodes.words
+    address = low[high == IPV4_HIGH].astype(np.uint32)
+    for begin, bits in _USUALLY_PRIVATE:
+        address = address[address >> np.uint32(32 - bits) != begin]
+    return bool(len(address))
 
 
 def _public(facts: Facts) -> Iterator[Finding]:
@@ -67,22 +93,31 @@ def _public(facts: Facts) -> Iterator[Finding]:
         return
     (node,) = public
     what = f"a public address, where all {count(len(private))} others that send and receive have private ones"
-    yield _finding(facts, node, sent[node], what)
+    yield _finding(facts, {node: sent[node]}, what)
 
 
-def _finding(facts: Facts, node: int, sent: SentByNode, why: str) -> Finding:
+def _finding(facts: Facts, nodes: Mapping[int, SentByNode], why: str) -> Finding:
+    """Return the finding of one node, or of several, with what they sent."""
+    telegrams, requests = (sum(getattr(one, name) for one in nodes.values()) for name in ("telegrams", "requests"))
     parts = []
-    if sent.telegrams:
-        parts.append(f"{count_of(sent.telegrams, 'telegram')} of lists")
-    if sent.requests:
-        parts.append(f"{count_of(sent.requests, 'request')} of the Parameter Manager")
+    if telegrams:
+        parts.append(f"{count_of(telegrams, 'telegram')} of lists")
+    if requests:
+        parts.append(f"{count_of(requests, 'request')} of the Parameter Manager")
     hint = ""
-    if sent.broadcast:
+    if broadcast := sum(one.broadcast for one in nodes.values()):
         hint = (
-            f"{count(sent.broadcast)} of them are broadcast, which routers do not let through: look for a device in "
+            f"{count(broadcast)} of them are broadcast, which routers do not let through: look for a device in "
             "this network that has the address of another one."
         )
+    names = [facts.address(node) for node in nodes]
+    who = names[0] if len(names) == 1 else f"{count(len(names))} nodes ({enumerated(names)})"
+    first, last, frames = (
+        [value for one in nodes.values() if (value := getattr(one, name)) is not None]
+        for name in ("first_ns", "last_ns", "frame")
+    )
     return Finding(
-        OUTSIDE_SUBNET, f"{facts.address(node)} sent {' and '.join(parts)}: {why}.", sent.telegrams + sent.requests,
-        sent.first_ns, sent.last_ns, () if sent.frame is None else (sent.frame,), node=node, hint=hint,
+        OUTSIDE_SUBNET, f"{who} sent {' and '.join(parts)}: {why}.", telegrams + requests, min(first, default=None),
+        max(last, default=None), tuple(sorted(frames)[:FRAMES_KEPT]),
+        node=next(iter(nodes)) if len(nodes) == 1 else None, hint=hint,
     )  # fmt: skip

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from nvscope import units
+from nvscope.findings.enumeration import enumerated
 from nvscope.findings.finding import Events, Finding, events_of
 from nvscope.findings.kind import FindingKind, Severity
-from nvscope.units import count_of
+from nvscope.units import count, count_of
 
 if TYPE_CHECKING:
     from nvscope.definition.project_security import Security
@@ -38,22 +38,26 @@ WRITE_NOT_ALLOWED = FindingKind(
     of_security=True,
 )
 
-_NAMED = 3
+MOST_APART = 8
+"""So many hosts that wrote to one controller have a finding each; of more, as made-up ones are, one tells of all."""
+
 _MINUTE_NS = 60_000_000_000
+_HINT_OF_PAGES = "See the WebVisu writes in `nvscope report -v`: what was written, over which value."
 
 
-@dataclass(slots=True)
 class _Written:
     """What a host wrote at a partner that it should not have, or not then; names of it in their order."""
 
-    events: Events | None = None
-    names: dict[str, None] = field(default_factory=dict)
-    is_stranger: bool = False
-    first_outside_ns: int | None = None
+    def __init__(self) -> None:
+        self.events: Events | None = None
+        self.names: dict[str, None] = {}
+        self.is_stranger = False
+        self.first_outside_ns: int | None = None
 
     def add(self, name: str, events: Events, *, is_stranger: bool) -> None:
-        """Take some more, in any order."""
-        self.names[name] = None
+        """Take some more, in any order; ``name`` is what was written, '' where nobody knows."""
+        if name:
+            self.names[name] = None
         self.is_stranger |= is_stranger
         if not is_stranger:
             known = self.first_outside_ns
@@ -61,35 +65,67 @@ class _Written:
         self.events = events if self.events is None else self.events.among(events)
 
 
+class _Allowed:
+    """What the project lets whom do when, asked once of each host and minute: there may be very many writes."""
+
+    def __init__(self, security: Security) -> None:
+        self.security = security
+        self._hosts: dict[str, bool] = {}
+        self._minutes: dict[int, bool] = {}
+
+    def lets_write(self, host: str) -> bool:
+        if host not in self._hosts:
+            self._hosts[host] = self.security.lets_write(host)
+        return self._hosts[host]
+
+    def lets_write_in(self, minute: int) -> bool:
+        if minute not in self._minutes:
+            self._minutes[minute] = self.security.lets_write_at(minute * _MINUTE_NS)
+        return self._minutes[minute]
+
+
 def judge_writes(facts: Facts) -> Iterator[Finding]:
     """Yield a finding for each host and controller between which there were such writes, by protocol."""
     security = facts.security
     if security is None or not security.judges_writes:
         return
-    of_parameters, at_least = _parameters(facts, security)
-    for (writer, partner), written in sorted(of_parameters.items()):
-        yield _finding(facts, security, writer, partner, f"sdo/{partner}", written, at_least=at_least)
-    of_variables, at_least = _variables(facts, security)
-    for (writer, partner), written in sorted(of_variables.items()):
-        yield _finding(facts, security, writer, partner, f"visu/{partner}", written, at_least=at_least)
+    allowed = _Allowed(security)
+    for protocol, (found, at_least) in (
+        ("sdo", _parameters(facts, allowed)), ("visu", _variables(facts, allowed)),
+    ):  # fmt: skip
+        by_partner: dict[tuple[str, bool], dict[str, _Written]] = defaultdict(dict)
+        for (writer, partner), written in sorted(found.items()):
+            by_partner[partner, written.is_stranger][writer] = written
+        for (partner, _), hosts in by_partner.items():
+            parts = [hosts] if len(hosts) > MOST_APART else [{host: written} for host, written in hosts.items()]
+            for part in parts:
+                yield _finding(facts, security, part, partner, f"{protocol}/{partner}", at_least=at_least)
 
 
 _Found = dict[tuple[str, str], _Written]
 
 
-def _parameters(facts: Facts, security: Security) -> tuple[_Found, bool]:
+def _parameters(facts: Facts, allowed: _Allowed) -> tuple[_Found, bool]:
     """Return what was written by SDO, and whether there may be more of it than was kept."""
-    from nvscope.tracker.parameter.writes import MOST_WRITES
-
     found: _Found = defaultdict(_Written)
     kept = facts.summary.parameter_writes
     for write in kept:
-        is_stranger = not security.lets_write(write.requester)
-        if is_stranger or not security.lets_write_at(write.time_ns):
+        is_stranger = not allowed.lets_write(write.requester)
+        if is_stranger or not allowed.lets_write_in(write.time_ns // _MINUTE_NS):
             events = Events(1, write.time_ns, write.time_ns, (write.frame,))
             name = _parameter(facts, write.partner, write.index, write.subindex)
             found[write.requester, write.partner].add(name, events, is_stranger=is_stranger)
-    return found, len(kept) >= MOST_WRITES
+    known = facts.state.parameters.known
+    if known is None:
+        return found, False
+    further = known.writes.further
+    words = further.keys.high.tolist(), further.keys.low.view("int64").tolist()
+    for row, (pair, minute) in enumerate(zip(*words, strict=True)):
+        requester, partner, _ = known.writes.ends(pair)
+        is_stranger = not allowed.lets_write(requester)
+        if is_stranger or not allowed.lets_write_in(minute):
+            found[requester, partner].add("", events_of(further.rows, row), is_stranger=is_stranger)
+    return found, known.writes.further_left_out > 0
 
 
 def _parameter(facts: Facts, partner: str, index: int, subindex: int) -> str:
@@ -98,7 +134,7 @@ def _parameter(facts: Facts, partner: str, index: int, subindex: int) -> str:
     return facts.definition.parameters.name_of(partner, index, subindex)
 
 
-def _variables(facts: Facts, security: Security) -> tuple[_Found, bool]:
+def _variables(facts: Facts, allowed: _Allowed) -> tuple[_Found, bool]:
     """Return what was written by web visualization, and whether there may be more of it than was kept."""
     from nvscope.tracker.visu.on_demand import NAME, VisuState
 
@@ -107,31 +143,38 @@ def _variables(facts: Facts, security: Security) -> tuple[_Found, bool]:
     if not isinstance(state, VisuState) or state.known is None:
         return found, False
     from nvscope.tracker.visu.events import VisuEvent
+    from nvscope.tracker.visu.limits import Beyond
 
     counts = state.known
     subjects = list(counts.subjects)
     log = counts.events
     for row, (event, number) in enumerate(zip(log.keys.high.tolist(), log.keys.low.tolist(), strict=True)):
         client, server, variable = subjects[number]
-        if event == VisuEvent.WRITTEN and not security.lets_write(client):
+        if event == VisuEvent.WRITTEN and not allowed.lets_write(client):
             found[client, server].add(variable, events_of(log.rows, row), is_stranger=True)
     minutes = counts.write_minutes
     words = minutes.keys.high.tolist(), minutes.keys.low.view("int64").tolist()
     for row, (number, minute) in enumerate(zip(*words, strict=True)):
         client, server, variable = subjects[number]
-        if security.lets_write(client) and not security.lets_write_at(minute * _MINUTE_NS):
+        if allowed.lets_write(client) and not allowed.lets_write_in(minute):
             found[client, server].add(variable, events_of(minutes.rows, row), is_stranger=False)
-    return found, counts.write_minutes_left_out > 0
+    return found, bool((counts.left_out.keys.words[0] == Beyond.WRITE_MINUTE).any())
 
 
 def _finding(
-    facts: Facts, security: Security, writer: str, partner: str, variable: str, written: _Written, *, at_least: bool
+    facts: Facts, security: Security, hosts: dict[str, _Written], partner: str, variable: str, *, at_least: bool
 ) -> Finding:  # fmt: skip
+    """Return the finding of one host, or of several, with what each wrote."""
+    writer, written = next(iter(hosts.items()))
+    if len(hosts) > 1:
+        writer, written = f"{count(len(hosts))} hosts ({enumerated([*hosts])})", _together(hosts.values())
     events = written.events
     assert events is not None
-    how = "by SDO" if variable.startswith("sdo/") else "by WebVisu"
+    is_sdo = variable.startswith("sdo/")
+    how = "by SDO" if is_sdo else "by WebVisu"
     number = f"{'at least ' if at_least else ''}{count_of(events.count, 'time')}"
-    message = f"{writer} wrote {number} to {partner} {how} ({_named([*written.names])}): "
+    names = f" ({enumerated([*written.names])})" if written.names else ""
+    message = f"{writer} wrote {number} to {partner} {how}{names}: "
     if written.is_stranger:
         assert security.writers is not None
         allowed = ", ".join(str(one).removesuffix("/32").removesuffix("/128") for one in security.writers)
@@ -139,15 +182,21 @@ def _finding(
     else:
         assert written.first_outside_ns is not None
         hours = ", ".join(one.text for one in security.hours)
-        message += (
-            f"outside the hours {hours}, first at {units.absolute_time(written.first_outside_ns, utc=False, digits=0)}."
-        )
+        first = units.absolute_time(written.first_outside_ns, utc=False, digits=0)
+        message += f"outside the hours {hours}, first at {first} local time."
     return Finding(
         WRITE_NOT_ALLOWED, message, events.count, events.first_ns, events.last_ns, events.frames,
-        node=facts.node_numbers.get(writer), variable=variable,
+        node=facts.node_numbers.get(writer), variable=variable, hint="" if is_sdo else _HINT_OF_PAGES,
     )  # fmt: skip
 
 
-def _named(names: Sequence[str]) -> str:
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return ", ".join(names[:_NAMED]) + more
+def _together(several: Iterable[_Written]) -> _Written:
+    """Return what several hosts wrote."""
+    found = _Written()
+    for one in several:
+        found.is_stranger = one.is_stranger
+        found.names |= one.names
+        times = [time_ns for time_ns in (found.first_outside_ns, one.first_outside_ns) if time_ns is not None]
+        found.first_outside_ns = min(times, default=None)
+        found.events = one.events if found.events is None or one.events is None else found.events.among(one.events)
+    return found

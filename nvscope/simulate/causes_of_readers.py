@@ -209,8 +209,13 @@ def _canonical(address: str) -> str:
 
 
 def _in_vain(plant: Plant, lists: Sequence[ListFacts], silences: dict[str, list[Quiet]]) -> Iterator[PutIn]:
-    """Yield requests for current values that nobody answered, unless a silent node should have."""
+    """Yield requests for current values that nobody answered, unless a silent node should have.
+
+    What a host asked for that looks for lists is one, of all that nobody sends.
+    """
     seen = plant.seen
+    address_of = {node.name: _canonical(node.address) for node in plant.scenario.node}
+    looked_for: dict[str, list[tuple[ListKey, int]]] = {address_of[scan.node]: [] for scan in plant.scenario.scan}
     for entry in lists if seen else ():
         if not len(entry.unanswered) or seen is None:
             continue
@@ -223,5 +228,13 @@ def _in_vain(plant: Plant, lists: Sequence[ListFacts], silences: dict[str, list[
         ]  # fmt: skip
         if waits:
             asked = tuple(str(address) for address in seen.sources(entry.unanswered))
+            if owner is None and len(asked) == 1 and asked[0] in looked_for:
+                looked_for[asked[0]] += ((entry.key, time) for time in waits)
+                continue
             until_ns = plant.ended(waits[0], waits[-1], len(waits), 0)
             yield PutIn("boot-up-unanswered", waits[0], until_ns, (entry.key,), asked)
+    for address, found in looked_for.items():
+        if found:
+            keys, moments = tuple(dict.fromkeys(key for key, _ in found)), sorted(time for _, time in found)
+            until_ns = plant.ended(moments[0], moments[-1], len(moments), 0)
+            yield PutIn("boot-up-unanswered", moments[0], until_ns, keys, (address,))

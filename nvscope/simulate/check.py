@@ -66,6 +66,11 @@ def check_scenario(scenario: Scenario, place: Place) -> None:
                 raise below.below(name).error(f"the list has {len(owner.shapes)} telegrams, not {len(given)}")
         if sender.checksum and len(sender.checksum) not in {1, len(owner.shapes)}:
             raise below.below("checksum").error("one value, or one for each telegram of the list")
+        if sender.counts_along and not scenario.wild:
+            raise below.below("counts_along").error("what two count together is not exact", "Set wild = true.")
+    for position, scan in enumerate(scenario.scan):
+        if scan.index + scan.count - 1 > U16_MAX:
+            raise place.below("scan").below(position).below("count").error("identifiers end at 65535")
     for position, stop in enumerate(scenario.stop):
         if not stop.node and not stop.list:
             raise place.below("stop").below(position).error("a stop needs a node or a list")

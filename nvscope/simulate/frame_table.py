@@ -19,7 +19,7 @@ from nvscope.simulate.faults import Label, Struck, make_journey, struck_by_fault
 from nvscope.simulate.parameters import add_parameters
 from nvscope.simulate.scenario import Malformed, Mirrored, Scenario, UnexpectedAcknowledgement, Unreachable
 from nvscope.simulate.schedule import FRAME_GAP_NS, Stream, Writer, make_schedule
-from nvscope.simulate.strangers import add_malformed, add_searches, add_short_headers, add_traffic
+from nvscope.simulate.strangers import add_malformed, add_scans, add_searches, add_short_headers, add_traffic
 from nvscope.simulate.template import Role, Template
 from nvscope.simulate.visu.frames import add_pages
 
@@ -77,6 +77,7 @@ def make_frame_table(scenario: Scenario) -> FrameTable:
     del answers  # what they remember takes memory
     add_traffic(draft)
     add_searches(draft)
+    add_scans(draft)
     add_parameters(draft)
     add_pages(draft)
     del schedule, journey

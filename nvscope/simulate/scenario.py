@@ -413,6 +413,24 @@ class SecondSender:
     )
     items: tuple[int, ...] = key(array(integer(0, U16_MAX), single=True), "their Items", default=())
     checksum: tuple[int, ...] = key(array(integer(0, U8_MAX), single=True), "their signature", default=())
+    counts_along: bool = key(
+        FLAG, "its Counter is the next one of the list's sender, as of who wants to pass for it; needs wild",
+        default=False,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scan:
+    """A host that looks for lists: it asks for one after the other by boot-up requests, and nobody has them."""
+
+    node: str = key(TEXT, "who looks")
+    index: int = key(integer(0, U16_MAX), "identifier of the first list that it asks for")
+    count: int = key(integer(1, 10_000), "for so many lists, one identifier behind the other")
+    port: tuple[int, ...] = key(
+        array(integer(1, U16_MAX), single=True), "UDP ports on which it asks for each of them", default=(1202,)
+    )
+    interval_ns: int = key(SPAN, "from one request to the next", name="interval")
+    from_ns: int = key(LENGTH, "when it begins", default=0, name="from")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -515,7 +533,7 @@ class Expect:
 
     findings: dict[str, tuple[str, ...]] | None = key(  # noqa: RUF009
         mapping(array(TEXT)),
-        'codes of findings by list, such as "udp/1202/7"; those of no list under "capture"',
+        'codes of findings by list, such as "udp/1202/7", or "udp/1202/7-9"; those of no list under "capture"',
         default=None,
     )
     counters: dict[str, dict[str, int]] | None = key(  # noqa: RUF009
@@ -532,6 +550,7 @@ class Expect:
         'the same of pages and the variables of controllers: "hmi -> press PLC_PRG.n: 1 -> 2, confirmed"',
         default=(),
     )
+    project: str = key(TEXT, "a project file that the report is made with: what it says of the plant", default="")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -594,6 +613,7 @@ class Scenario:
     pause: tuple[Pause, ...] = key(tables(Pause), "senders that are held up", default=())
     burst: tuple[Burst, ...] = key(tables(Burst), "bursts", default=())
     second_sender: tuple[SecondSender, ...] = key(tables(SecondSender), "second senders of a list", default=())
+    scan: tuple[Scan, ...] = key(tables(Scan), "hosts that look for lists", default=())
     clock_step: tuple[ClockStep, ...] = key(tables(ClockStep), "steps of the capture's clock", default=())
     mirrored: tuple[Mirrored, ...] = key(tables(Mirrored), "frames seen twice", default=())
     capture_loss: tuple[CaptureLoss, ...] = key(tables(CaptureLoss), "frames that the capture lacks", default=())

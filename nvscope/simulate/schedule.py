@@ -15,6 +15,7 @@ import numpy.typing as npt
 from dissectors.batch import I32, I64, U8, U16, Bool
 from dissectors.netvar import ACKNOWLEDGE_WANTED, CHECKSUM_PRESENT
 from nvscope.simulate.can.tables import CanList
+from nvscope.simulate.counting_along import count_along
 from nvscope.simulate.noise import chance, noise_key, uniform
 from nvscope.simulate.ordering import order_by
 from nvscope.simulate.outages import epochs, without_outages
@@ -111,6 +112,7 @@ def make_schedule(scenario: Scenario) -> Schedule:
     )
     parts = [_node_telegrams(scenario, writers, node, scopes[node]) for node in range(len(scenario.node))]
     joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    count_along(scenario, writers, joined)
     return Schedule(writers, streams, **joined)
 
 

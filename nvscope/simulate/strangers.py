@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from dissectors.netvar import HEADER, PORT, Service
-from nvscope.simulate.draft import Draft
+from nvscope.list_key import ListKey
+from nvscope.simulate.draft import ALL_NODES, Draft
 from nvscope.simulate.faults import seen_rows
-from nvscope.simulate.frames import Values
+from nvscope.simulate.frames import LIMITED_BROADCAST, Values
 from nvscope.simulate.noise import noise_key, uniform
 from nvscope.simulate.scenario import Malformed
 from nvscope.simulate.template import Role, Template
@@ -141,3 +142,24 @@ def add_searches(draft: Draft) -> None:
             draft.add(
                 draft.new_template(Template(draft.wire.arp(host, target), Role.OTHER, host.address, target, False)), at
             )
+
+
+def add_scans(draft: Draft) -> None:
+    """Add the boot-up requests of hosts that look for lists."""
+    for position, scan in enumerate(draft.scenario.scan):
+        source = draft.scenario.node_numbers[scan.node]
+        everybody = LIMITED_BROADCAST if draft.hosts[source].address.version == 4 else ALL_NODES
+        asked = [(index, port) for index in range(scan.index, scan.index + scan.count) for port in scan.port]
+        draft.check_room(len(asked))
+        for number, (index, port) in enumerate(asked):
+            at = scan.from_ns + number * scan.interval_ns
+            if at >= draft.scenario.duration_ns:
+                break
+            payload = HEADER.pack(
+                id=Service.ODBootUpRequest, index=index, items=1, length=HEADER.size_bytes
+            ).tobytes()  # fmt: skip
+            template = draft.telegram_template(
+                source, everybody, port, payload, Role.BOOT_UP_REQUEST, Values.CONSTANT,
+                list_key=ListKey.udp(port, index),
+            )  # fmt: skip
+            draft.add(template, np.array([at], np.int64), ordinal=np.array([position]))

@@ -18,6 +18,9 @@ from nvscope.engine.runs import runs_of, stable_order
 from nvscope.engine.watch import Unheard
 from nvscope.tracker.events import EventLog
 
+MOST_PAIRS = 1 << 16
+"""So many pairs of streams are kept, of which the one goes on in the Counter of the other."""
+
 _NONE = -1
 
 
@@ -53,11 +56,13 @@ class CounterTakeovers:
     """The steps of streams that are not alone in their (list, SubIndex).
 
     ``events`` are telegrams whose Counter is the next one behind that of another sender, which sent last, and is not
-    the next one of their own; keyed by their stream and by that of the other.
+    the next one of their own; keyed by their stream and by that of the other. ``left_out`` are those of further pairs,
+    by their stream.
     """
 
-    def __init__(self) -> None:
-        self.columns, self.events = StepColumns(), EventLog()
+    def __init__(self, most: int = MOST_PAIRS) -> None:
+        self.most = most
+        self.columns, self.events, self.left_out = StepColumns(), EventLog(), EventLog(1)
         self._places = _PlaceColumns()
         self._counted_streams = 0
         self._any_shared = False
@@ -99,8 +104,12 @@ class CounterTakeovers:
         if len(found):
             found = found[np.argsort(rows.packet[row[found]], kind="stable")]
             words = stream[found].view(np.uint64), before_stream[found].view(np.uint64)
-            self.events.record(rows.time_ns[row[found]], rows.packet[row[found]] + first_frame, *words)
+            time_ns, frame = rows.time_ns[row[found]], rows.packet[row[found]] + first_frame
+            kept = self.events.keys.numbers_within(self.most, *words) >= 0
+            self.events.record(time_ns[kept], frame[kept], *(word[kept] for word in words))
             self.events.settle()
+            self.left_out.record(time_ns[~kept], frame[~kept], words[0][~kept])
+            self.left_out.settle()
 
     def resume(self, unheard: Unheard) -> None:
         """Let what follows of the unheard follow nothing."""
@@ -113,6 +122,7 @@ class CounterTakeovers:
         self._places.take(part._places, share.places)
         self.columns.take(part.columns, share.streams)
         self.events.take(part.events)
+        self.left_out.take(part.left_out)
         # How many streams a place has is counted anew, with the next batch.
         self._places.streams[:] = 0
         self._counted_streams, self._any_shared = 0, False

@@ -59,6 +59,11 @@ class Mirrored:
         self._before.telegrams[: len(sequences)] = memory.telegrams[: len(sequences)]
         self._before.repeated[: len(sequences)] = sequences.column("repeated")
 
+    @property
+    def are_several(self) -> bool:
+        """Whether one has ended and another one begun, or may."""
+        return bool(self._ended)
+
     def recordings(self, sequences: StreamSequences, memory: StreamColumns) -> list[Recorded]:
         """Return all of them in order, with what is known up to now."""
         return [*self._ended, self._present(sequences, memory)]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from nvscope.tracker.counter_takeovers import CounterTakeovers
 from tests.findings.security_plants import analysed, told_in
 from tests.oracle.builders import data_frame, telegram
 from tests.oracle.frame import Frame
@@ -47,6 +48,7 @@ def test_who_slips_in_telegrams_with_the_next_counter_counts_along(tmp_path: Pat
     (cause,) = found.happened.causes
     assert cause.kind.name == "second-sender"
     assert finding in cause.findings
+    assert cause.checked[0] == finding.message.rstrip(".")
 
 
 def test_fewer_telegrams_than_ten_may_be_chance(tmp_path: Path) -> None:
@@ -80,6 +82,28 @@ def test_a_device_that_has_another_address_since_goes_on_once(tmp_path: Path) ->
 def test_one_device_with_two_addresses_in_turns_counts_for_both(tmp_path: Path) -> None:
     turns = [sent(number, number, (A, B)[number % 2]) for number in range(1, 201)]
     assert "NV964" not in codes(turns, tmp_path)
+
+
+@pytest.mark.parametrize("every", [15, 20, 50])
+def test_one_device_that_sends_now_and_then_from_another_address_counts_for_both(every: int, tmp_path: Path) -> None:
+    device = [sent(number, number, B if number % every == 0 else A) for number in range(1, 1200)]
+    assert "NV964" not in codes(device, tmp_path)
+
+
+def test_who_counts_along_with_a_sender_that_loses_telegrams_is_told_all_the_same(tmp_path: Path) -> None:
+    lossy = [one for number, one in enumerate(victim(400)) if number % 29]
+    assert "NV964" in codes([*lossy, *slipped_in(count=400)], tmp_path)
+
+
+def test_of_more_pairs_than_are_kept_it_is_told_how_many_are_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Senders without number, each of which counts on where another one stands."""
+    frames = [sent(number, number, f"10.0.0.{number % 7 * (number % 31) + 1}") for number in range(1, 600)]
+    assert "NV906" not in {one.code for one in analysed(frames, tmp_path).findings}
+    monkeypatch.setattr(CounterTakeovers.__init__, "__defaults__", (20,))
+    (told,) = [one for one in analysed(frames, tmp_path).findings if one.code == "NV906"]
+    assert "telegrams of further pairs of senders that count along." in told.message
 
 
 def test_a_pc_that_counts_over_its_lists_may_stay_one_ahead(tmp_path: Path) -> None:

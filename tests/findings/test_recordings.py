@@ -108,6 +108,13 @@ def test_whether_a_sender_counts_is_asked_of_each_recording() -> None:
     assert "NV905" not in found(sent(0, 1, 2, 3), resting)
 
 
+def test_a_public_address_is_outside_of_those_of_its_own_recording() -> None:
+    """In recordings given together, the others may be those of another plant."""
+    outside = sent(0, 1, 2, wire=sent(0, 1, 2, wire=sent(0, 1, 2, source="8.8.4.4"), source=B))
+    assert "NV965" in found(outside)
+    assert "NV965" not in found(sent(0, 1, 2, wire=sent(0, 1, 2, source="8.8.4.4")), sent(1, 1, 2, source=B))
+
+
 def places(batches: Sequence[PacketBatch]) -> set[tuple[Any, ...]]:
     """Return what is found, and where."""
     report = document_of(tracked(batches))

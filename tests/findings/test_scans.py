@@ -52,6 +52,17 @@ def test_who_asks_for_a_hundred_lists_of_nobody_within_a_minute_scans(tmp_path: 
     assert found.summary.addresses[finding.node or 0] == HOST
 
 
+def test_what_a_scan_asks_for_in_vain_is_one_cause_not_one_a_list(tmp_path: Path) -> None:
+    panel = [data_frame(2 * SECOND, B, ALL, telegram(BOOT_UP, 500, counter=0, data=b""))]
+    found = analysed([*plant(), *asked(range(1, 201)), *panel], tmp_path)
+    assert found.happened is not None
+    told = {cause.title: {one.code for one in cause.findings} for cause in found.happened.causes}
+    assert told == {
+        f"Nobody answered node {HOST}, which asked for 198 lists from 1.5 s to 51.8 s": {"NV304", "NV966"},
+        f"Nobody answered node {B}, which asked for list 500 at 2.0 s": {"NV304"},
+    }
+
+
 def test_so_many_and_no_fewer_are_a_scan(tmp_path: Path) -> None:
     many = range(1000, 1000 + LEAST_LISTS)
     assert [code for code, *_ in told_in([*plant(), *asked(many)], tmp_path)] == ["NV966"]

@@ -72,11 +72,25 @@ def test_a_sender_that_has_another_address_now_is_told_so(tmp_path: Path) -> Non
     assert finding.hint.startswith(f"{A} sent nothing of it in this capture: see whether it has another address now")
 
 
-def arp(ts_ns: int, hardware: str, address: str, asked: str) -> Frame:
-    """Return an ARP request of a device."""
+def test_very_many_unknown_writers_are_told_by_one_finding(tmp_path: Path) -> None:
+    """As where somebody makes up senders."""
+    frames = [
+        data_frame(number * 1000, f"10.{number >> 8}.{number & 255}.9", ALL, telegram(counter=1))
+        for number in range(3000)
+    ]
+    found = analysed(frames, tmp_path, f'[nodes]\n"{C}" = {{}}\n"{A}" = {{ writes = [1] }}\n')
+    (finding,) = [one for one in found.findings if one.code == "NV961"]
+    who = "3 000 nodes (10.0.0.9, 10.0.1.9, 10.0.2.9 and 2 997 more)"
+    assert finding.message == f"{who} sent 3 000 telegrams of this list: the project gives it to {A} alone."
+    assert (finding.node, finding.count, finding.frames) == (None, 3000, tuple(range(1, 11)))
+    assert len(found_in(frames[:8], tmp_path, f'[nodes]\n"{A}" = {{ writes = [1] }}\n')) == 8
+
+
+def arp(ts_ns: int, hardware: str, address: str, asked: str, *, answers: bool = False) -> Frame:
+    """Return an ARP request of a device, or its answer to one."""
     sender, to = bytes.fromhex(hardware.replace(":", "")), bytes(6)
     own, other = (bytes(map(int, text.split("."))) for text in (address, asked))
-    body = b"\0\1\x08\0\x06\x04\0\1" + sender + own + to + other
+    body = b"\0\1\x08\0\x06\x04\0" + (b"\2" if answers else b"\1") + sender + own + to + other
     return from_hardware(data_frame(ts_ns, address, ALL, b""), hardware)._replace(
         data=b"\xff" * 6 + sender + b"\x08\x06" + body, original=14 + len(body)
     )
@@ -158,6 +172,67 @@ def test_one_device_with_two_cables_is_none_of_two(tmp_path: Path) -> None:
     frames = sent_by(PRESS, range(60))
     bond = [from_hardware(one, (PRESS, TWIN)[number % 2]) for number, one in enumerate(frames)]
     assert not told_in(bond, tmp_path)
+
+
+def test_one_device_with_two_cables_that_asks_by_arp_on_both_is_none_of_two(tmp_path: Path) -> None:
+    """As a bond that shares out its load does."""
+    frames = [from_hardware(one, (PRESS, TWIN)[number % 2]) for number, one in enumerate(sent_by(PRESS, range(200)))]
+    asks = [
+        arp(number * SECOND + one * SECOND // 2, (PRESS, TWIN)[one], A, B) for number in range(20) for one in range(2)
+    ]
+    assert not told_in([*frames, *asks], tmp_path)
+
+
+def test_a_computer_that_answers_arp_on_both_of_its_cards_is_none_of_two(tmp_path: Path) -> None:
+    """Linux does so where both are in one network: who looks for an address of it is answered twice."""
+    answers = [
+        arp(number * SECOND + 7 + one, (PRESS, TWIN)[one], A, B, answers=True)
+        for number in range(20)
+        for one in range(2)
+    ]
+    frames = sent_by(PRESS, range(200))
+    assert not told_in([*frames, *answers], tmp_path)
+    # Where it sends from both, too, each counting for itself, there are two.
+    twin = [one._replace(ts_ns=one.ts_ns + SECOND // 20) for one in sent_by(TWIN, range(200), first=500, value=9)]
+    assert {code for code, *_ in told_in([*frames, *answers, *twin], tmp_path)} == {"NV963"}
+
+
+@pytest.mark.parametrize("virtual", ["00:00:5e:00:01:07", "00:00:0c:07:ac:01", "00:00:0c:9f:f0:01"])
+def test_a_pair_that_shares_a_virtual_hardware_address_is_none_of_two(virtual: str, tmp_path: Path) -> None:
+    """As with VRRP and HSRP: who holds the address announces the virtual one, and sends from its own, too."""
+    frames = sent_by(PRESS, range(200))
+    asks = [arp(number * SECOND // 2, (virtual, PRESS)[number % 2], A, B) for number in range(40)]
+    assert not told_in([*frames, *asks], tmp_path)
+    not_virtual = [arp(number * SECOND // 2, (TWIN, PRESS)[number % 2], A, B) for number in range(40)]
+    assert told_in([*frames, *not_virtual], tmp_path)
+
+
+def tagged(frame: Frame, vlan: int) -> Frame:
+    data = frame.data[:12] + b"\x81\x00" + vlan.to_bytes(2, "big") + frame.data[12:]
+    return frame._replace(data=data, original=frame.original + 4)
+
+
+@pytest.mark.parametrize("vlan", [10, 20])
+def test_like_machines_with_the_same_addresses_in_vlans_of_their_own_are_none_of_two(vlan: int, tmp_path: Path) -> None:
+    """As a mirror of a trunk shows them; in one VLAN, they are two with one address."""
+    frames = [tagged(one, 10) for one in sent_by(PRESS, range(200))]
+    for one in sent_by(TWIN, range(200), first=500, value=9):
+        frames.append(tagged(one._replace(ts_ns=one.ts_ns + SECOND // 20), vlan))
+    found = analysed(frames, tmp_path)
+    assert ("NV963" in {one.code for one in found.findings}) == (vlan == 10)
+    assert found.happened is not None
+    (cause,) = found.happened.causes
+    assert cause.kind.name == "duplicate-address"
+    apart = "each is in a VLAN of its own (10 and 20): networks that have the same addresses"
+    assert (apart in cause.checked, "one VLAN" in cause.next) == (vlan == 20, vlan == 20)
+
+
+def test_devices_without_an_address_do_not_share_one(tmp_path: Path) -> None:
+    """Before a DHCP server answers, all of them send from 0.0.0.0."""
+    frames = [*sent_by(PRESS, range(100)), *sent_by(TWIN, range(100), first=500, value=9)]
+    frames = [one._replace(ts_ns=one.ts_ns + (number >= 100) * SECOND // 20) for number, one in enumerate(frames)]
+    assert told_in(frames, tmp_path)
+    assert not told_in(readdressed(frames, A, "0.0.0.0"), tmp_path)
 
 
 def test_a_mirror_that_shows_frames_twice_shows_no_second_device(tmp_path: Path) -> None:

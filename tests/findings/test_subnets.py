@@ -71,6 +71,31 @@ def test_the_project_says_what_is_inside(tmp_path: Path) -> None:
     assert not told_in(plant(stranger="fd00::9", to="fd00::8"), tmp_path, '[security]\nsubnets = ["10.0.0.0/8"]')
 
 
+def test_a_host_that_has_a_link_local_address_too_is_not_outside(tmp_path: Path) -> None:
+    """Every host has one with IPv6, and no router lets it through."""
+    wire = Wire()
+    for number in range(10):
+        wire.data(number * SECOND, number + 1, source="fd00::1", to="ff02::1", list_id=1)
+        wire.data(number * SECOND + 9, number + 1, source="fe80::1", to="ff02::1", list_id=2)
+        wire.data(number * SECOND + 99, number + 1, source="fd01::1", to="ff02::1", list_id=3)
+    (finding,) = found_in(wire.frames, tmp_path, '[security]\nsubnets = "fd00::/64"')
+    assert finding.message.startswith("fd01::1 sent 10 telegrams of lists: outside fd00::/64.")
+
+
+def test_of_very_many_nodes_outside_one_finding_tells(tmp_path: Path) -> None:
+    frames = [
+        data_frame(number * 1000, f"172.16.{number // 100}.{number % 100}", B, telegram(list_id=number, counter=1))
+        for number in range(300)
+    ]
+    (finding,) = found_in(frames, tmp_path, '[security]\nsubnets = "10.0.0.0/8"')
+    assert finding.message == (
+        "300 nodes (172.16.0.0, 172.16.0.1, 172.16.0.2 and 297 more) sent 300 telegrams of lists: outside 10.0.0.0/8."
+    )
+    assert (finding.count, finding.node, finding.frames) == (300, None, tuple(range(1, 11)))
+    assert (finding.first_ns, finding.last_ns) == (0, 299_000)
+    assert len(found_in(frames[:8], tmp_path, '[security]\nsubnets = "10.0.0.0/8"')) == 8
+
+
 def test_requests_and_answers_are_telegrams_too(tmp_path: Path) -> None:
     frames = plant(stranger=None)
     frames.append(data_frame(SECOND, PUBLIC, A, telegram(BOOT_UP, 1, data=b"")))

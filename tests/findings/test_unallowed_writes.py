@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from nvscope.tracker.parameter import writes as writes_of_parameters
 from nvscope.tracker.visu import state as visu_state
 from tests.findings.security_plants import analysed, found_in, told_in
 from tests.laws import some
@@ -71,6 +72,7 @@ def test_a_host_that_may_not_write_is_told_with_what_it_wrote(tmp_path: Path) ->
     assert (sdo_finding.first_ns, sdo_finding.last_ns) == (MORNING + HOUR, MORNING + 2 * HOUR)
     assert visu_finding.message == f"{OTHER} wrote 1 time to {PRESS} by WebVisu (4,0,4,6): {allowed}"
     assert visu_finding.variable == f"visu/{PRESS}"
+    assert (sdo_finding.hint, "WebVisu writes" in visu_finding.hint) == ("", True)
 
 
 def test_a_write_outside_the_hours_is_told_with_when(tmp_path: Path) -> None:
@@ -78,10 +80,42 @@ def test_a_write_outside_the_hours_is_told_with_when(tmp_path: Path) -> None:
     of_panel = [message for _, message, _ in found if message.startswith(PANEL)]
     why = "outside the hours 06:00-08:00, sun 00:00-24:00, first at 2024-01-01 05:30:0"
     assert of_panel == [
-        f"{PANEL} wrote 2 times to {PRESS} by SDO (0x2000:0): {why}0.",
-        f"{PANEL} wrote 2 times to {PRESS} by WebVisu (4,0,4,6): {why}1.",
+        f"{PANEL} wrote 2 times to {PRESS} by SDO (0x2000:0): {why}0 local time.",
+        f"{PANEL} wrote 2 times to {PRESS} by WebVisu (4,0,4,6): {why}1 local time.",
     ]
     assert len(found) == 2  # the other host wrote within
+
+
+def test_of_very_many_hosts_that_wrote_one_finding_tells(tmp_path: Path) -> None:
+    frames = [frame for one in range(40) for frame in sdo(MORNING + one * 10**9, f"10.1.0.{one}", counter=one)]
+    (finding,) = found_in(frames, tmp_path, f'[security]\nwriters = ["{PANEL}"]')
+    who = "40 hosts (10.1.0.0, 10.1.0.1, 10.1.0.10 and 37 more)"
+    assert finding.message == f"{who} wrote 40 times to {PRESS} by SDO (0x2000:0): the project lets only {PANEL} write."
+    assert (finding.count, finding.node, finding.variable) == (40, None, f"sdo/{PRESS}")
+    assert (finding.first_ns, finding.last_ns) == (MORNING, MORNING + 39 * 10**9)
+    assert len(finding.frames) == 10
+    late = found_in(frames, tmp_path, '[security]\nhours = "05:31-06:00"')
+    assert [one.message.rpartition("first at ")[2] for one in late] == ["2024-01-01 05:30:00 local time."]
+    assert len(found_in(frames[:16], tmp_path, "[security]\nwriters = []")) == 8
+
+
+def test_who_writes_behind_those_that_are_kept_is_told_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where a gateway writes in cycles: it must not hide who else does."""
+    frames = [frame for one in range(20) for frame in sdo(MORNING + one * HOUR // 60, PANEL, counter=one)]
+    frames += sdo(MORNING + HOUR, OTHER, 0x2001, counter=99) + sdo(MORNING + HOUR + 10**9, OTHER, 0x2001, counter=100)
+    told = told_in(frames, tmp_path, f'[security]\nwriters = "{PANEL}"\nhours = "05:30-05:50"')
+    monkeypatch.setattr(writes_of_parameters, "MOST_WRITES", 19)
+    (with_less,) = told_in(frames, tmp_path, f'[security]\nwriters = "{PANEL}"\nhours = "05:30-05:50"')
+    assert told == [(with_less[0], with_less[1].replace("by SDO", "by SDO (0x2001:0)"), 2)]
+    late = '[security]\nhours = "05:30-05:49"'
+    assert {message.partition(" wrote ")[0] for _, message, _ in told_in(frames, tmp_path, late)} == {PANEL, OTHER}
+    monkeypatch.setattr(writes_of_parameters, "MOST_WRITES", 1)
+    (some,) = told_in(frames, tmp_path, '[security]\nhours = "12:00-13:00"')
+    assert some[1].startswith(f"{PANEL} wrote at least 2 times to {PRESS} by SDO (0x2000:0): ")
+    # What nobody compares with the hours is told by its number.
+    assert "NV906" in {one.code for one in analysed(frames, tmp_path, late).findings}
 
 
 def test_reads_are_no_writes_and_a_refused_write_is_one(tmp_path: Path) -> None:
@@ -156,3 +190,8 @@ def test_of_more_minutes_than_are_kept_it_is_said_that_there_are_more(
         if one.variable.startswith("visu/") and one.message.startswith(PANEL)
     ]  # fmt: skip
     assert f"{PANEL} wrote at least 2 times to {PRESS} by WebVisu" in finding.message
+    told = [one.message for one in analysed(writes(), tmp_path, '[security]\nhours = "12:00-13:00"').findings]
+    what = "2 writes of web visualization, whose time is not compared with the hours"
+    assert any(f"Left out: {what}." in message for message in told)
+    # Where nobody asks for hours, nothing is left out.
+    assert "NV906" not in {one.code for one in analysed(writes(), tmp_path).findings}

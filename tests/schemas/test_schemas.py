@@ -149,7 +149,6 @@ UNSEEN = {
     "diff/only_b[].id null": "the same",
     "report/lists[].diag.tLastReceive null": "a list of which nothing was received but that it could not be delivered",
     "truth/lists[].diag.tLastReceive null": "the same",
-    "truth/lists[].diag.tLastSend null": "a list of which only an answer is seen",
     "watch/transactions[].writes null": "more than a thousand pairs",
     "watch/transactions[].last_write.variables[].value null": "more writes of parameters than are kept",
     "watch/at_ns null": "what is watched live before anything came",

@@ -7,7 +7,7 @@ intervals means that nobody can know; findings that hang on such figures are lef
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from tests.simulate.simulation import Simulation
@@ -19,6 +19,18 @@ OF_COUNTERS = {"NV201", "NV202", "NV203", "NV204", "NV205", "NV206", "NV207"}
 ONLY_IN_TRUTH = {"causes", "designed", "schema", "tool", "title", "seed", "exact"}
 
 FindingKey = tuple[str, str | None, str | None, int | None]
+
+
+def by_list(told: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is told by list, of each list of a range such as ``udp/1202/7-9`` the same; others as they are."""
+    found: dict[str, Any] = {}
+    for key, value in told.items():
+        place, _, numbers = key.rpartition("/")
+        first, _, last = numbers.partition("-")
+        each = [f"{place}/{number}" for number in range(int(first), int(last) + 1)] if last else [key]
+        assert found.keys().isdisjoint(each), f"{key} is told twice"
+        found |= dict.fromkeys(each, value)
+    return found
 
 
 def differences(simulation: Simulation, report: dict[str, Any], codes: set[str]) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import tomllib
 from collections.abc import Iterator
 from dataclasses import fields
 from functools import cache
@@ -21,6 +22,7 @@ from nvscope.simulate.scenario_file import load_scenario
 from nvscope.simulate.simulator import BATCH_FRAMES, all_packets, channels_of, open_capture
 from nvscope.simulate.truth import make_truth
 from tests.oracle.frame import Frame
+from tests.oracle.rules.security import security_rows
 from tests.simulate.collected import frames_of
 from tests.simulate.expected.findings import expected_findings
 from tests.simulate.expected.parameters import ExpectedOfParameters, expected_of_parameters
@@ -40,6 +42,7 @@ class Simulation:
         self._truth = make_truth(facts)
         self.batches = tuple(all_packets(scenario, facts.table, facts.can_table, BATCH_FRAMES))
         self._findings = expected_findings(facts)
+        self.project = scenario.expect.project if scenario.expect is not None else ""
         self._parameters = ExpectedOfParameters()
         if scenario.parameter or any(one.kind == "parameter" for one in scenario.traffic):
             self._parameters = expected_of_parameters(self.frames())
@@ -48,6 +51,7 @@ class Simulation:
         if scenario.page:
             self._visu = expected_of_visu(self.frames())
             self._findings += self._visu.findings
+        self._findings += self._of_security() if self.project or scenario.scan else []
         for batch in self.batches:
             for column in fields(batch):
                 if isinstance(values := getattr(batch, column.name), np.ndarray):
@@ -71,6 +75,12 @@ class Simulation:
 
     def frames(self) -> Iterator[Frame]:
         return frames_of(self.batches)
+
+    def _of_security(self) -> list[dict[str, Any]]:
+        """Return what is to be told of who should not be there, by what the project file of the scenario says."""
+        names = ("code", "list", "node", "subindex", "count")
+        rows = security_rows(self.frames(), tomllib.loads(self.project))
+        return [dict(zip(names, row, strict=True)) for row in rows]
 
     def write(self, path: Path) -> Path:
         """Write a capture in the format that its name says, and return where it is."""
@@ -96,10 +106,13 @@ def simulated(path: Path) -> Simulation:
 
 
 def project_of(scenario: Scenario, directory: Path) -> Project:
-    """Return what the definition files of a scenario's lists tell, which are written to a directory."""
+    """Return what the definition files of a scenario's lists, and its project file, tell; all go to a directory."""
     paths = []
     for name, text in definitions(scenario).items():
         path = directory / f"{name}.gvl"
         path.write_text(text, encoding="utf-8")
         paths.append(str(path))
-    return read_project(None, definitions=paths)
+    if scenario.expect is None or not scenario.expect.project:
+        return read_project(None, definitions=paths)
+    (directory / "nvscope.toml").write_text(scenario.expect.project, encoding="utf-8")
+    return read_project(directory / "nvscope.toml", definitions=paths)

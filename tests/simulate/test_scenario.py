@@ -61,6 +61,13 @@ def test_total_bytes_are_cut_between_elements() -> None:
 @pytest.mark.parametrize(
     ("added", "where", "what"),
     [
+        (
+            "[[second_sender]]\nlist='axis'\nnode='hmi'\ncounts_along=true\n",
+            "second_sender[0].counts_along",
+            "not exact",
+        ),
+        ("[[scan]]\nnode='pc'\nindex=1\ncount=9\ninterval='1s'\n", "scan[0].node", "there is no node 'pc'"),
+        ("[[scan]]\nnode='hmi'\nindex=65000\ncount=999\ninterval='1s'\n", "scan[0].count", "identifiers end at 65535"),
         ("colour = 1", "plant.toml: list[0].colour", "unknown key 'colour'"),
         ("jiter = '1ms'", "list[0].jiter", "nearest known one is 'jitter'"),
         ("jitter = 1", "list[0].jitter", "a duration is expected"),

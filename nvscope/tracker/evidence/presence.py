@@ -30,8 +30,8 @@ HARDWARE, IP = 0, 1
 _VLAN_BIT = np.uint64(48)
 HARDWARE_BITS = (np.uint64(1) << _VLAN_BIT) - np.uint64(1)
 
-BY_ARP = 256
-"""In place of a time to live, of ARP messages that an address sends."""
+BY_ARP, BY_ARP_ANSWER = 256, 257
+"""In place of a time to live, of ARP messages that an address sends: those of its own accord, and its answers."""
 
 
 class SeenColumns(KeyedColumns):
@@ -130,11 +130,11 @@ class Presence:
     """An observer of all frames, which takes many batches at a time: ``settle`` before looking at it.
 
     ``addresses`` number the hardware and IP addresses that sent some, which are the rows of ``columns``; ``pairs``
-    number (upper half, lower half, hardware address with VLAN + 1 above it, time to live or ``BY_ARP``), the rows of
-    ``pair_columns``. ``signs`` are when an address's frames that are no telegrams of lists were, by the rows of
-    ``columns``, ``questions`` who looked for whom. ``claims`` are the IP addresses with the hardware addresses that ARP
-    told of them (upper half, lower half, hardware address). ``left_out`` counts the frames of addresses and pairs for
-    which there was no room.
+    number (upper half, lower half, hardware address with VLAN + 1 above it, time to live, or ``BY_ARP`` and
+    above), the rows of ``pair_columns``. ``signs`` are when an address's frames that are no telegrams of lists were, by
+    the rows of ``columns``, ``questions`` who looked for whom. ``claims`` are the IP addresses with the hardware
+    addresses that ARP told of them (upper half, lower half, hardware address). ``left_out`` counts the frames of
+    addresses and pairs for which there was no room.
     """
 
     by_stream: ClassVar[bool] = False
@@ -225,7 +225,7 @@ class Presence:
         found, place, row = found.take(known), place[known], row[known]
         device = found.hardware | (found.vlan + 1).astype(np.uint64) << _VLAN_BIT
         # What ARP says is about an address, and has no time to live.
-        time_to_live = np.where(found.ttl < 0, BY_ARP, found.ttl).astype(np.uint64)
+        time_to_live = np.where(found.ttl < 0, BY_ARP + found.answers, found.ttl).astype(np.uint64)
         pair = found.high, found.low, device, time_to_live
         ways.pair[place] = self._numbers(self.pairs, pair, self.pair_columns, heard, row)
         high, low, device, _ = (word[len(self._device_of) :] for word in self.pairs.words)

@@ -1,20 +1,21 @@
 """SharedAddress: an IP address that several devices have, what tells them from one, and whether they use it in turns.
 
-One device whose frames come by two ways (a router, a mirror of both its sides), one that got another device's address,
-and a pair of which the one takes over from the other are none of these.
+One device whose frames come by two ways (a router, a mirror of both its sides, two cables), one that got another
+device's address, a pair of which the one takes over from the other, and a computer that answers ARP for all of its
+addresses on each of its cards are none of these; nor is 0.0.0.0, which all have that have no address.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from dissectors.headers import IPV4_LOW
 from dissectors.keys import KeyTable
-from nvscope.tracker.evidence.presence import BY_ARP, HARDWARE_BITS, IP, Presence
+from nvscope.tracker.evidence.presence import BY_ARP, BY_ARP_ANSWER, HARDWARE_BITS, IP, Presence
 from nvscope.tracker.evidence.shared_addresses import ALL_DEVICES, ALL_LISTS, SharedAddresses
 
 LEAST_ALTERNATIONS = 3
@@ -27,12 +28,20 @@ _TURNS_EACH = 5
 _TURNS_PERCENT = 10
 """A pair that takes over from each other does so a few times, and for long: its turns are few beside its frames."""
 
+_UNSPECIFIED, _HARDWARE_BYTES, _VLAN_SHIFT = IPV4_LOW, 6, 48
+
+_VIRTUAL = ((0x00_00_5E_00_01, 40), (0x00_00_5E_00_02, 40), (0x00_00_0C_07_AC, 40), (0x00_00_0C_9F_F, 36))
+"""Begins, in bits, of hardware addresses that redundant devices have beside their own: VRRP, CARP and HSRP."""
+
 _MOST_HOPS = 8
 """By so much less a time to live is that of the same frame behind some routers; those of systems are further apart."""
 
 
 class Device(NamedTuple):
-    """A hardware address that sends from an address others have, too; ``alternations`` are its turns behind others."""
+    """A hardware address that sends from an address others have, too; ``alternations`` are its turns behind others.
+
+    ``vlans`` are the numbers in the outermost tags of its frames, -1 where there is none.
+    """
 
     hardware: int
     first_frame: int
@@ -41,10 +50,10 @@ class Device(NamedTuple):
     alternations: int
     frames: int
     times_to_live: Collection[int]
+    vlans: Collection[int]
 
 
-@dataclass(frozen=True, slots=True)
-class SharedAddress:
+class SharedAddress(NamedTuple):
     """The devices that have the address of a node, by their first frames, and what tells them from one device.
 
     ``by_counters``: the Counters of their telegrams do.
@@ -61,8 +70,16 @@ class SharedAddress:
         return sum(one.alternations for one in self.devices)
 
     @property
+    def are_apart(self) -> bool:
+        """Whether each is in VLANs of its own: networks that have the same addresses, as those of like machines."""
+        vlans = [one for device in self.devices for one in device.vlans]
+        return len(vlans) == len({*vlans})
+
+    @property
     def is_interleaved(self) -> bool:
         """Whether they use it at the same time, so that neither a router nor a change of hands explains it."""
+        if self.are_apart:
+            return False
         rarest = min(self.devices, key=lambda one: one.frames)
         if min(one.alternations for one in self.devices) < _TURNS_EACH:
             return False
@@ -95,7 +112,7 @@ def shared_addresses(
     numbers = presence.addresses.find(np.full(len(nodes), IP, np.uint64), *nodes.words)
     found = []
     for node, number in enumerate(numbers.tolist()):
-        if number < 0 or not presence.columns.shared[number]:
+        if number < 0 or not presence.columns.shared[number] or presence.addresses.words[2][number] == _UNSPECIFIED:
             continue
         devices = _devices(presence, shared, number, pairs)
         if len(devices) < 2 or sum(one.alternations for one in devices) < LEAST_ALTERNATIONS:
@@ -117,15 +134,15 @@ def addresses_by_hardware(presence: Presence) -> Mapping[int, Collection[tuple[i
 
 def hardware_text(hardware: int) -> str:
     """Return a hardware address as it is written: ``02:00:00:00:00:01``."""
-    return hardware.to_bytes(6, "big").hex(":")
+    return hardware.to_bytes(_HARDWARE_BYTES, "big").hex(":")
 
 
 class _Pairs:
     """Which addresses came from which hardware, looked up once for all: a flood makes very many of them."""
 
     def __init__(self, presence: Presence, addresses_of: Mapping[int, Collection[object]]) -> None:
-        high, low, device, _ = presence.pairs.words
-        self._hardware = (device & HARDWARE_BITS).tolist()
+        high, low, self.device, _ = presence.pairs.words
+        self._hardware = (self.device & HARDWARE_BITS).tolist()
         self._rows: dict[tuple[int, int], list[int]] = defaultdict(list)
         for row, place in enumerate(zip(high.tolist(), low.tolist(), strict=True)):
             self._rows[place].append(row)
@@ -141,7 +158,10 @@ class _Pairs:
 
 
 def _devices(presence: Presence, shared: SharedAddresses, number: int, pairs: _Pairs) -> list[Device]:
-    """Return the devices that have an address, by their first frames: no routers, and none that only repeat."""
+    """Return the devices that have an address, by their first frames: no routers, and none that only repeat or answer.
+
+    A computer with two cards in one network answers who looks for an address of it on both.
+    """
     _, high, low = (int(words[number]) for words in presence.addresses.words)
     time_to_live = presence.pairs.words[3]
     found = []
@@ -150,13 +170,17 @@ def _devices(presence: Presence, shared: SharedAddresses, number: int, pairs: _P
             continue
         columns = presence.pair_columns
         first = min(of_pairs, key=lambda row: int(columns.first_frame[row]))
-        lives = {int(time_to_live[row]) for row in of_pairs} - {BY_ARP}
+        told_by = {int(time_to_live[row]) for row in of_pairs}
+        if told_by == {BY_ARP_ANSWER}:
+            continue
+        lives = {one for one in told_by if one < BY_ARP}
         found.append(
             Device(
                 own, int(columns.first_frame[first]), int(columns.first_ns[first]),
                 max(int(columns.last_ns[row]) for row in of_pairs),
                 sum(int(columns.alternations[row]) for row in of_pairs),
                 sum(int(columns.count[row]) for row in of_pairs), lives,
+                {(int(pairs.device[row]) >> _VLAN_SHIFT) - 1 for row in of_pairs},
             )
         )  # fmt: skip
     return sorted(found, key=lambda one: one.first_frame)
@@ -193,9 +217,15 @@ def _told_by(
     by_counters = several and together is not None and not any(together)
     if by_counters:
         told.append("the counters of each of them are regular, those of both together are not")
-    if sum(one.hardware in own for one in devices) >= 2:
+    # What counts regularly over both of them, and not over each, is one device that sends over two cables.
+    is_one = together is not None and any(together) and not any(one is None or any(one) for one in counters)
+    if not is_one and sum(one.hardware in own and not _is_virtual(one.hardware) for one in devices) >= 2:
         told.append("ARP tells both hardware addresses for it")
     return told, by_counters
+
+
+def _is_virtual(hardware: int) -> bool:
+    return any(hardware >> (8 * _HARDWARE_BYTES - bits) == begin for begin, bits in _VIRTUAL)
 
 
 def _regular(shared: SharedAddresses, address: int, hardware: int) -> tuple[bool, bool] | None:

@@ -18,12 +18,17 @@ from dissectors.batch import I64, U64
 from dissectors.keys import KeyTable
 from dissectors.netvar import Service
 from nvscope.engine.told import Told
+from nvscope.tracker.events import EventLog
 from nvscope.tracker.parameter.matching import Messages, Open, parameter_of
 from nvscope.tracker.parameter.values import LastValues, Value, values_in
 
 MOST_WRITES = 10_000
-"""So many writes are kept, the first ones; from there on no values are kept either."""
+"""So many writes are kept, the first ones; from there on no values are kept either.
 
+Of so many minutes of pairs it is known behind these how often they wrote; of more, that there were.
+"""
+
+MINUTE_NS = 60 * 10**9
 _PARTNER_BIT = np.uint64(32)
 _WRITTEN, _READ = Service.ODWriteRequestReply, Service.ODReadRequestReply
 
@@ -66,11 +71,13 @@ _OUTCOMES = {_WRITTEN: Outcome.CONFIRMED, Service.ODStateBusy: Outcome.BUSY}
 class Writes:
     """The first ``MOST_WRITES`` writes of all nodes, in the order of their frames; a part of the transactions.
 
-    ``pairs`` are those of the transactions: requester, partner (the halves of their addresses) and port.
+    ``pairs`` are those of the transactions: requester, partner (the halves of their addresses) and port. ``further``
+    are the writes behind those that are kept, by pair and minute since 1970; of ``further_left_out`` not even that is.
     """
 
     def __init__(self, pairs: KeyTable) -> None:
         self.kept: list[Write] = []
+        self.further, self.further_left_out = EventLog(), 0
         self._pairs = pairs
         self._places: dict[int, int] = {}  # By the frames of those that are open.
         self._described: dict[int, tuple[str, str, int]] = {}
@@ -89,6 +96,8 @@ class Writes:
         room = MOST_WRITES - len(self.kept)
         has_room = np.arange(len(asked)) < room
         fresh, beyond = asked.take(has_room), asked.take(~has_room)
+        if len(beyond):
+            self._note(beyond, told.first_frame)
         # Values that come behind the last write that is kept are those of nothing.
         stop = len(told) if len(fresh) < room else int(fresh.packet[-1]) if room else 0
         own = ((closing.service == _READ) | (closing.service == _WRITTEN)) & (closing.packet < stop)
@@ -115,6 +124,15 @@ class Writes:
             if place is not None:
                 self.kept[place] = replace(self.kept[place], outcome=Outcome.UNANSWERED)
 
+    def _note(self, beyond: Messages, first_frame: int) -> None:
+        """Take writes for which there is no room, as closely as hours of a day ask for it."""
+        words = beyond.pair.astype(np.uint64), (beyond.time_ns // MINUTE_NS).view(np.uint64)
+        has_room = self.further.keys.numbers_within(MOST_WRITES, *words) >= 0
+        self.further_left_out += int(np.count_nonzero(~has_room))
+        frame = beyond.packet[has_room] + first_frame
+        self.further.record(beyond.time_ns[has_room], frame, *(word[has_room] for word in words))
+        self.further.settle()
+
     def _keep(self, told: Told, fresh: Messages, tells: Messages, of: I64, number: I64) -> None:
         """Keep writes, each with the value that was last told before it."""
         place = self._values.find(self._words(fresh))
@@ -137,7 +155,7 @@ class Writes:
             self._places[frame] = len(self.kept)
             self.kept.append(
                 Write(
-                    time_ns, frame, *self._ends(pair), parameter >> 16, parameter & 0xFFFF,
+                    time_ns, frame, *self.ends(pair), parameter >> 16, parameter & 0xFFFF,
                     old if old and old.is_known else None, new,
                 )
             )  # fmt: skip
@@ -167,7 +185,7 @@ class Writes:
                 error=Service(service).name if outcome is Outcome.REFUSED else None,
             )  # fmt: skip
 
-    def _ends(self, pair: int) -> tuple[str, str, int]:
+    def ends(self, pair: int) -> tuple[str, str, int]:
         """Return requester and partner of a pair as texts, and the port."""
         if pair not in self._described:
             requester_hi, requester_lo, partner_hi, partner_lo, port = (int(word[pair]) for word in self._pairs.words)

@@ -27,7 +27,7 @@ class Beyond(IntEnum):
     """That for which there is no room.
 
     Pairs of client and server, variables that differ, findings on more of these, writes, connections at a time,
-    requests that wait, messages that are not whole, names, and reads whose interval is measured.
+    requests that wait, messages that are not whole, names, reads whose interval is measured, and minutes of writes.
     """
 
     PAIR = 0
@@ -39,3 +39,4 @@ class Beyond(IntEnum):
     HELD = 6
     NAMES = 7
     POLLED = 8
+    WRITE_MINUTE = 9

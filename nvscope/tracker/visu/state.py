@@ -100,9 +100,9 @@ class VisuCounts:
 
     ``pairs`` number client, server and port, as in ``VisuBatch.pairs``; ``columns``, ``latencies`` and ``pollings`` are
     by pair. ``events`` are keyed by ``VisuEvent`` and by subject, which ``subjects`` number; ``write_minutes`` are
-    the writes among them by subject and minute since 1970, ``write_minutes_left_out`` those of more minutes. ``writes``
-    are who wrote what, ``unchanging`` what never changed, ``others`` what is spoken beside by pair and
-    ``WebProtocol``. ``left_out`` is that for which there was no room, keyed by ``Beyond``.
+    the writes among them by subject and minute since 1970. ``writes`` are who wrote what, ``unchanging`` what never
+    changed, ``others`` what is spoken beside by pair and ``WebProtocol``. ``left_out`` is that for which there was no
+    room, keyed by ``Beyond``.
     """
 
     def __init__(self) -> None:
@@ -113,7 +113,6 @@ class VisuCounts:
         self.subjects: dict[Subject, int] = {}
         self.events = EventLog()
         self.write_minutes = EventLog()
-        self.write_minutes_left_out = 0
         self.left_out = EventLog(1)
         self.writes = Writes()
         self.others: dict[tuple[int, int], Spoken] = {}
@@ -300,7 +299,7 @@ class VisuCounts:
         minute = time_ns // _MINUTE_NS
         if (number, minute) not in self._minutes:
             if len(self._minutes) >= MOST_WRITE_MINUTES:
-                self.write_minutes_left_out += 1
+                self.left_out.record(*_one(time_ns, frame, Beyond.WRITE_MINUTE))
                 return
             self._minutes.add((number, minute))
         words = np.array([number], np.uint64), np.array([minute], np.int64).view(np.uint64)

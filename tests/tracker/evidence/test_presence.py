@@ -48,8 +48,8 @@ def singly(batch: PacketBatch) -> tuple[dict[Key, Any], dict[tuple[int, ...], An
     last: dict[tuple[int, int], int] = {}
     announced = []
     found = addresses_of(batch)
-    columns = (found.row, found.hardware, found.vlan, found.high, found.low, found.ttl, found.announces)
-    for row, hardware, vlan, high, low, ttl, announces in zip(*(one.tolist() for one in columns), strict=True):
+    columns = (found.row, found.hardware, found.vlan, found.high, found.low, found.ttl, found.announces, found.answers)
+    for row, hardware, vlan, high, low, ttl, announces, answers in zip(*(one.tolist() for one in columns), strict=True):
         time_ns, other = int(batch.ts_ns[row]), row not in lists
         if hardware:
             heard[HARDWARE, 0, hardware].append((time_ns, other))
@@ -59,7 +59,7 @@ def singly(batch: PacketBatch) -> tuple[dict[Key, Any], dict[tuple[int, ...], An
         if announces:
             announced.append((time_ns, row + 1, (IP_KIND, high, low), hardware))
         if hardware:
-            pair = high, low, hardware | (vlan + 1) << 48, BY_ARP if ttl < 0 else ttl
+            pair = high, low, hardware | (vlan + 1) << 48, BY_ARP + answers if ttl < 0 else ttl
             pairs[pair].append(time_ns)
             alternations[pair] += last.get((high, low), hardware) != hardware
             last[high, low] = hardware
