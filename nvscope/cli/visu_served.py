@@ -102,7 +102,7 @@ def served_of(asked: Asked) -> Served:
     if not asked.sources and not asked.live.interfaces:
         raise UsageError(
             "a table is needed, or a source of lists", next_step="`nvscope visu serve --keys` lists what a table can "
-            "say; `nvscope visu serve eth0 --gvl plc` serves the lists that come there",
+            "say; an interface and --gvl FILE serve the lists that come there",
         )  # fmt: skip
     return _of_lists(asked)
 
@@ -129,7 +129,7 @@ def _of_lists(asked: Asked) -> Served:
         if not lists.table.entries:
             raise UsageError(
                 "of no variable of the defined lists is known where it is sent",
-                next_step="`nvscope gvl layout FILE` tells what is known",
+                next_step="`nvscope gvl layout` tells what is known",
             )
     tell_of_lists(inquiry)
     if lists.left_out:

@@ -15,8 +15,8 @@ from nvscope.definition.scalars import SCALARS
 from nvscope.definition.value import Value
 from nvscope.definition.variables import Elementary, Scalar, ScalarKind, String
 
-MOST_DIGITS, MOST_REAL_CHARACTERS = 20, 100
-"""What is longer is no number."""
+MOST_DIGITS, MOST_REAL_CHARACTERS = 20, 400
+"""What is longer is no number: an LREAL without an exponent has up to 345 characters."""
 
 SPACES = " \t\v\f\r\n\x1c\x1d\x1e\x1f\x85\xa0"
 """What may stand around a number: all that is blank in ISO-8859-1."""
