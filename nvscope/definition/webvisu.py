@@ -2,15 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from dissectors.webvisu import Place as Where
+from nvscope.definition.project_nodes import canonical_address
 from nvscope.errors import ConfigurationError
-from nvscope.toml_table import TEXT, Place, array, integer, key
+from nvscope.toml_table import TEXT, Place, ValueKind, array, integer, key, mapping
+
+if TYPE_CHECKING:
+    from nvscope.definition.visu_variables import VisuVariables
 
 _U16_MAX = 0xFFFF
+_FILES = array(TEXT, single=True)
+
+
+def _controllers(value: Any, place: Place) -> tuple[tuple[str, tuple[str, ...]], ...]:
+    found: dict[str, tuple[str, ...]] = {}
+    for text, files in mapping(ValueKind("", lambda entry, _: entry)).read(value, place).items():
+        here = place.below(f'"{text[:60]}"')
+        address = canonical_address(text)
+        if address is None:
+            what = f"'{text[:60]}' is no IP address"
+            raise here.error(what, 'Write one in quotes: "192.168.1.3" = ["press/plc_visu.xml"].')
+        if address in found:
+            raise here.error(f"the controller {address} is there twice", "Leave one of the entries out.")
+        found[address] = _FILES.read(files, here)
+    return tuple(found.items())
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,28 +40,50 @@ class WebVisuSettings:
         array(integer(1, _U16_MAX), single=True), "TCP ports of web servers beside 80 and 8080", default=()
     )
     variables: tuple[str, ...] = key(
-        array(TEXT, single=True),
+        _FILES,
         "files with the names of variables, relative to this file: plc_visu.xml, visu_ini.xml, *.SYM_XML; lists within "
         "a capture go before them",
+        default=(),
+    )
+    controllers: tuple[tuple[str, tuple[str, ...]], ...] = key(
+        ValueKind("table of arrays of text", _controllers),
+        'the same of one controller alone, by its address: "192.168.1.3" = ["press/plc_visu.xml"]',
         default=(),
     )
 
 
 @dataclass(frozen=True, slots=True)
+class GivenList:
+    """A file with names of variables; ``controller`` is the address of whose they are, '' where it may be any."""
+
+    file: str
+    variables: VisuVariables
+    controller: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class WebVisu:
-    """The same, with the files read: ``names`` are those of variables by where they lie."""
+    """The same, with the files read."""
 
     ports: tuple[int, ...] = ()
-    names: Mapping[Where, str] = field(default_factory=dict)
+    lists: tuple[GivenList, ...] = ()
 
     def __bool__(self) -> bool:
-        return bool(self.ports or self.names)
+        return bool(self.ports or self.lists)
 
 
 def webvisu_of(told: WebVisuSettings, path: Path | None, place: Place) -> WebVisu:
     """Return what a project says; ConfigurationError, with the place, where a file cannot be read or lists nothing."""
-    names: dict[Where, str] = {}
-    for file in _files(told.variables, path, place):
+    here = place.below("webvisu")
+    named = [("", told.variables, here.below("variables"))]
+    below = here.below("controllers")
+    named += [(controller, files, below.below(f'"{controller}"')) for controller, files in told.controllers]
+    lists = [one for controller, files, where in named for one in _lists(controller, files, path, where)]
+    return WebVisu(told.ports, tuple(lists))
+
+
+def _lists(controller: str, patterns: Sequence[str], path: Path | None, place: Place) -> Iterator[GivenList]:
+    for file in _files(patterns, path, place):
         # Not before it is needed: few projects have any.
         from nvscope.definition.visu_variables import read_visu_variables  # noqa: PLC0415
 
@@ -52,8 +93,7 @@ def webvisu_of(told: WebVisuSettings, path: Path | None, place: Place) -> WebVis
                 "the file lists no variables of a web visualization", where=str(file),
                 next_step="Name the XML files that the controller has beside its pages: plc_visu.xml, visu_ini.xml.",
             )  # fmt: skip
-        names |= found.names
-    return WebVisu(told.ports, names)
+        yield GivenList(str(file), found, controller)
 
 
 def _files(patterns: Sequence[str], path: Path | None, place: Place) -> list[Path]:
@@ -63,8 +103,8 @@ def _files(patterns: Sequence[str], path: Path | None, place: Place) -> list[Pat
         if any(sign in pattern for sign in "*?["):
             matches = sorted(folder.glob(pattern)) if not Path(pattern).is_absolute() else []
             if not matches:
-                here = place.below("webvisu").below(f"variables[{number}]")
-                raise here.error(f"no file is called '{pattern[:100]}'", f"The pattern is relative to {folder}.")
+                what = f"no file is called '{pattern[:100]}'"
+                raise place.below(number).error(what, f"The pattern is relative to {folder}.")
             found += matches
         else:
             found.append(folder / pattern)

@@ -13,6 +13,7 @@ from nvscope.units import count, count_of
 if TYPE_CHECKING:
     from nvscope.findings.facts import Facts
     from nvscope.tracker.visu.events import VisuEvent
+    from nvscope.tracker.visu.names import OtherNames
     from nvscope.tracker.visu.state import Subject, VisuCounts
     from nvscope.tracker.visu.writes import Write
 
@@ -92,6 +93,26 @@ VISU_SLOW = FindingKind(
     next_steps=("Ask for fewer variables, less often, from fewer clients; look at the controller's load.",),
     protocol="visu",
 )
+VISU_OTHER_NAMES = FindingKind(
+    "NV806",
+    "visu-other-names",
+    Severity.WARNING,
+    meaning=(
+        "A controller's own list says that variables lie elsewhere than what was known before does. What came before "
+        "that list may be called by wrong names here, and pages that were loaded before show, and write, other "
+        "variables than they say. What the list contradicts is not believed any more."
+    ),
+    causes=(
+        "the program was changed and downloaded: addresses change with every build",
+        "given files of an older download, or of another controller",
+        "a gateway that passes one address on to several controllers",
+    ),
+    next_steps=(
+        "Reload the pages that were open before the download, and give the XML files of the current one.",
+        "Of several controllers, give each its own files: [webvisu.controllers] of the project file.",
+    ),
+    protocol="visu",
+)
 
 
 def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
@@ -103,6 +124,7 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
         VisuEvent.WRITTEN: VISU_WRITE, VisuEvent.REFUSED: VISU_ERROR, VisuEvent.STATUS: VISU_ERROR,
         VisuEvent.PASSWORD_SEEN: VISU_PASSWORD_IN_CLEAR, VisuEvent.MISCOUNTED: VISU_COUNT_MISMATCH,
         VisuEvent.SLOW: VISU_SLOW, VisuEvent.UNANSWERED: VISU_SLOW, VisuEvent.LATE: VISU_SLOW,
+        VisuEvent.OTHER_NAMES: VISU_OTHER_NAMES,
     }  # fmt: skip
     subjects = list(counts.subjects)
     found: dict[tuple[FindingKind, Subject], dict[VisuEvent, Events]] = defaultdict(dict)
@@ -116,7 +138,10 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
     for (kind, subject), parts in found.items():
         together = parts[VisuEvent.LATE] if kind is VISU_SLOW else _together(parts.values())
         variable = f"visu/{subject.server}/{subject.variable}" if subject.variable else f"visu/{subject.server}"
-        message = _sentence(kind, subject, parts, last.get(subject))
+        if kind is VISU_OTHER_NAMES:
+            message = _contradicted(subject.server, together.count, counts.other_names[subject])
+        else:
+            message = _sentence(kind, subject, parts, last.get(subject))
         yield Finding(
             kind, message, together.count, together.first_ns, together.last_ns, together.frames,
             node=nodes.get(subject.client), variable=variable,
@@ -156,6 +181,24 @@ def _sentence(
     if unanswered:
         told.append(f"ended the connection without a reply to {count_of(unanswered, 'request')} of {client}")
     return f"{server} {' and '.join(told)}."
+
+
+def _contradicted(server: str, times: int, other: OtherNames) -> str:
+    """Return what a list says otherwise than those known before."""
+    older = ", which is older" if _older(other.stamp_before, other.stamp) else ""
+    than = f"{other.file} says{older}" if other.file else "it said before"
+    variables = count_of(other.differing, "variable")
+    begin = f"{server} has"
+    if times > 1:
+        begin = f"{server} sent {count(times)} lists of variables that contradict what was known; the first one has"
+    example = f"{other.name} is {other.place.text} and not {other.place_before.text}"
+    return f"{begin} {variables} at other places than {than}: {example}."
+
+
+def _older(stamp: str, other: str) -> bool:
+    """Tell whether a time-stamp is older than another one; they begin with a number that grows."""
+    first, second = (text.partition(",")[0].strip() for text in (stamp, other))
+    return first.isdecimal() and second.isdecimal() and int(first) < int(second)
 
 
 def _over(write: Write | None, total: int) -> str:

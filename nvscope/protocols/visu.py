@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from nvscope.protocols.protocol import Protocol
+from nvscope.tracker.visu.controllers import USUAL_PORTS
 from nvscope.tracker.visu.on_demand import NAME, FollowOnDemand, VisuState
 
 if TYPE_CHECKING:
@@ -24,13 +25,10 @@ if TYPE_CHECKING:
     from nvscope.view.lines.shown import LineMaker, Tree, Wording
     from nvscope.view.rows.frames import FrameRows
 
-PORTS = (80, 8080)
-"""The TCP ports of controllers' web servers."""
-
 
 def page_ports(webvisu: WebVisu | None) -> tuple[int, ...]:
     """Return the TCP ports over which pages are looked for, with what a project says of it."""
-    return *PORTS, *(webvisu.ports if webvisu else ())
+    return *USUAL_PORTS, *(webvisu.ports if webvisu else ())
 
 
 def _dissector(webvisu: WebVisu | None = None) -> Dissector:
@@ -38,8 +36,8 @@ def _dissector(webvisu: WebVisu | None = None) -> Dissector:
     from dissectors.dissector import Dissector  # noqa: PLC0415
 
     ports = page_ports(webvisu)
-    names = webvisu.names if webvisu else {}
-    return Dissector(NAME, Claims(tcp=ports), begin=lambda: FollowOnDemand(ports, names))
+    given = webvisu.lists if webvisu else ()
+    return Dissector(NAME, Claims(tcp=ports), begin=lambda: FollowOnDemand(ports, given))
 
 
 def visu_of(webvisu: WebVisu) -> Protocol:

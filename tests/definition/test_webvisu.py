@@ -30,7 +30,9 @@ def test_ports_and_names(tmp_path: Path) -> None:
                     b1=PAGE.replace("144", "146").format(name="PLC_PRG.y"))  # fmt: skip
     assert found.webvisu is not None
     assert found.webvisu.ports == (8081,)
-    assert found.webvisu.names == {Place(4, 144, 1, 0): "PLC_PRG.x", Place(4, 146, 1, 0): "PLC_PRG.y"}
+    assert [(Path(one.file).name, one.controller, one.variables.names) for one in found.webvisu.lists] == [
+        ("a.xml", "", {Place(4, 144, 1, 0): "PLC_PRG.x"}), ("b1.xml", "", {Place(4, 146, 1, 0): "PLC_PRG.y"}),
+    ]  # fmt: skip
 
 
 def test_nothing_is_said() -> None:
@@ -45,6 +47,13 @@ def test_nothing_is_said() -> None:
         ('variables = "none*.xml"', "no file is called 'none*.xml'"),
         ('variables = "empty.xml"', "lists no variables"),
         ("port = 80", "port"),
+        (
+            'controllers = { press = "a.xml" }',
+            "line 2, column 1: webvisu.controllers.\"press\": 'press' is no IP address",
+        ),
+        ('[webvisu.controllers]\n"10.0.0.5" = 5', 'webvisu.controllers."10.0.0.5"'),
+        ('[webvisu.controllers]\n"::ffff:10.0.0.5" = []\n"10.0.0.5" = []', "the controller 10.0.0.5 is there twice"),
+        ('[webvisu.controllers]\n"10.0.0.5" = ["no*.xml"]', 'line 3, column 1: webvisu.controllers."10.0.0.5"[0]'),
     ],
 )
 def test_mistakes_are_told(tmp_path: Path, told: str, what: str) -> None:

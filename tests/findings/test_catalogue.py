@@ -55,6 +55,7 @@ NV802 visu-error error
 NV803 visu-password-in-clear warning
 NV804 visu-count-mismatch warning
 NV805 visu-slow note
+NV806 visu-other-names warning
 NV901 capture-drops warning
 NV902 clock-step warning
 NV903 truncated-file warning

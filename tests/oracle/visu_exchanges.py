@@ -13,6 +13,9 @@ NAMED = {
     ".CurrentPassword": (4, 481, 41, 8), ".CurrentUserLevel": (4, 522, 2, 1),
 }  # fmt: skip
 ADDRESSES = [*NAMED.values(), (4, 0, 4, 6), (4, 4, 2, 3), (2, 48, 0, 0), (0, 6, 1, 2)]
+OTHER_DOWNLOADS = 9
+"""One in so many lists has variables at the places of others."""
+
 GARBAGE = (
     b"\x16\x03\x01\x02\x00\x01\x00",
     b"hello\r\n",
@@ -44,7 +47,11 @@ class Exchange:
 
 def page(rng: Chance) -> bytes:
     names = rng.sample(sorted(NAMED), rng.randint(1, len(NAMED)))
-    rows = "".join(f'<variable name="{name}">{",".join(map(str, NAMED[name]))}</variable>\n' for name in names)
+    known = NAMED
+    # Of another download, without drawing anything more.
+    if zlib.crc32(" ".join(names).encode()) % OTHER_DOWNLOADS == 3:
+        known = dict(zip(NAMED, [*list(NAMED.values())[1:], NAMED["PLC_PRG.sString"]], strict=True))
+    rows = "".join(f'<variable name="{name}">{",".join(map(str, known[name]))}</variable>\n' for name in names)
     head = '<?xml version="1.0" encoding="ISO-8859-1"?>\n'
     text = f"{head}<visu-ini-file><variablelist>{rows}</variablelist></visu-ini-file>"
     return text.encode("latin-1")[: None if rng.random() > 0.05 else -9]

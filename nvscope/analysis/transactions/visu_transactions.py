@@ -24,6 +24,7 @@ from nvscope.analysis.transactions.transaction import (
     last_of_each,
 )
 from nvscope.engine.told import Told
+from nvscope.tracker.visu.controllers import own_port
 from nvscope.tracker.visu.on_demand import NAME
 
 if TYPE_CHECKING:  # most plants have none
@@ -39,6 +40,7 @@ _OK = 200
 _UNREADABLE = "???"  # ``dissectors.webvisu.UNREADABLE``, which is not imported before there is any
 _NUMBER = re.compile(r"-?[0-9]{1,15}(\.[0-9]{1,15})?\Z")
 _OLD = tuple[str | None, ...]
+_CONTROLLER = tuple[str, int]
 
 
 class VisuTransactions:
@@ -51,7 +53,7 @@ class VisuTransactions:
     def __init__(self, room: Room) -> None:
         self._room = room
         self._pairs: list[Pair] = []
-        self._values: dict[tuple[str, Place | str], str] = {}
+        self._values: dict[tuple[_CONTROLLER, Place | str], str] = {}
         self._olds: dict[tuple[int, int], deque[_OLD]] = {}
 
     def of(self, told: Told, last: int | None = None) -> Brought:
@@ -146,7 +148,8 @@ class VisuTransactions:
 
         key = number, asked_frame
         if kind == Kind.WRITE:
-            olds = tuple(self._values.get((pair.server, one.place)) for one in request.entries)
+            controller = _controller(pair)
+            olds = tuple(self._values.get((controller, one.place)) for one in request.entries)
             if len(self._olds) >= _MOST_OPEN:
                 del self._olds[next(iter(self._olds))]
             self._olds.setdefault(key, deque()).append(olds)
@@ -168,9 +171,9 @@ class VisuTransactions:
 
     def _remember(self, pair: Pair, variables: Sequence[Variable]) -> None:
         """Take the values that variables have now; nobody knows those that the controller could not read."""
-        values, server = self._values, pair.server
+        values, controller = self._values, _controller(pair)
         for entry, _, value in variables:
-            key = server, entry.place
+            key = controller, entry.place
             if value is None or value == _UNREADABLE:
                 values.pop(key, None)
             elif len(values) < MOST_REMEMBERED or key in values:
@@ -187,6 +190,10 @@ class VisuTransactions:
             return Said(cut(name), json_value(entry, text), text)
         old_text = cut(shown(entry, names, old))
         return Said(cut(name), json_value(entry, text), text, json_value(entry, old_text), old_text)
+
+
+def _controller(pair: Pair) -> _CONTROLLER:
+    return pair.server, own_port(pair.port)
 
 
 def _outcome(part: VisuBatch, row: int, kind: int, request: Request) -> Outcome:

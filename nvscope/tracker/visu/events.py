@@ -10,7 +10,7 @@ class VisuEvent(IntEnum):
 
     What nobody answered is told of the frame of the request, and of the time at which the connection ended. Of
     ``WRITTEN``, ``REFUSED`` and ``PASSWORD_SEEN`` there is one for each variable. ``LATE`` is whatever is slow or
-    unanswered.
+    unanswered. ``OTHER_NAMES``: a list of variables contradicts those known before.
     """
 
     WRITTEN = 1
@@ -21,3 +21,4 @@ class VisuEvent(IntEnum):
     SLOW = 6
     UNANSWERED = 7
     LATE = 8
+    OTHER_NAMES = 9

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,20 +13,24 @@ from dissectors.http import Side
 from dissectors.keys import KeyTable
 from dissectors.transport import SegmentBatch
 from dissectors.web_protocols import protocol_of_request
-from dissectors.webvisu import Place, Request
+from dissectors.webvisu import Request
 from nvscope.engine.runs import distinct
 from nvscope.tracker.connections import Connections
 from nvscope.tracker.pieces import ORDER_BITS
 from nvscope.tracker.visu.asking import NOTHING, Ask, Asking
+from nvscope.tracker.visu.controllers import controller_of
 from nvscope.tracker.visu.conversation import Conversation, Happened
 from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.http_reader import What
 from nvscope.tracker.visu.limits import MOST_PAIRS, MOST_POLLED, Beyond
 from nvscope.tracker.visu.messages import Kind, VisuBatch, VisuMessages, no_messages
-from nvscope.tracker.visu.names import Names
+from nvscope.tracker.visu.names import Names, OtherNames
 from nvscope.tracker.visu.outcomes import OK, outcomes
 from nvscope.tracker.visu.plain_exchanges import AskedFor, Said, plain_rows, take_plain
 from nvscope.tracker.visu.whole_connections import take_whole
+
+if TYPE_CHECKING:
+    from nvscope.definition.webvisu import GivenList
 
 _FEW = 64
 """So many messages are not divided any more."""
@@ -37,11 +41,11 @@ NO_REQUEST = Request(writes=False, declared=0, entries=())
 class Exchanges:
     """Pairs requests with their replies, from one batch to the next; ``pairs`` number client, server and its port."""
 
-    def __init__(self, connections: Connections, names: Mapping[Place, str]) -> None:
+    def __init__(self, connections: Connections, given: Sequence[GivenList] = ()) -> None:
         self._connections = connections
         self._asking = Asking()
         self._conversations: dict[int, Conversation] = {}
-        self._names = Names(names)
+        self._names = Names(given)
         self._read_ns: dict[tuple[int, Ask], int] = {}
         self._left_out: Counter[Beyond] = Counter()
         self.pairs = KeyTable(5)
@@ -176,7 +180,7 @@ class Exchanges:
         requests = [one.request or NO_REQUEST for one in asks]
         row = (said.order >> ORDER_BITS) - first_frame
         data, start, stop = _contents(http, said)
-        naming = self._namings(said, pair, data, start, stop, http)
+        naming, other_names = self._namings(said, pair, data, start, stop, http)
         kind = said.kind.copy()
         writes = np.array([one.writes for one in requests], np.bool_)
         kind[(kind == Kind.READ) & writes[said.asked]] = int(Kind.WRITE)
@@ -194,24 +198,33 @@ class Exchanges:
         )  # fmt: skip
         self._left_out[Beyond.NAMES] += self._names.left_out
         left_out, self._left_out, self._names.left_out = +self._left_out, Counter(), 0
-        return VisuBatch.of(messages, segments, data, requests, self.pairs.words, self._names.versions, left_out)
+        return VisuBatch.of(
+            messages, segments, data, requests, self.pairs.words, self._names.versions, other_names, left_out
+        )  # fmt: skip
 
-    def _namings(self, said: Said, pair: I64, data: bytes, start: I64, stop: I64, http: HttpMessages) -> I64:
-        """Return what names were known at each message, with those of the lists that are among them."""
+    def _namings(
+        self, said: Said, pair: I64, data: bytes, start: I64, stop: I64, http: HttpMessages
+    ) -> tuple[I64, Mapping[int, OtherNames]]:
+        """Return what names were known at each message, with those of the lists that are among them.
+
+        And which messages are lists that contradict what was known before.
+        """
+        other_names: dict[int, OtherNames] = {}
         spoken = distinct(pair)
-        halves = (self.pairs.words[word][spoken].tolist() for word in (2, 3))
-        servers = dict(zip(spoken.tolist(), zip(*halves, strict=True), strict=True))
-        versions = np.array([self._names.version_of(server) for server in servers.values()], np.int64)
+        asked = {number: controller_of(self.pairs.words, number) for number in spoken.tolist()}
+        versions = np.array([self._names.version_of(one) for one in asked.values()], np.int64)
         naming: I64 = versions[np.searchsorted(spoken, pair)]
         for place in np.flatnonzero(said.kind == Kind.NAMES).tolist():
             form = http.forms[int(http.form[said.message[place]])]
             if form.head is None or form.head.status != OK:
                 continue
-            server = servers[int(pair[place])]
-            self._names.learn(server, data[int(start[place]) : int(stop[place])])
-            same = np.array([other == server for other in servers.values()], np.bool_)
-            naming[place:][same[np.searchsorted(spoken, pair[place:])]] = self._names.version_of(server)
-        return naming
+            controller = asked[int(pair[place])]
+            other = self._names.learn(controller, data[int(start[place]) : int(stop[place])])
+            if other is not None:
+                other_names[place] = other
+            same = np.array([other == controller for other in asked.values()], np.bool_)
+            naming[place:][same[np.searchsorted(spoken, pair[place:])]] = self._names.version_of(controller)
+        return naming, other_names
 
     def _since_read(self, pair: I64, asked: I64, asks: Sequence[Ask], time_ns: I64) -> I64:
         """Return how long it is since a pair read the same, -1 where it has not; reads are in the order of time."""

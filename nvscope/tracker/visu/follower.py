@@ -2,30 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from dissectors.batch import PacketBatch
 from dissectors.transport import SegmentBatch
-from dissectors.webvisu import Place
 from nvscope.tracker.streams import ENOUGH, MOST_CONNECTIONS, Streams
 from nvscope.tracker.visu.exchanges import Exchanges
 from nvscope.tracker.visu.http_messages import HttpStreams
 from nvscope.tracker.visu.messages import VisuBatch
-from nvscope.tracker.visu.names import NO_NAMES
+
+if TYPE_CHECKING:
+    from nvscope.definition.webvisu import GivenList
 
 
 class VisuFollower:
-    """Follows the connections over some ports, from one batch to the next; ``names`` are those given of variables.
+    """Follows the connections over some ports, from one batch to the next; ``given`` are lists of names.
 
     Of more than ``most`` connections at a time, those that are silent for longest are given up.
     """
 
-    def __init__(
-        self, ports: Sequence[int], names: Mapping[Place, str] = NO_NAMES, most: int = MOST_CONNECTIONS
-    ) -> None:
+    def __init__(self, ports: Sequence[int], given: Sequence[GivenList] = (), most: int = MOST_CONNECTIONS) -> None:
         self._streams = Streams(ports, min(most, ENOUGH), most)
         self._http = HttpStreams()
-        self._exchanges = Exchanges(self._streams.connections, names)
+        self._exchanges = Exchanges(self._streams.connections, given)
 
     def follow(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> VisuBatch:
         """Return what the segments of a batch bring, which follows those before; its row 0 is frame ``first_frame``."""

@@ -1,53 +1,135 @@
-"""Names: what variables are called, by controller, as the lists that came over the network say."""
+"""Names: what variables are called, by controller, as files say and the lists that came over the network."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple
 
+from dissectors import address
 from dissectors.webvisu import Entry, Place, is_password
+from nvscope.tracker.visu.controllers import Controller
 from nvscope.tracker.visu.limits import MOST_NAMES
 
-NO_NAMES: Mapping[Place, str] = MappingProxyType({})
+if TYPE_CHECKING:
+    from nvscope.definition.visu_variables import VisuVariables
+    from nvscope.definition.webvisu import GivenList
+
 _MOST_LISTS = 1024
+
+_Spot = tuple[int, int, bool]
+"""Where a variable begins: area, offset, and whether that counts bits."""
+
+
+class OtherNames(NamedTuple):
+    """A list from a controller that contradicts one known before: so many of its variables lie elsewhere.
+
+    ``name`` is the first of these, ``place`` and ``place_before`` where it lies. ``file`` is the given one that is
+    contradicted, '' where the controller sent what was known. ``stamp`` and ``stamp_before`` are what both lists say
+    of their time, '' where they say nothing.
+    """
+
+    differing: int
+    name: str
+    place: Place
+    place_before: Place
+    file: str
+    stamp: str
+    stamp_before: str
+
+
+class _List(NamedTuple):
+    file: str
+    variables: VisuVariables
+    spots: Mapping[str, frozenset[_Spot]]
 
 
 class Names:
-    """The names known so far of the variables of each controller, by the halves of its address.
+    """The names known so far of the variables of each controller, to begin with those of ``given`` lists.
 
-    ``versions`` are all that was known at some time, by number: a later list adds to what was known before. What has
-    been said once holds for what came until then. The first version are the names that were ``given``. For ``left_out``
-    lists there was no room.
+    ``versions`` are all that was known at some time, by number. What has been said once holds for what came until then.
+    A list adds to what was known before; lists that it contradicts are of another download, and believed no more. For
+    ``left_out`` lists there was no room.
     """
 
-    def __init__(self, given: Mapping[Place, str] = NO_NAMES) -> None:
-        self.versions: list[Mapping[Place, str]] = [given]
+    def __init__(self, given: Sequence[GivenList] = ()) -> None:
+        self.versions: list[Mapping[Place, str]] = []
         self.left_out = 0
-        self._kept = 0
-        self._of_server: dict[tuple[int, int], int] = {}
+        self._room = MOST_NAMES
+        self._of: dict[Controller, int] = {}
+        self._lists: dict[Controller, Sequence[_List]] = {}
+        self._given: dict[str, Sequence[_List]] = {}
+        self._of_given: dict[tuple[int, int], int] = {}
+        for controller in ["", *sorted({one.controller for one in given} - {""})]:
+            own = [one for one in given if one.controller in ("", controller)]
+            # What is said of one controller goes before what is said of all.
+            lists = [_listed(one.variables, one.file) for one in sorted(own, key=lambda one: bool(one.controller))]
+            self._given[controller] = lists
+            if controller:
+                self._of_given[address.halves(controller)] = len(self.versions)
+            self.versions.append(_merged(lists))
+        self._most_versions = len(self.versions) + _MOST_LISTS
 
-    def version_of(self, server: tuple[int, int]) -> int:
+    def version_of(self, controller: Controller) -> int:
         """Return the number of what is known of a controller."""
-        return self._of_server.get(server, 0)
+        found = self._of.get(controller)
+        return self._of_given.get((controller.high, controller.low), 0) if found is None else found
 
-    def learn(self, server: tuple[int, int], content: bytes) -> None:
-        """Take the content of a variable list."""
-        if len(self.versions) >= _MOST_LISTS:
+    def learn(self, controller: Controller, content: bytes) -> OtherNames | None:
+        """Take the content of a variable list; return what it contradicts, the first of what was known."""
+        if len(self.versions) >= self._most_versions:
             self.left_out += 1
-            return
+            return None
         from nvscope.definition.visu_variables import variables_in  # noqa: PLC0415
 
-        found = variables_in(content).names
-        before = self.versions[self.version_of(server)]
-        if not found or all(before.get(place) == name for place, name in found.items()):
-            return
-        self._kept += len(before) + len(found)
-        if self._kept > MOST_NAMES:
+        found = variables_in(content)
+        before = self.versions[self.version_of(controller)]
+        if not found.names or all(before.get(place) == name for place, name in found.names.items()):
+            return None
+        room = self._room - len(before) - 2 * len(found.listed)
+        if room < 0:
             self.left_out += 1
-            self._kept -= len(before) + len(found)
-            return
-        self._of_server[server] = len(self.versions)
-        self.versions.append(MappingProxyType({**before, **found}))
+            return None
+        self._room = room
+        known = self._lists.get(controller)
+        if known is None:
+            known = self._given.get(controller.address, self._given[""])
+        new = _listed(found)
+        others = [(one, _differing(one, new)) for one in known]
+        self._lists[controller] = lists = [*(one for one, differing in others if not differing), new]
+        self._of[controller] = len(self.versions)
+        self.versions.append(_merged(lists))
+        return next((_other_names(one, new, differing) for one, differing in others if differing), None)
+
+
+def _listed(variables: VisuVariables, file: str = "") -> _List:
+    spots: dict[str, set[_Spot]] = {}
+    for name, place in variables.listed:
+        spots.setdefault(name.casefold(), set()).add(_spot(place))
+    return _List(file, variables, {name: frozenset(places) for name, places in spots.items()})
+
+
+def _merged(lists: Iterable[_List]) -> Mapping[Place, str]:
+    return MappingProxyType({place: name for one in lists for place, name in one.variables.names.items()})
+
+
+def _spot(place: Place) -> _Spot:
+    # Of another type, a variable may still be the same: what is shown of it then is none of this list's doing.
+    return place.ref, place.offset, place.size == 0
+
+
+def _differing(before: _List, now: _List) -> Sequence[str]:
+    """Return the variables of which both lists have the name, and no place in common."""
+    return [name for name, spots in now.spots.items() if name in before.spots and not spots & before.spots[name]]
+
+
+def _other_names(before: _List, now: _List, differing: Sequence[str]) -> OtherNames:
+    old, new = (
+        next(variable for variable in one.variables.listed if variable[0].casefold() == differing[0])
+        for one in (before, now)
+    )  # fmt: skip
+    stamps = now.variables.stamp, before.variables.stamp
+    return OtherNames(len(differing), new[0], new[1], old[1], before.file, *stamps)
 
 
 def name_of(entry: Entry, names: Mapping[Place, str]) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, ClassVar, Generic, Protocol, TypeVar
 
 import numpy as np
@@ -15,7 +15,7 @@ from nvscope.engine.told import Told
 from nvscope.tracker.accumulator import NO_SUMMARY, ProtocolSummary
 
 if TYPE_CHECKING:
-    from dissectors.webvisu import Place
+    from nvscope.definition.webvisu import GivenList
     from nvscope.tracker.visu.follower import VisuFollower
     from nvscope.tracker.visu.messages import VisuBatch
     from nvscope.tracker.visu.state import VisuCounts
@@ -38,11 +38,11 @@ class _Nothing:
 class FollowOnDemand:
     """Follows the connections over some ports, from the first segment on.
 
-    ``names`` are those of variables of which no list within the capture says another one.
+    ``given`` are lists of names of variables: those within the capture go before them.
     """
 
-    def __init__(self, ports: Sequence[int], names: Mapping[Place, str]) -> None:
-        self._ports, self._names = ports, names
+    def __init__(self, ports: Sequence[int], given: Sequence[GivenList] = ()) -> None:
+        self._ports, self._given = ports, given
         self._known: VisuFollower | None = None
 
     def follow(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> Part:
@@ -52,7 +52,7 @@ class FollowOnDemand:
         if self._known is None:
             from nvscope.tracker.visu.follower import VisuFollower  # noqa: PLC0415
 
-            self._known = VisuFollower(self._ports, self._names)
+            self._known = VisuFollower(self._ports, self._given)
         return self._known.follow(packets, segments, first_frame)
 
     def forget(self) -> None:

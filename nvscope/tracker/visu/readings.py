@@ -17,6 +17,7 @@ from dissectors.webvisu import UNREADABLE, read_reply
 from nvscope.capture.spans import stretches
 from nvscope.engine.runs import rows_by, spans
 from nvscope.engine.told import Told
+from nvscope.tracker.visu.controllers import controller_of
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch
 from nvscope.tracker.visu.number_texts import Form, forms_and_bits
 from nvscope.tracker.visu.variables import LEFT_OUT, PageVariable, PageVariables
@@ -115,8 +116,8 @@ class ReadValues:
         variable, secret = np.empty(len(found), np.int64), np.zeros(len(found), np.bool_)
         keys = [getattr(messages, name)[found.message] for name in ("naming", "pair", "asked")]
         for (naming, pair, asked), rows in rows_by(keys):
-            server, request = (int(part.pairs[2][pair]), int(part.pairs[3][pair])), part.requests[asked]
-            own = self._numbers(variables.of(server, request, naming, part.namings[naming], told.max_streams))
+            controller, request = controller_of(part.pairs, pair), part.requests[asked]
+            own = self._numbers(variables.of(controller, request, naming, part.namings[naming], told.max_streams))
             variable[rows] = own[found.position[rows]]
             hides = [number >= 0 and variables.known[number].is_secret for number in own.tolist()]
             secret[rows] = np.array(hides, np.bool_)[found.position[rows]]

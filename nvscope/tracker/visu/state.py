@@ -19,7 +19,7 @@ from nvscope.tracker.latency import Latencies
 from nvscope.tracker.visu.events import VisuEvent
 from nvscope.tracker.visu.limits import MOST_ENTRIES, Beyond
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages
-from nvscope.tracker.visu.names import name_of
+from nvscope.tracker.visu.names import OtherNames, name_of
 from nvscope.tracker.visu.unchanging import Unchanging
 from nvscope.tracker.visu.writes import Writes
 
@@ -101,8 +101,8 @@ class VisuCounts:
     ``pairs`` number client, server and port, as in ``VisuBatch.pairs``; ``columns``, ``latencies`` and ``pollings`` are
     by pair. ``events`` are keyed by ``VisuEvent`` and by subject, which ``subjects`` number; ``write_minutes`` are
     the writes among them by subject and minute since 1970. ``writes`` are who wrote what, ``unchanging`` what never
-    changed, ``others`` what is spoken beside by pair and ``WebProtocol``. ``left_out`` is that for which there was no
-    room, keyed by ``Beyond``.
+    changed, ``others`` what is spoken beside by pair and ``WebProtocol``, ``other_names`` the first list that
+    contradicts others, by client and server. ``left_out`` is that for which there was no room, keyed by ``Beyond``.
     """
 
     def __init__(self) -> None:
@@ -117,6 +117,7 @@ class VisuCounts:
         self.writes = Writes()
         self.others: dict[tuple[int, int], Spoken] = {}
         self.unchanging = Unchanging()
+        self.other_names: dict[Subject, OtherNames] = {}
         self._minutes: set[tuple[int, int]] = set()
         self._variables: set[tuple[int, str]] = set()
         self._asked: set[tuple[int, Request]] = set()
@@ -138,6 +139,7 @@ class VisuCounts:
             self._leave_out(what, told, part.messages.take(np.full(count, len(part.messages) - 1)))
         self._count(pair, messages, part.requests)
         self._note_others(told, pair, messages)
+        self._note_names(told, part)
         self._note(told, part, pair, messages)
         self._note_writes(told, part, pair, messages)
         self.unchanging.observe(part, told.max_streams)
@@ -176,6 +178,19 @@ class VisuCounts:
             known = self.others.get((number, spoken))
             first_frame, times = known or (row + told.first_frame, 0)
             self.others[number, spoken] = Spoken(first_frame, times + 1)
+
+    def _note_names(self, told: Told, part: VisuBatch) -> None:
+        """Note which lists of variables contradict those known before."""
+        own = self.pairs.numbers_within(told.max_streams, *part.pairs)
+        messages, happened = part.messages, []
+        for message, other in part.other_names.items():
+            pair, row = int(own[messages.pair[message]]), int(messages.row[message])
+            if pair >= 0:
+                subject = Subject(*self.ends(pair), "")
+                self.other_names.setdefault(subject, other)
+                time_ns, frame = int(told.packets.ts_ns[row]), row + told.first_frame
+                happened.append((VisuEvent.OTHER_NAMES, time_ns, frame, subject))
+        self._log(told, happened)
 
     def _note(self, told: Told, part: VisuBatch, pair: I64, messages: VisuMessages) -> None:
         """Note what is a finding, and which variables are asked for."""

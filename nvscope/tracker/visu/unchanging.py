@@ -11,14 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dissectors import address
 from dissectors.batch import I64, U8, Bool
 from dissectors.webvisu import UNREADABLE, Request, read_reply
 from nvscope.definition.visu_values import value_in
 from nvscope.engine.runs import rows_by
+from nvscope.tracker.visu.controllers import Controller, controller_of
 from nvscope.tracker.visu.messages import VisuBatch
 from nvscope.tracker.visu.readings import telling
-from nvscope.tracker.visu.variables import PageVariables, Server
+from nvscope.tracker.visu.variables import PageVariables
 
 _SEPARATOR = ord("|")
 _WORD_BYTES = 8
@@ -67,8 +67,8 @@ class Unchanging:
         groups = []
         keys = [getattr(messages, name)[replies] for name in ("naming", "pair", "asked")]
         for (naming, pair, asked), rows in rows_by(keys):
-            server, request = (int(part.pairs[2][pair]), int(part.pairs[3][pair])), part.requests[asked]
-            own = self._numbers(server, request, naming, part, most, len(rows))
+            controller, request = controller_of(part.pairs, pair), part.requests[asked]
+            own = self._numbers(controller, request, naming, part, most, len(rows))
             some = replies[rows]
             if not self._open(own):
                 continue
@@ -99,25 +99,25 @@ class Unchanging:
 
     def summary(self) -> Sequence[NeverChanged]:
         """Return a row a controller, by address; of those alone of which there is something to say."""
-        found: dict[Server, tuple[list[str], list[str], list[int]]] = {}
+        found: dict[Controller, tuple[list[str], list[str], list[int]]] = {}
         for number, variable in enumerate(self.variables.known):
-            unchanged, unreadable, every = found.setdefault(variable.server, ([], [], []))
+            unchanged, unreadable, every = found.setdefault(variable.controller, ([], [], []))
             every.append(number)
             if number not in self.first:
                 unreadable.append(variable.name)
             elif number not in self.changed and self.asked[number] > 1:
                 unchanged.append(variable.name)
         return [
-            NeverChanged(address.text(*server), len(every), sorted(unchanged), sorted(unreadable))
-            for server, (unchanged, unreadable, every) in sorted(found.items(), key=lambda one: address.order(*one[0]))
+            NeverChanged(one.address, len(every), sorted(unchanged), sorted(unreadable))
+            for one, (unchanged, unreadable, every) in sorted(found.items(), key=lambda pair: pair[0].order)
             if unchanged or unreadable
         ]
 
     def _numbers(
-        self, server: Server, request: Request, naming: int, part: VisuBatch, most: int, count: int
+        self, controller: Controller, request: Request, naming: int, part: VisuBatch, most: int, count: int
     ) -> list[int]:  # fmt: skip
         """Return the numbers of the variables of a request that was answered so often."""
-        numbers = self.variables.of(server, request, naming, part.namings[naming], most)
+        numbers = self.variables.of(controller, request, naming, part.namings[naming], most)
         if len(self.asked) < len(self.variables):
             self.asked = np.append(self.asked, np.zeros(len(self.variables), np.int64))
         np.add.at(self.asked, numbers[numbers >= 0], count)

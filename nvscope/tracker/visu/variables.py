@@ -11,16 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dissectors import address
 from dissectors.batch import I64
 from dissectors.webvisu import Place, Request
 from nvscope.definition.variables import Elementary
 from nvscope.definition.visu_values import type_at
+from nvscope.tracker.visu.controllers import Controller
 from nvscope.tracker.visu.names import is_secret, name_of
 from nvscope.tracker.visu.number_texts import Kinds
-
-Server = tuple[int, int]
-"""The halves of the address of a controller."""
 
 Where = Place | str
 
@@ -34,7 +31,7 @@ _MOST_REMEMBERED = 1 << 12
 class PageVariable:
     """A variable; ``is_secret``: it is a password, or may be one. ``kind`` is None where only texts are known."""
 
-    server: Server
+    controller: Controller
     where: Where
     kind: Elementary | None
     name: str
@@ -48,7 +45,7 @@ class PageVariable:
     @property
     def sender(self) -> str:
         """The address of the controller."""
-        return address.text(*self.server)
+        return self.controller.address
 
     @property
     def place(self) -> str:
@@ -68,32 +65,34 @@ class PageVariables:
         self.known: list[PageVariable] = []
         self.kinds = Kinds()
         self.left_out = False
-        self._numbers: dict[tuple[Server, Where], int] = {}
-        self._of_requests: dict[tuple[Server, Request, int], I64] = {}
+        self._numbers: dict[tuple[Controller, Where], int] = {}
+        self._of_requests: dict[tuple[Controller, Request, int], I64] = {}
 
     def __len__(self) -> int:
         return len(self.known)
 
-    def of(self, server: Server, request: Request, naming: int, names: Mapping[Place, str], most: int) -> I64:
+    def of(
+        self, controller: Controller, request: Request, naming: int, names: Mapping[Place, str], most: int
+    ) -> I64:  # fmt: skip
         """Return the numbers of the entries of a request, ``LEFT_OUT`` of those beyond ``most`` variables.
 
         ``naming`` is the number of ``names``, by which they are called from now on.
         """
-        key = server, request, naming
+        key = controller, request, naming
         found = self._of_requests.get(key)
         if found is not None:
             return found
         numbers = []
         for entry in request.entries:
-            number = self._numbers.get((server, entry.place))
+            number = self._numbers.get((controller, entry.place))
             if number is None:
                 if len(self.known) >= most:
                     self.left_out = True
                     numbers.append(LEFT_OUT)
                     continue
-                number = self._numbers[server, entry.place] = len(self.known)
+                number = self._numbers[controller, entry.place] = len(self.known)
                 kind = type_at(entry.place)
-                self.known.append(PageVariable(server, entry.place, kind, "", False))
+                self.known.append(PageVariable(controller, entry.place, kind, "", False))
                 self.kinds.add(kind)
             known = self.known[number]
             known.name, known.is_secret = name_of(entry, names), is_secret(entry, names)

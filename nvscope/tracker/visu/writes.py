@@ -10,6 +10,7 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from dissectors.webvisu import Place, Request, read_reply
+from nvscope.tracker.visu.controllers import Controller, controller_at, controller_of
 from nvscope.tracker.visu.limits import MOST_ENTRIES
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages
 from nvscope.tracker.visu.names import is_secret, name_of
@@ -30,7 +31,6 @@ _MOST_KEPT_BYTES = 1 << 26
 _MOST_ASKERS = 256
 """Where more requests ask for a variable, what was written over is not known."""
 
-Server = tuple[int, int]
 Where = Place | str
 _When = tuple[int, int]
 _NEVER: _When = (-1, -1)
@@ -56,8 +56,8 @@ class Write:
 
     time_ns: int
     frame: int
-    client: Server
-    server: Server
+    client: tuple[int, int]
+    server: tuple[int, int]
     port: int
     variable: str
     place: Where
@@ -119,9 +119,8 @@ class Writes:
         for row, number, asked in zip(*(column.tolist() for column in columns), strict=True):
             last[number, asked] = row
         for (number, asked), row in sorted(last.items(), key=lambda one: one[1]):
-            server = int(part.pairs[2][number]), int(part.pairs[3][number])
             body = part.data[int(messages.start[row]) : int(messages.stop[row])]
-            self._values.read(server, part.requests[asked], body, int(frames[row]), row)
+            self._values.read(controller_of(part.pairs, number), part.requests[asked], body, int(frames[row]), row)
 
     def _write(self, part: VisuBatch, step: int, key: int, time_ns: int, frame: int) -> int:
         """Note a write of some variables; return of how many."""
@@ -129,9 +128,9 @@ class Writes:
         number = int(messages.pair[step])
         client_hi, client_lo, server_hi, server_lo, port = (int(word[number]) for word in part.pairs)
         request, names = part.requests[int(messages.asked[step])], part.namings[int(messages.naming[step])]
-        found = []
+        controller, found = controller_of(part.pairs, number), []
         for entry in request.entries[: MOST_WRITES - len(self.kept)]:
-            old = self._values.known((server_hi, server_lo), entry.place)
+            old = self._values.known(controller, entry.place)
             found.append(
                 Write(
                     time_ns, frame, (client_hi, client_lo), (server_hi, server_lo), port, name_of(entry, names),
@@ -160,56 +159,56 @@ class Writes:
             if outcome is not WriteOutcome.UNANSWERED:
                 write.answer_frame = frame
             if outcome is WriteOutcome.CONFIRMED:
-                self._values.written(write.server, write.place, write.new, frame, step)
+                self._values.written(controller_at(*write.server, write.port), write.place, write.new, frame, step)
 
 
 class _Values:
-    """What is known of the variables of all servers."""
+    """What is known of the variables of all controllers."""
 
     def __init__(self) -> None:
-        self._replies: dict[tuple[Server, Request], tuple[_When, bytes]] = {}
-        self._askers: dict[tuple[Server, Where], list[tuple[Request, int]]] = defaultdict(list)
-        self._written: dict[tuple[Server, Where], tuple[_When, str]] = {}
+        self._replies: dict[tuple[Controller, Request], tuple[_When, bytes]] = {}
+        self._askers: dict[tuple[Controller, Where], list[tuple[Request, int]]] = defaultdict(list)
+        self._written: dict[tuple[Controller, Where], tuple[_When, str]] = {}
         self._bytes = self._entries = 0
-        # When there was no room for what came last: what was known of a server before may have changed since.
-        self._lost: dict[Server, _When] = {}
+        # When there was no room for what came last: what was known of a controller before may have changed since.
+        self._lost: dict[Controller, _When] = {}
 
-    def read(self, server: Server, request: Request, body: bytes, frame: int, row: int) -> None:
+    def read(self, controller: Controller, request: Request, body: bytes, frame: int, row: int) -> None:
         """Note the reply to a read; ``frame`` and ``row`` say what was first."""
-        key = server, request
+        key = controller, request
         before = self._replies.get(key)
         kept_bytes = self._bytes - (len(before[1]) if before else 0) + len(body)
         if len(body) > _MOST_BODY_BYTES or kept_bytes > _MOST_KEPT_BYTES or not (before or self._has_room(key)):
-            self._lost[server] = frame, row
+            self._lost[controller] = frame, row
             return
         if before is None:
             self._entries += len(request.entries)
             for place, entry in enumerate(request.entries):
-                self._askers[server, entry.place].append((request, place))
+                self._askers[controller, entry.place].append((request, place))
         self._bytes = kept_bytes
         self._replies[key] = (frame, row), body
 
-    def _has_room(self, key: tuple[Server, Request]) -> bool:
-        server, request = key
+    def _has_room(self, key: tuple[Controller, Request]) -> bool:
+        controller, request = key
         if self._entries + len(request.entries) > MOST_ENTRIES:
             return False
-        return all(len(self._askers.get((server, one.place), ())) < _MOST_ASKERS for one in request.entries)
+        return all(len(self._askers.get((controller, one.place), ())) < _MOST_ASKERS for one in request.entries)
 
-    def written(self, server: Server, place: Where, value: str, frame: int, row: int) -> None:
+    def written(self, controller: Controller, place: Where, value: str, frame: int, row: int) -> None:
         """Note that a value was written."""
-        if len(self._written) < MOST_WRITES or (server, place) in self._written:
-            self._written[server, place] = (frame, row), value
+        if len(self._written) < MOST_WRITES or (controller, place) in self._written:
+            self._written[controller, place] = (frame, row), value
         else:
-            self._lost[server] = frame, row
+            self._lost[controller] = frame, row
 
-    def known(self, server: Server, place: Where) -> str | None:
+    def known(self, controller: Controller, place: Where) -> str | None:
         """Return what a variable was read or written as last, None where nobody knows."""
-        at, found = self._lost.get(server, _NEVER), None
-        written = self._written.get((server, place))
+        at, found = self._lost.get(controller, _NEVER), None
+        written = self._written.get((controller, place))
         if written is not None and written[0] >= at:
             at, found = written
-        for request, position in self._askers.get((server, place), ()):
-            reply = self._replies[server, request]
+        for request, position in self._askers.get((controller, place), ()):
+            reply = self._replies[controller, request]
             if reply[0] >= at:
                 values = read_reply(request, reply[1]).values
                 if position < len(values):

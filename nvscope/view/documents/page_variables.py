@@ -12,7 +12,6 @@ import struct
 from collections.abc import Sequence
 from typing import Any
 
-from dissectors import address
 from nvscope.definition.value import Value
 from nvscope.definition.variables import Scalar, ScalarKind, String, type_text
 from nvscope.tracker.visu.last_values import LastValues, cut_text
@@ -135,7 +134,7 @@ def page_change_summary(history: ValueHistory) -> list[dict[str, Any]]:
 def order_of(variable: PageVariable) -> tuple[Any, ...]:
     """Return what variables are sorted by: controller, those with a name first, its numbers as numbers, and place."""
     parts = [int(part) if part.isdigit() else part for part in _DIGITS.split(variable.name.lower())]
-    return address.order(*variable.server), variable.name == variable.place, parts, variable.place
+    return variable.controller.order, variable.name == variable.place, parts, variable.place
 
 
 def _meant(read: ReadValues) -> list[tuple[int, PageVariable]]:

@@ -8,12 +8,14 @@ from tests.oracle.rules.visu_body import (
     Answered,
     Asked,
     Entry,
+    Listed,
     answered,
     asked,
+    contradict,
     is_page,
     is_password,
+    listed_in,
     may_be_asked,
-    names_in,
 )
 
 OFF_BY_ONE = b"|0|100" + b"".join(b"|%d|2|%d|1|2" % (n, n) for n in range(99)) + b"|"
@@ -164,8 +166,18 @@ def test_names() -> None:
         <variable name=".CurrentPassword">4,481,41,8</variable><variable name="PLC_PRG.\xe4"> 4,144,1,0\n</variable>
         <variable>4,1,2,3</variable><variable name="short">4,1</variable><variable name="empty"/>
         </variablelist></x></visualisation>"""
-    assert names_in(page) == {(4, 481, 41, 8): ".CurrentPassword", (4, 144, 1, 0): "PLC_PRG.ä"}
-    assert names_in(page[:-3]) == names_in(b"") == names_in(b"|0|1|") == {}
+    assert listed_in(page) == [(".CurrentPassword", (4, 481, 41, 8)), ("PLC_PRG.ä", (4, 144, 1, 0))]
+    assert listed_in(page[:-3]) == listed_in(b"") == listed_in(b"|0|1|") == []
+
+
+def test_lists_contradict_each_other_where_a_variable_begins_nowhere_that_both_say() -> None:
+    before: Listed = [("a", (4, 1, 2, 3)), ("b", (4, 9, 1, 0)), ("B", (4, 8, 1, 0))]
+    for now, different in (
+        ([("A", (4, 1, 4, 5))], False), ([("a", (4, 2, 2, 3))], True), ([("a", (4, 1, 0, 0))], True),
+        ([("b", (4, 8, 1, 0))], False), ([("b", (4, 7, 1, 0)), ("b", (4, 9, 1, 0))], False),
+        ([("c", (4, 1, 2, 3))], False),
+    ):  # fmt: skip
+        assert contradict(before, list(now)) == different
 
 
 @pytest.mark.parametrize(

@@ -45,6 +45,8 @@ FRAMES_KEPT = 10
 COUNTED = ("reads", "writes", "entries", "replies", "refused", "unanswered", "cut", "miscounted", "ambiguous")
 
 Pair = tuple[Node, Node, int]
+Home = tuple[Node, int]
+"""A controller: its address, and its port where that is neither 80 nor 8080, else 0."""
 """Client, server, port."""
 
 
@@ -99,6 +101,7 @@ class Talk:
     def __init__(self, connection: Connection, happened: Counter[str]) -> None:
         (client, _), (server, port) = connection.client, connection.server
         self.pair: Pair = (client, server, port)
+        self.home: Home = (server, 0 if port in (80, 8080) else port)
         self.connection = connection
         self.waiting: list[Waiting] = []
         self.had_request = False
@@ -130,11 +133,12 @@ class Visu:
         self.talks: dict[Connection, Talk] = {}
         self.known: dict[Pair, Row] = defaultdict(Row)
         self.found: dict[tuple[str, Node, str], list[tuple[int, int]]] = defaultdict(list)
-        self.names: dict[Node, dict[visu_body.Address, str]] = defaultdict(dict)
+        self.lists: dict[Home, list[visu_body.Listed]] = defaultdict(list)
+        self.names: dict[Home, dict[visu_body.Address, str]] = defaultdict(dict)
         self.writes: list[Written] = []
-        self.read: dict[tuple[Node, Asked], tuple[int, tuple[bytes | None, ...]]] = {}
+        self.read: dict[tuple[Home, Asked], tuple[int, tuple[bytes | None, ...]]] = {}
         """The last reply to each request of each server: when, by count, and its values."""
-        self.confirmed: dict[tuple[Node, visu_body.Address], tuple[int, str]] = {}
+        self.confirmed: dict[tuple[Home, visu_body.Address], tuple[int, str]] = {}
         self.replies = 0
         self.number = 0
         self.now = 0
@@ -219,41 +223,39 @@ class Visu:
         """Note what a request writes."""
         if asked is None or not asked.write:
             return []
-        server = talk.pair[1]
         found = [
             Written(
-                self.now, self.number, talk.pair, self.called(server, entry.address),
-                self.known_value(server, entry.address), text_of(entry.value),
+                self.now, self.number, talk.pair, self.called(talk.home, entry.address),
+                self.known_value(talk.home, entry.address), text_of(entry.value),
             )
             for entry in asked.entries
         ]  # fmt: skip
         self.writes += found
         return found
 
-    def known_value(self, server: Node, address: visu_body.Address) -> str | None:
+    def known_value(self, home: Home, address: visu_body.Address) -> str | None:
         """Return the value that a variable was read, or written, as last."""
-        since, value = self.confirmed.get((server, address), (0, None))
+        since, value = self.confirmed.get((home, address), (0, None))
         found: str | None = value
         for (node, asked), (at, values) in self.read.items():
             for entry, one in zip(asked.entries, values, strict=False):
-                if node == server and entry.address == address and at >= since:
+                if node == home and entry.address == address and at >= since:
                     since, found = at, None if one is None else one.decode("latin-1")
         return found
 
     def learn(self, talk: Talk, waiting: Waiting, asked: Asked, status: int, answer: Answered) -> None:
         """Note what a reply says of values."""
         self.replies += 1
-        server = talk.pair[1]
         if asked.write:
             is_done = not answer.refused
             for one in waiting.writes:
                 one.outcome, one.answer = "confirmed" if is_done else "refused", self.number
             if is_done:
                 self.confirmed |= {
-                    (server, entry.address): (self.replies, text_of(entry.value)) for entry in asked.entries
+                    (talk.home, entry.address): (self.replies, text_of(entry.value)) for entry in asked.entries
                 }
         elif not asked.query and not answer.ambiguous and status == 200:
-            self.read[server, asked] = self.replies, answer.values
+            self.read[talk.home, asked] = self.replies, answer.values
 
     def response(self, talk: Talk, message: Message) -> None:
         """Take a response that is whole, or dropped as cut; one of 1xx answers nothing."""
@@ -267,9 +269,7 @@ class Visu:
         waiting = talk.waiting.pop(0)
         page = visu_body.is_page(waiting.message.method, waiting.message.target)
         if page and message.body is not None and message.status == 200:
-            names = visu_body.names_in(message.body)
-            self.happened["names"] += len(names)
-            self.names[talk.pair[1]] |= names
+            self.learn_names(talk, visu_body.listed_in(message.body))
         if waiting.asked is None:
             return
         row = self.known[talk.pair]
@@ -288,6 +288,20 @@ class Visu:
         answer = visu_body.answered(waiting.asked, message.status, message.body)
         self.learn(talk, waiting, waiting.asked, message.status, answer)
         self.judge(talk, row, waiting.asked, message, answer)
+
+    def learn_names(self, talk: Talk, listed: visu_body.Listed) -> None:
+        """Take a list; those known before that have a variable at none of the places of this one are not believed."""
+        self.happened["names"] += len(listed)
+        names = {address: name for name, address in listed}
+        known = self.names[talk.home]
+        if all(known.get(address) == name for address, name in names.items()):
+            return
+        believed = [one for one in self.lists[talk.home] if not visu_body.contradict(one, listed)]
+        if len(believed) < len(self.lists[talk.home]):
+            self.happened["other names"] += 1
+            self.find("NV806", talk)
+        self.lists[talk.home] = [*believed, listed]
+        self.names[talk.home] = {address: name for one in self.lists[talk.home] for name, address in one}
 
     def judge(self, talk: Talk, row: Row, asked: Asked, message: Message, answer: Answered) -> None:
         row.counts.update(refused=answer.refused, miscounted=answer.miscounted, ambiguous=answer.ambiguous)
@@ -315,7 +329,7 @@ class Visu:
         talk.waiting.clear()
 
     def is_password(self, talk: Talk, address: visu_body.Address) -> bool:
-        return visu_body.is_password(self.names[talk.pair[1]].get(address))
+        return visu_body.is_password(self.names[talk.home].get(address))
 
     def find(
         self, code: str, talk: Talk, address: visu_body.Address | None = None, frame: int | None = None
@@ -323,12 +337,12 @@ class Visu:
         client, server, _ = talk.pair
         variable = f"visu/{server}"
         if address is not None:
-            variable += "/" + self.called(server, address)
+            variable += "/" + self.called(talk.home, address)
         self.found[code, client, variable].append((self.now, self.number if frame is None else frame))
 
-    def called(self, server: Node, address: visu_body.Address) -> str:
+    def called(self, home: Home, address: visu_body.Address) -> str:
         text = address if isinstance(address, str) else ",".join(map(str, address))
-        return self.names[server].get(address, text)
+        return self.names[home].get(address, text)
 
     def latencies(self, row: dict[str, Any]) -> list[int]:
         """Return the latencies of a row, in order."""

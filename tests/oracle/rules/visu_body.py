@@ -15,7 +15,8 @@ Readings, where the rules leave a choice:
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
+from collections import defaultdict
+from typing import Any, NamedTuple
 from urllib.parse import unquote_to_bytes
 from xml.etree import ElementTree
 
@@ -30,6 +31,9 @@ PASSWORD = re.compile(r"(?:.*\.)?(?:currentpassword|currentpasswords\[[0-9]+\])"
 
 Address = tuple[int, int, int, int] | str
 """Ref, offset, size, type; or the text of an ADR."""
+
+Listed = list[tuple[str, Address]]
+"""Names and where they lie."""
 
 
 class Entry(NamedTuple):
@@ -155,20 +159,31 @@ def is_page(method: bytes, target: bytes) -> bool:
     return method == b"GET" and target.split(b"?")[0].lower().endswith(b".xml")
 
 
-def names_in(page: bytes) -> dict[Address, str]:
+def listed_in(page: bytes) -> Listed:
     """Return the names that a page gives to addresses; nothing where it is not XML."""
     try:
         root = ElementTree.fromstring(page)
     except (ElementTree.ParseError, ValueError):
-        return {}
+        return []
     except LookupError:  # what it says of its encoding is not known: it is that of Windows
-        return names_in(re.sub(rb"encoding=\S*?([\"'])[^\"']*\1", b'encoding="cp1252"', page, count=1))
-    names: dict[Address, str] = {}
+        return listed_in(re.sub(rb"encoding=\S*?([\"'])[^\"']*\1", b'encoding="cp1252"', page, count=1))
+    listed: Listed = []
     for variables in root.iter("variablelist"):
         for variable in variables.findall("variable"):
             name = variable.get("name")
             parts = (variable.text or "").strip().split(",")
             if name is not None and len(parts) == 4 and all(re.fullmatch("[0-9]{1,10}", part) for part in parts):
                 ref, offset, size, type_ = map(int, parts)
-                names[ref, offset, size, type_] = name
-    return names
+                listed.append((name, (ref, offset, size, type_)))
+    return listed
+
+
+def contradict(before: Listed, now: Listed) -> bool:
+    """Tell whether a variable of two lists begins at other places; names are the same in any case."""
+    places: tuple[dict[str, set[Any]], ...] = (defaultdict(set), defaultdict(set))
+    for known, listed in zip(places, (before, now), strict=True):
+        for name, address in listed:
+            assert isinstance(address, tuple)
+            ref, offset, size, _ = address
+            known[name.casefold()].add((ref, offset, size == 0))
+    return any(name in places[0] and not places[0][name] & here for name, here in places[1].items())

@@ -2,7 +2,7 @@
 
 Readings, where the rules leave a choice:
 
-- a variable is one place of one server, whoever asks for it, on whatever port
+- a variable is one place of one server, whoever asks for it; ports 80 and 8080 are of one server, any other is one
 - a reply to a read of status 200 that is not ambiguous says values, by position; ``???`` says none
 - a write that was confirmed says its values with its reply; of an older page (WRITEPI), too
 - what a value means is said by the number of the type, where the size is that of the type: see ``value_of``
@@ -18,10 +18,9 @@ import struct
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from tests.oracle.frame import Address as Node
 from tests.oracle.rules import visu_body
 from tests.oracle.rules.http import Message
-from tests.oracle.rules.visu import Talk, Visu
+from tests.oracle.rules.visu import Home, Talk, Visu
 
 Value = bool | int | float | str | None
 
@@ -65,7 +64,7 @@ class VisuValues(Visu):
     def __init__(self) -> None:
         super().__init__()
         self.series: list[Series] = []
-        self.variables: dict[tuple[Node, visu_body.Address], Known] = {}
+        self.variables: dict[tuple[Home, visu_body.Address], Known] = {}
 
     def judge(
         self, talk: Talk, row: Any, asked: visu_body.Asked, message: Message, answer: visu_body.Answered
@@ -81,13 +80,13 @@ class VisuValues(Visu):
             return
         if message.status != 200 or answer.ambiguous or not values:
             return
-        self.take(talk.pair[1], asked, values)
+        self.take(talk.home, asked, values)
 
-    def take(self, server: Node, asked: visu_body.Asked, values: list[bytes]) -> None:
+    def take(self, home: Home, asked: visu_body.Asked, values: list[bytes]) -> None:
         for place, entry in enumerate(asked.entries):
-            known = self.variables.setdefault((server, entry.address), Known())
-            known.name = self.called(server, entry.address)
-            known.secret = self.may_be_secret(server, entry.address)
+            known = self.variables.setdefault((home, entry.address), Known())
+            known.name = self.called(home, entry.address)
+            known.secret = self.may_be_secret(home, entry.address)
             known.asked += 1
             if place >= len(values):
                 continue
@@ -99,16 +98,16 @@ class VisuValues(Visu):
             before = known.readings[-1] if known.readings else None
             changed = before is not None and not same(before, text, value)
             told = Series(
-                self.now, self.number, str(server), known.name, text_of(entry.address), text, value, changed,
+                self.now, self.number, str(home[0]), known.name, text_of(entry.address), text, value, changed,
                 known.secret,
             )  # fmt: skip
             known.readings.append(told)
             self.series.append(told)
 
-    def may_be_secret(self, server: Node, address: visu_body.Address) -> bool:
+    def may_be_secret(self, home: Home, address: visu_body.Address) -> bool:
         if isinstance(address, str):
             return visu_body.is_password(address)
-        name = self.names[server].get(address)
+        name = self.names[home].get(address)
         return address[3] == visu_body.STRING if name is None else visu_body.is_password(name)
 
     def rows(self) -> list[dict[str, Any]]:
@@ -124,7 +123,7 @@ class VisuValues(Visu):
                 "changed": last_change(known.readings),
                 "bounds": bounds([one.value for one in known.readings]),
             }
-            for (server, address), known in self.variables.items()
+            for ((server, _), address), known in self.variables.items()
         ]  # fmt: skip
 
 
