@@ -49,7 +49,7 @@ def test_nothing_is_said() -> None:
         ("port = 80", "port"),
         (
             'controllers = { press = "a.xml" }',
-            "line 2, column 1: webvisu.controllers.\"press\": 'press' is no IP address",
+            "column 1: webvisu.controllers.\"press\": 'press' is no IP address",
         ),
         ('[webvisu.controllers]\n"10.0.0.5" = 5', 'webvisu.controllers."10.0.0.5"'),
         ('[webvisu.controllers]\n"::ffff:10.0.0.5" = []\n"10.0.0.5" = []', "the controller 10.0.0.5 is there twice"),
