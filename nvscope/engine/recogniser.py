@@ -19,6 +19,8 @@ from nvscope.engine.told import Laid, Told
 from nvscope.engine.watch import Watch
 
 MAX_BATCH = 1 << 17
+_FOLLOWED = 1 << 15
+"""Of connections, whose bytes are put together, less at a time: it stays near the processor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +54,7 @@ class Recogniser:
         self._followers = {one.name: one.begin() for one in reading.dissectors if one.begin is not None}
         self._frames = 0
         self._has_begun = False
+        self._follows = False
         self._start_ns = self._last_ns = 0
 
     def go_on_behind(self, before: Before) -> None:
@@ -68,9 +71,12 @@ class Recogniser:
         if packets.ends and len(packets):
             yield from self._tell(PacketBatch.ended(*packets.ends))
             packets = replace(packets, ends=())
-        for start in range(0, len(packets), MAX_BATCH) or range(1):
-            last = start + MAX_BATCH >= len(packets)
-            yield from self._tell(packets[start : start + MAX_BATCH], packets.until_ns if last else None)
+        start = 0
+        while start < len(packets) or not start:
+            most = _FOLLOWED if self._follows else MAX_BATCH
+            last = start + most >= len(packets)
+            yield from self._tell(packets[start : start + most], packets.until_ns if last else None)
+            start += most
 
     def _tell(self, packets: PacketBatch, until_ns: int | None = None) -> Iterator[Told]:
         unheard = [one for end in packets.ends for one in self._watch.end(end, self._keys)]
@@ -82,6 +88,7 @@ class Recogniser:
             self._has_begun = True
             self._start_ns = self._last_ns = int(packets.ts_ns[0])
         batch = self._sorter.sort(packets)
+        self._follows = 2 * len(batch.segments) > len(batch)
         laid = None if self._keys is None else self._lay_out(batch, self._keys)
         self._watch.observe(batch, self._keys)
         told = Told(

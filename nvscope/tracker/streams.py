@@ -23,6 +23,8 @@ from nvscope.tracker.segments_in_turn import FAR, FORGOTTEN_NS, Segments, Segmen
 _FEW = 128
 """So many segments take as long one after the other as at once."""
 
+_MOST_PARTS = 8
+
 MOST_CONNECTIONS = 1 << 16
 ENOUGH = 1 << 10
 """Fewer connections are not worth while to be forgotten."""
@@ -103,7 +105,7 @@ class Streams:
         return Brought(pieces, self._in_turn.kept)
 
     def _put_in_order(self, data: U8, rows: Segments, carrying: Bool, found: list[Pieces]) -> None:
-        """Add what segments bring to ``found``: where something is peculiar, in halves, and few of them in turn."""
+        """Add what segments bring to ``found``: where something is peculiar, in parts, and few of them in turn."""
         if len(rows) <= _FEW:
             found.append(self._in_turn.observe(data, rows))
             return
@@ -112,8 +114,11 @@ class Streams:
         if is_plain.all():
             return
         rest, carrying = rows.take(~is_plain), carrying[~is_plain]
-        middle = int(np.partition(rest.frame, len(rest) // 2)[len(rest) // 2])
-        for part in (rest.frame < middle, rest.frame >= middle):
+        parts = min(max(-(-len(rest) // _FEW), 2), _MOST_PARTS)
+        bounds = [len(rest) * part // parts for part in range(1, parts)]
+        part_of = np.searchsorted(np.partition(rest.frame, bounds)[bounds], rest.frame, side="right")
+        for number in range(parts):
+            part = part_of == number
             self._put_in_order(data, rest.take(part), carrying[part], found)
 
     def _numbered(
