@@ -96,7 +96,10 @@ class EventLog:
         number = number[order]
         start, stop = runs_of(number)
         self.rows.resize(len(self.keys))
-        self.rows.add(number[start], start, stop, time_ns[order], frame[order])
+        self._add(number[start], start, stop, time_ns[order], frame[order])
+
+    def _add(self, row: I64, start: I64, stop: I64, time_ns: I64, frame: I64) -> None:
+        self.rows.add(row, start, stop, time_ns, frame)
 
     def take(self, part: EventLog, *words: U64) -> None:
         """Take over the events of a log that has none of this one's keys.
@@ -104,3 +107,25 @@ class EventLog:
         ``words`` are its keys as this one has them, by default the same.
         """
         self.rows.take_keyed(self.keys, part.rows, words or part.keys.words)
+
+
+class LeftOutLog(EventLog):
+    """What there was no room for, by one word: of few kinds, each told in any order.
+
+    So first and last are the earliest and the latest, and frames are the lowest ones, whichever was recorded first.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(1)
+
+    def _add(self, row: I64, start: I64, stop: I64, time_ns: I64, frame: I64) -> None:
+        rows = self.rows
+        for one, begin, end in zip(row.tolist(), start.tolist(), stop.tolist(), strict=True):
+            times = time_ns[begin:end] if not rows.count[one] else np.append(
+                time_ns[begin:end], [rows.first_ns[one], rows.last_ns[one]]
+            )  # fmt: skip
+            known = rows.frames[one][rows.frames[one] > 0]
+            lowest = np.sort(np.append(known, frame[begin:end]))[:FRAMES_KEPT]
+            rows.first_ns[one], rows.last_ns[one] = times.min(), times.max()
+            rows.frames[one, : len(lowest)] = lowest
+            rows.count[one] += end - begin

@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from collections import Counter
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_kinds import FRAMES_KEPT, TELL_IN_NUMBERS, EventKind
+from nvscope.tracker.events import LeftOutLog
 from nvscope.tracker.evidence.event_columns import NO_SCOPE, EventColumns
 from nvscope.tracker.list_log import event_parts
 from nvscope.tracker.parted import PartedState
@@ -271,3 +273,26 @@ def test_what_there_is_no_room_for_is_counted(most: int) -> None:
     assert every.left_out == 0
     assert some.count == len(some.table().frame) == most
     assert some.count + some.left_out == every.count
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 2), st.integers(-50, 50), st.integers(1, 40)), max_size=40),
+    st.lists(st.integers(0, 40), max_size=5),
+)
+@examples()
+def test_what_was_left_out_is_told_alike_in_any_order_and_any_cut(
+    events: list[tuple[int, int, int]], cuts: list[int]
+) -> None:
+    log, bounds = LeftOutLog(), [0, *sorted(cuts), len(events)]
+    for start, stop in pairwise(bounds):
+        for what, time_ns, frame in events[start:stop]:
+            log.record(np.array([time_ns]), np.array([frame]), np.array([what], np.uint64))
+        log.settle()
+    rows = zip(*(log.rows.column(name).tolist() for name in ("count", "first_ns", "last_ns", "frames")), strict=True)
+    told = dict(zip(log.keys.words[0].tolist(), rows, strict=True))
+    for what in {what for what, *_ in events}:
+        times, frames = zip(*(event[1:] for event in events if event[0] == what), strict=True)
+        lowest = sorted(frames)[:FRAMES_KEPT]
+        kept = lowest + [0] * (FRAMES_KEPT - len(lowest))
+        assert told.pop(what) == (len(times), min(times), max(times), kept)
+    assert told == {}

@@ -21,7 +21,7 @@ from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.reading import PARAMETER_TIMEOUT_NS
 from nvscope.engine.told import Told
 from nvscope.engine.watch import Unheard
-from nvscope.tracker.events import EventLog
+from nvscope.tracker.events import EventLog, LeftOutLog
 from nvscope.tracker.latency import Latencies
 from nvscope.tracker.parameter.events import USUAL, ParameterEvent, parameter_name
 from nvscope.tracker.parameter.matching import (
@@ -135,7 +135,7 @@ class Transactions:
         self.latencies = Latencies()
         self.parameters = KeyTable()
         self.events = EventLog()
-        self.left_out = EventLog(1)
+        self.left_out = LeftOutLog()
         self.writes = Writes(self.pairs)
         self.timeout_ns = PARAMETER_TIMEOUT_NS
         self._open = NOTHING_OPEN

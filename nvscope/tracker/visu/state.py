@@ -14,7 +14,7 @@ from dissectors.keys import KeyTable
 from dissectors.webvisu import Place, Request, is_password, read_reply
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.told import Told
-from nvscope.tracker.events import EventLog
+from nvscope.tracker.events import EventLog, LeftOutLog
 from nvscope.tracker.latency import Latencies
 from nvscope.tracker.visu.events import VisuEvent
 from nvscope.tracker.visu.limits import MOST_ENTRIES, Beyond
@@ -113,7 +113,7 @@ class VisuCounts:
         self.subjects: dict[Subject, int] = {}
         self.events = EventLog()
         self.write_minutes = EventLog()
-        self.left_out = EventLog(1)
+        self.left_out = LeftOutLog()
         self.writes = Writes()
         self.others: dict[tuple[int, int], Spoken] = {}
         self.unchanging = Unchanging()
