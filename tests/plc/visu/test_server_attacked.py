@@ -53,7 +53,7 @@ def test_what_is_too_much_or_none_gets_a_status_and_others_are_served(
         try:
             client.sendall(payload)
             client.shutdown(socket.SHUT_WR)
-        except (BrokenPipeError, ConnectionResetError):
+        except OSError:  # it was left, before or while that was said
             pass
         replies = everything(client)
     assert statuses(replies)[:1] in ([status], [])  # who goes on sending may not get to read what he was told
@@ -68,7 +68,7 @@ def test_who_drips_is_given_up(tmp_path: Path) -> None:
             while time.monotonic() - begun_s < WAIT_S:
                 slow.sendall(b"X")
                 time.sleep(0.02)
-        except (BrokenPipeError, ConnectionResetError):
+        except OSError:  # it was left, before or while that was said
             pass
         assert time.monotonic() - begun_s < WAIT_S
         assert one.server.ignored == {SLOW: 1}
