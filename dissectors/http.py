@@ -101,6 +101,12 @@ def is_start_line(data: bytes, start: int, stop: int, side: Side) -> bool:
     return found is not None and found.end() == stop
 
 
+def target_of(head: bytes) -> str:
+    """Return the target of a request of whose head the first line is there, '' where that is not."""
+    line = _LINES[Side.CLIENT].match(head)
+    return "" if line is None else line["target"].decode("latin-1")
+
+
 def read_head(head: bytes, side: Side, *, answers_head: bool = False) -> Head | None:
     """Read a head with its empty line; None where it is none, or says of the body's length what cannot be.
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from dissectors import http
 from dissectors.http import MOST_BODY_BYTES, MOST_HEAD_BYTES, Body, Head, Side
 from dissectors.web_protocols import WebProtocol, protocol_of_bytes
-from dissectors.webvisu import may_become_request
+from dissectors.webvisu import Likeness, likeness
 
 if TYPE_CHECKING:
     from nvscope.tracker.visu.head_requests import HeadRequests
@@ -46,9 +46,9 @@ class Form:
     """What messages of one form have in common; or what else happens.
 
     ``body_bytes`` is how long the body is as it came. ``content`` is what is in it where ``is_coded``, None where that
-    is not known. ``touched``: what is not whole may be a request of a WebVisu page, or is in the response to the first
-    request that waits. ``answers_nobody``: what it answers was forgotten meanwhile. ``missing_bytes`` are those of a
-    gap. ``spoken`` is what a connection begins with that does not begin with HTTP.
+    is not known. ``touched``: whether what is not whole may be a request of a WebVisu page, or is in the response to
+    the first request that waits. ``answers_nobody``: what it answers was forgotten meanwhile. ``missing_bytes`` are
+    those of a gap. ``spoken`` is what a connection begins with that does not begin with HTTP.
     """
 
     what: What
@@ -56,7 +56,7 @@ class Form:
     body_bytes: int = 0
     content: bytes | None = None
     is_coded: bool = False
-    touched: bool = False
+    touched: Likeness = Likeness.NO
     answers_nobody: bool = False
     missing_bytes: int = 0
     spoken: WebProtocol | None = None
@@ -293,16 +293,14 @@ class HttpReader:
         found.tell(at, Form(What.BROKEN, spoken=protocol_of_bytes(data, start) if is_first else None))
         return start + 1
 
-    def _is_touched(self, rest: bytes, head_end: int, head: Head | None) -> bool:
+    def _likeness(self, rest: bytes, head_end: int, head: Head | None) -> Likeness:
         """Tell whether what there is of a message, up to a hole, may be a request of a WebVisu page."""
         if self.side is not Side.CLIENT or not (rest == _POST[:-1] or rest.startswith(_POST)):
-            return False
-        if head is None:
-            return True
-        content = rest[head_end:]
-        if head.body is Body.CHUNKS:
+            return Likeness.NO
+        content = b"" if head is None else rest[head_end:]
+        if head is not None and head.body is Body.CHUNKS:
             content = http.read_chunks(rest, head_end, len(rest)).content
-        return may_become_request(content)
+        return likeness(content, http.target_of(rest))
 
     def miss(self, size: int, at: int, found: Forms) -> None:
         """Take a hole of so many bytes."""
@@ -317,11 +315,11 @@ class HttpReader:
         """Take that the bytes of the message that has begun are lost, and so many behind them."""
         rest, self.rest = self.rest, b""
         in_step, self._is_first = not self._seeks, False
-        touched = False
+        touched = Likeness.NO
         if in_step and not self._passes and rest:
             head_end = http.end_of_head(rest, 0, len(rest))
             head = http.read_head(rest[:head_end], self.side) if head_end >= 0 else None
-            touched = self._is_touched(rest, head_end, head)
+            touched = self._likeness(rest, head_end, head)
             if head is not None and head.body is Body.LENGTH:
                 length = 0 if self._answers_head else head.length
                 self._passes = length - (len(rest) - head_end)
@@ -335,7 +333,8 @@ class HttpReader:
         if self._passed is not None:
             touched = self._passed.touched
         self._passes, self._passed = 0, None
-        touched |= in_step and self.side is Side.SERVER and not self._answers_nobody
+        if in_step and self.side is Side.SERVER and not self._answers_nobody:
+            touched = Likeness.YES
         self._out_of_step(at)
         self.breaks.append(len(found.at))
         found.tell(at, Form(What.BROKEN, touched=touched))

@@ -66,3 +66,26 @@ def test_a_request_of_a_page_is_one_wherever_it_is_posted() -> None:
     assert OTHERS not in found
     (row,) = visu_rows(found[VISU.name])
     assert (row["reads"], row["replies"]) == (1, 1)
+
+
+FORM = b"POST /login HTTP/1.1\r\nContent-Length: 9\r\n\r\n"
+ASKS = b"POST /plc/webvisu.htm HTTP/1.1\r\nContent-Length: 17\r\n\r\n"
+
+
+@pytest.mark.parametrize("packets", [1, 1000])
+class TestOfWhichTheBodyIsMissing:
+    def test_posts_to_other_sites_are_none_of_pages(self, packets: int) -> None:
+        line = Line().open()
+        for _ in range(3):
+            line.ask(FORM).lose(True, 9).answer(OK)
+        line.ask(FORM[:9]).lose(True, len(FORM)).answer(OK)
+        assert spoken(line.frames, packets) == []
+
+    def test_posts_to_the_page_are_and_those_behind_others(self, packets: int) -> None:
+        page = Line().open().ask(ASKS).lose(True, 17).answer(OK).close(True).close(False)
+        behind = Line(("10.0.0.2", 50_000)).open().ask(READ).answer(OK).ask(FORM[:9]).lose(True, 60).answer(OK)
+        behind.close(True).close(False)
+        found = summarize(followed(cut(batch_of([*page.frames, *behind.frames]), packets))).others
+        assert [(row["client"], row["reads"], row["cut"]) for row in visu_rows(found[VISU.name])] == [
+            ("10.0.0.1", 0, 1), ("10.0.0.2", 1, 1),
+        ]  # fmt: skip
