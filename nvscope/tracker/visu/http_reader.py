@@ -290,7 +290,7 @@ class HttpReader:
         self._out_of_step(at)
         self.breaks.append(len(found.at))
         is_first = self._is_first and len(found.at) == self._found_before
-        found.tell(at, Form(What.BROKEN, spoken=protocol_of_bytes(data, start) if is_first else None))
+        found.tell(at, Form(What.BROKEN, spoken=protocol_of_bytes(data, start, at) if is_first else None))
         return start + 1
 
     def _likeness(self, rest: bytes, head_end: int, head: Head | None) -> Likeness:

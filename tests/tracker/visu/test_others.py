@@ -53,6 +53,20 @@ class TestBeside:
         line = Line(server=("10.0.0.5", 8080)).open().ask(MODBUS).answer(MODBUS).ask(MODBUS)
         assert spoken(line.frames, packets) == [("10.0.0.1", 8080, "other", 1, 4)]
 
+    def test_of_http_1_nothing_is_told_where_it_is_not_read_either(self, packets: int) -> None:
+        asks = (
+            b"PROPFIND /dav HTTP/1.1\r\n\r\n", b"SUBSCRIBE /upnp HTTP/1.1\r\n\r\n", b"GET /old\r\n",
+            b"GET /a?name=two words HTTP/1.1\r\n\r\n", b"GET /" + bytes(3000), b"OPTIONS HTTP/1.1\n\n",
+            b"POST / HTTP/1.1\r\nContent-Length: -1\r\n\r\n",
+            b"POST / HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\nnone\r\n",
+        )  # fmt: skip
+        lines = [Line(("10.0.0.1", port)).open().ask(ask[:2]).ask(ask[2:]) for port, ask in enumerate(asks, 50_000)]
+        assert spoken([frame for line in lines for frame in line.frames], packets) == []
+
+    def test_http_2_is_known_by_its_preface(self, packets: int) -> None:
+        line = Line().open().ask(b"PRI * HTTP/2.0\r\n").ask(b"\r\nSM\r\n\r\n" + bytes(9))
+        assert spoken(line.frames, packets) == [("10.0.0.1", 80, "http2", 1, 4)]
+
     def test_behind_a_hole_or_a_request_nobody_says_so(self, packets: int) -> None:
         line = Line().open().lose(True, 10).ask(MODBUS).answer(b"").segment(False, ack=9_000_000)
         other = Line(("10.0.0.2", 50_000)).open().ask(PAGE).answer(OK).ask(MODBUS)
