@@ -111,8 +111,8 @@ class HttpReader:
     """
 
     __slots__ = (
-        "_answers_head", "_answers_nobody", "_found_before", "_is_first", "_known_at", "_passed", "_passes", "_seeks",
-        "asks_head", "breaks", "requests", "rest", "side",
+        "_answers_head", "_answers_nobody", "_chunks", "_found_before", "_is_first", "_known_at", "_passed", "_passes",
+        "_seeks", "asks_head", "breaks", "requests", "rest", "side",
     )  # fmt: skip
 
     def __init__(self, side: Side) -> None:
@@ -124,6 +124,8 @@ class HttpReader:
         self._answers_head: bool | None = None
         self._answers_nobody = False
         self.breaks: list[int] = []
+        # The chunks of the message that has begun, None where it has none.
+        self._chunks: http.Chunks | None = None
         self._seeks = True
         # Bytes that are still to come of a body that is not kept, and what is to be told behind them.
         self._passes = 0
@@ -138,7 +140,7 @@ class HttpReader:
         """Take the begin of a connection; its first bytes begin a message where it is ``in_step``."""
         self.rest, self._passes, self._passed = b"", 0, None
         self._seeks, self._is_first = not in_step, in_step
-        self._answers_head, self._answers_nobody = None, False
+        self._answers_head, self._answers_nobody, self._chunks = None, False, None
 
     def read(self, data: bytes, begin: int, end: int, found: Forms) -> None:
         """Read ``data`` from ``begin``, where its rest is, to ``end``."""
@@ -273,11 +275,15 @@ class HttpReader:
 
     def _read_chunks(self, data: bytes, start: int, head_end: int, end: int, head: Head, found: Forms) -> int:
         most = head_end + _MOST_CHUNKED_BYTES
-        chunks = http.read_chunks(data, head_end, min(end, most))
+        reader, self._chunks = self._chunks or http.Chunks(), None
+        chunks = reader.read(data, head_end, min(end, most))
         if chunks.wrong_at >= 0:
             return self._lose_step(data, start, chunks.wrong_at, found)
         if chunks.stop < 0:
-            return self._lose_step(data, start, most, found) if end >= most else -1
+            if end >= most:
+                return self._lose_step(data, start, most, found)
+            self._chunks = reader
+            return -1
         nobody = self._answered(chunks.stop, head)
         content = http.decoded(chunks.content, head.coding)
         form = Form(What.WHOLE, head, chunks.stop - head_end, content, is_coded=True, answers_nobody=nobody)
@@ -313,7 +319,7 @@ class HttpReader:
 
     def _drop(self, size: int, at: int, found: Forms) -> None:
         """Take that the bytes of the message that has begun are lost, and so many behind them."""
-        rest, self.rest = self.rest, b""
+        rest, self.rest, self._chunks = self.rest, b"", None
         in_step, self._is_first = not self._seeks, False
         touched = Likeness.NO
         if in_step and not self._passes and rest:
