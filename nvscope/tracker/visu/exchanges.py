@@ -208,7 +208,10 @@ class Exchanges:
             if form.head is None or form.head.status != OK:
                 continue
             server = servers[int(pair[place])]
+            before = self._names.version_of(server)
             self._names.learn(server, data[int(start[place]) : int(stop[place])])
+            if self._names.version_of(server) == before:
+                continue
             same = np.array([other == server for other in servers.values()], np.bool_)
             naming[place:][same[np.searchsorted(spoken, pair[place:])]] = self._names.version_of(server)
         return naming
