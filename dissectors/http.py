@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 MOST_HEAD_BYTES = 1 << 16
@@ -101,6 +101,12 @@ def is_start_line(data: bytes, start: int, stop: int, side: Side) -> bool:
     return found is not None and found.end() == stop
 
 
+def target_of(head: bytes) -> str:
+    """Return the target of a request of whose head the first line is there, '' where that is not."""
+    line = _LINES[Side.CLIENT].match(head)
+    return "" if line is None else line["target"].decode("latin-1")
+
+
 def read_head(head: bytes, side: Side, *, answers_head: bool = False) -> Head | None:
     """Read a head with its empty line; None where it is none, or says of the body's length what cannot be.
 
@@ -168,39 +174,63 @@ class Chunked:
     wrong_at: int = -1
 
 
+class Chunks:
+    """A body in chunks of which more comes again and again: what was read of it is not read anew."""
+
+    __slots__ = ("_at", "_begun", "_parts", "_trailers_at")
+
+    def __init__(self) -> None:
+        # Counted from the begin of the body: what was read, and where the trailers begin, -1 before they do.
+        self._at = 0
+        self._trailers_at = -1
+        self._parts: list[bytes] = []
+        # What is there of the chunk that has begun.
+        self._begun = slice(0, 0)
+
+    def read(self, data: bytes, start: int, stop: int) -> Chunked:
+        """Read on in a body that begins at ``start``; ``content`` is empty until it ends."""
+        at, self._begun = start + self._at, slice(0, 0)
+        while self._trailers_at < 0:
+            line = _line(data, at, stop, MOST_HEAD_BYTES)
+            if line <= 0:
+                return Chunked(wrong_at=-line or -1)
+            head = _CHUNK.match(data, at, line)
+            if head is None or head.end() != line or (size := int(head[1], 16)) > _MOST_LENGTH:
+                return Chunked(wrong_at=line)
+            if not size:
+                self._at = self._trailers_at = line - start
+                at = line
+                break
+            end = behind = line + size
+            if behind < stop and data[behind] == ord("\r"):
+                behind += 1
+            if behind >= stop:
+                self._begun = slice(line, min(end, stop))
+                return Chunked()
+            if data[behind] != ord("\n"):
+                return Chunked(wrong_at=behind + 1)
+            self._parts.append(data[line:end])
+            at = behind + 1
+            self._at = at - start
+        while True:
+            line = _line(data, at, stop, MOST_HEAD_BYTES - (self._at - self._trailers_at))
+            if line <= 0:
+                return Chunked(wrong_at=-line or -1)
+            if not data[at:line].strip(b"\r\n"):
+                return Chunked(line, b"".join(self._parts))
+            at = line
+            self._at = at - start
+
+    def so_far(self, data: bytes) -> bytes:
+        """Return the content that was found, in the same data as ``read`` found it last."""
+        return b"".join([*self._parts, data[self._begun]])
+
+
 def read_chunks(data: bytes, start: int, stop: int) -> Chunked:
-    """Read a body in chunks."""
-    parts: list[bytes] = []
-    while True:
-        line = _line(data, start, stop, MOST_HEAD_BYTES)
-        if line <= 0:
-            return Chunked(content=b"".join(parts), wrong_at=-line or -1)
-        head = _CHUNK.match(data, start, line)
-        if head is None or head.end() != line:
-            return Chunked(wrong_at=line)
-        size = int(head[1], 16)
-        start = line
-        if not size:
-            break
-        if size > _MOST_LENGTH:
-            return Chunked(wrong_at=line)
-        behind = start + size
-        parts.append(data[start : min(behind, stop)])
-        if behind < stop and data[behind] == ord("\r"):
-            behind += 1
-        if behind >= stop:
-            return Chunked(content=b"".join(parts))
-        if data[behind] != ord("\n"):
-            return Chunked(wrong_at=behind + 1)
-        start = behind + 1
-    first = start
-    while True:
-        line = _line(data, start, stop, MOST_HEAD_BYTES - (start - first))
-        if line <= 0:
-            return Chunked(content=b"".join(parts), wrong_at=-line or -1)
-        if not data[start:line].strip(b"\r\n"):
-            return Chunked(line, b"".join(parts))
-        start = line
+    """Read a body in chunks that is there as far as it ever will be."""
+    chunks = Chunks()
+    found = chunks.read(data, start, stop)
+    return found if found.stop >= 0 else replace(found, content=chunks.so_far(data))
 
 
 def _line(data: bytes, start: int, stop: int, most_bytes: int) -> int:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum
+from enum import Enum, IntEnum
 from functools import cached_property
 from typing import NamedTuple
 from urllib.parse import unquote
@@ -27,13 +27,16 @@ MOST_ENTRIES = 10_000
 MOST_ADDRESS_CHARACTERS = 256
 """Addresses of older pages, and names of variables, are cut behind so many characters."""
 
+PAGE = "webvisu.htm"
+"""What the page is called to which requests are posted, in small letters."""
+
 UNREADABLE = "???"
 """What a controller answers in place of a value that it cannot read."""
 
 _DONE = b"|0|"
 _BREAKS = re.compile(rb"[\r\n]*\|[\r\n]*")
 _REQUEST = re.compile(rb"\|([01])\|(\d+)\|")
-_MAY_BECOME = re.compile(rb"(?:\|(?:[01](?:\|\d*)?)?)?\Z")
+_MAY_BECOME = re.compile(rb"\|(?:[01](?:\|\d*)?)?\Z")
 _NUMBER = re.compile(r"[0-9]{1,10}")
 _PASSWORD = re.compile(r"(?:.*\.)?CurrentPasswords?(?:\[\d+\])?\Z", re.IGNORECASE | re.DOTALL)
 _QUERY = re.compile(r"(READPI|WRITEPI)\?(.*)\Z", re.IGNORECASE | re.DOTALL)
@@ -136,10 +139,27 @@ def is_request(body: bytes) -> bool:
     return _REQUEST.match(_tidy(body)) is not None
 
 
-def may_become_request(body: bytes) -> bool:
-    """Tell whether the begin of a body is that of a request, as far as it goes."""
+class Likeness(IntEnum):
+    """Whether a message of which not all is there may be a request of a page: no, perhaps, or by all that is there.
+
+    ``PERHAPS``: nothing is there that would tell it from those of other pages.
+    """
+
+    NO = 0
+    PERHAPS = 1
+    YES = 2
+
+
+def likeness(body: bytes, target: str) -> Likeness:
+    """Tell whether a POST may be a request of which this begin of the body is there; ``target`` is '' if that is not.
+
+    Without anything of its body, the name of the page is all there is to tell it by.
+    """
     tidy = _tidy(body)
-    return _REQUEST.match(tidy) is not None or _MAY_BECOME.match(tidy) is not None
+    if tidy:
+        return Likeness.YES if _REQUEST.match(tidy) or _MAY_BECOME.match(tidy) else Likeness.NO
+    page = target.partition("?")[0].rpartition("/")[2].lower()
+    return Likeness.YES if page == PAGE else Likeness.PERHAPS
 
 
 def read_request(body: bytes) -> Request | None:

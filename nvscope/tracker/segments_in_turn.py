@@ -141,6 +141,11 @@ class _Stream:
         return (sequence - self.next + _HALF) % _WRAP - _HALF
 
     @property
+    def is_nothing(self) -> bool:
+        """Whether it was reset before anything came."""
+        return self.ended and (self.first < 0 or self.next == self.first)
+
+    @property
     def hole_is_acknowledged(self) -> bool:
         """Whether the receiver has what is missing in front of what is kept."""
         return self.acknowledged >= 0 and self.distance(self.acknowledged) >= self.kept[0].begin - self.at
@@ -239,6 +244,9 @@ class SegmentsInTurn:
         if flags & SYN and not flags & RST:
             answers = flags & ACK
             is_new = own.first != (sequence + 1) % _WRAP and (not answers or own.first >= 0)
+            # What was refused is asked for again with the same number, and so is what an older connection was in the
+            # way of (RFC 9293, section 3.5.1).
+            is_new |= not answers and own.is_nothing and other.is_nothing
             if is_new and (own.begun or other.begun):
                 self._break_off(ends, frame, time_ns, (Order.OLD_CLIENT, Order.OLD_SERVER))
                 for stream in ends:

@@ -86,6 +86,31 @@ def test_chunks(parts: list[bytes], more: bytes, behind: bytes) -> None:
         assert b"".join(parts).startswith(part.content)
 
 
+PIECES = st.sampled_from([b"3\r\nabc\r\n", b"2;a=b\nab\n", b"0\r\n", b"a: b\r\n", b"\r\n", b"\r", b"1", b"x", b"A\r\n"])
+
+
+@examples(100)
+@given(st.lists(PIECES, max_size=12).map(b"".join), st.lists(st.integers(0, 60), max_size=6))
+def test_chunks_that_come_bit_by_bit_are_found_as_at_once(data: bytes, stops: list[int]) -> None:
+    reader = http.Chunks()
+    for stop in [*sorted(one for one in stops if one < len(data)), len(data)]:
+        found, part = http.read_chunks(data, 0, stop), reader.read(data, 0, stop)
+        assert (part.stop, part.wrong_at) == (found.stop, found.wrong_at)
+        if part.wrong_at >= 0:
+            return
+        if part.stop >= 0:
+            assert part.content == found.content
+            return
+        assert reader.so_far(data) == found.content
+
+
+def test_chunks_that_are_whole_are_read_once() -> None:
+    reader, data = http.Chunks(), chunks(b"abc", b"de")
+    first = len(b"3\r\nabc\r\n")
+    assert reader.read(data, 0, first + 2).stop == -1
+    assert reader.read(bytes(first) + data[first:], 0, len(data)).content == b"abcde"
+
+
 @pytest.mark.parametrize(
     "data", [b"x\r\n", b"\r\n", b"3\r\nabcd\r\n", b"3\r\nabc\rx", b"40000001\r\n", b"000000003\r\n"]
 )

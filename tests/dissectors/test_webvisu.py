@@ -10,11 +10,12 @@ from dissectors.webvisu import (
     MOST_ENTRIES,
     Answer,
     Entry,
+    Likeness,
     Place,
     Request,
     fields_in_reply,
     is_request,
-    may_become_request,
+    likeness,
     read_query,
     read_reply,
     read_request,
@@ -82,9 +83,17 @@ def test_what_is_no_request(body: bytes) -> None:
 
 
 def test_a_body_may_become_a_request_up_to_where_it_cannot() -> None:
-    for stop in range(len(FIVE)):
-        assert may_become_request(FIVE[:stop])
-    assert not any(map(may_become_request, (b"x", b"|2", b"|0x", b"|0|5x", b"<")))
+    for stop in range(1, len(FIVE)):
+        assert likeness(FIVE[:stop], "/a") is Likeness.YES
+    for other in (b"x", b"|2", b"|0x", b"|0|5x", b"<"):
+        assert likeness(other, "/webvisu.htm") is Likeness.NO
+
+
+def test_without_a_body_the_name_of_the_page_is_all_there_is_to_tell_a_request_by() -> None:
+    for target in ("/webvisu.htm", "/PLC/WebVisu.HTM?a=/b", "webvisu.htm"):
+        assert likeness(b"\r\n", target) is Likeness.YES
+    for target in ("", "/", "/WebVisuV3.bin", "/index.html?page=/webvisu.htm", "/webvisu.htm/"):
+        assert likeness(b"", target) is Likeness.PERHAPS
 
 
 @pytest.mark.parametrize(
@@ -175,7 +184,7 @@ def test_values_are_what_was_sent(values: list[str]) -> None:
 def test_no_bytes_raise(body: bytes, reply: bytes) -> None:
     request = read_request(body)
     assert (request is not None) is is_request(body)
-    assert may_become_request(body) or not is_request(body)
+    assert likeness(body, "") is Likeness.YES or not is_request(body)
     for one in (request, asked(THREE), asked(b"|1|1|0|4|0|9|8|a|")):
         if one is not None:
             found = read_reply(one, reply)

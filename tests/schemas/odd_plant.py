@@ -147,7 +147,7 @@ def _pages() -> list[Frame]:
     # What else is spoken on these ports.
     for other in (b"/WebVisuV3.bin", b"/TcAdsWebService/TcAdsWebService.dll"):
         line.ask(b"POST %s HTTP/1.1\r\nContent-Length: 1\r\n\r\nx" % other)
-    begins = (b"\x16\x03\x01" + bytes(3000), b"?\n")
+    begins = (b"\x16\x03\x01" + bytes(3000), b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n", b"?\n")
     others = [Line(("10.0.0.9", port), now=line.now).open().ask(begin) for port, begin in enumerate(begins, 50_001)]
     return [*line.frames, *(frame for other in others for frame in other.frames)]
 

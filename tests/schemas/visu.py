@@ -55,7 +55,7 @@ def visu_other() -> Schema:
         {
             **_ENDS,
             "protocol": word(protocols, "what is spoken; other: no HTTP, and nobody knows what"),
-            "count": whole("requests, or, of what is no HTTP, connections", 1),
+            "count": whole("requests, or, of what is no HTTP/1, connections", 1),
             "first_frame": whole("that of the first one", 1),
         }
     )  # fmt: skip

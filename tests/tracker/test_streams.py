@@ -21,8 +21,8 @@ from tests.laws import examples, some
 from tests.oracle.frame import Frame
 from tests.oracle.rules.streams import Delivery
 from tests.oracle.rules.streams import Streams as Rules
-from tests.oracle.tcp import peel_tcp
-from tests.oracle.tcp_line import tcp_frame
+from tests.oracle.tcp import ACK, RST, SYN, peel_tcp
+from tests.oracle.tcp_line import Line, tcp_frame
 from tests.oracle.visu_traffic import visu_traffic
 from tests.packets import batch_of, cut
 
@@ -116,6 +116,20 @@ def test_what_is_forgotten_would_not_have_been_asked_for(seed: int, packets: int
     later = pause_s * 10**9 + max(frame.ts_ns for frame in once) - min(frame.ts_ns for frame in once)
     twice = [*once, *(frame._replace(ts_ns=frame.ts_ns + later) for frame in once)]
     assert delivered(cut(batch_of(twice), packets), enough=0) == by_the_rules(twice)
+
+
+@pytest.mark.parametrize("packets", [1, 2, 1000])
+def test_what_was_reset_before_anything_came_is_asked_for_again(packets: int) -> None:
+    refused, stale = (
+        Line(("10.0.0.1", port)).segment(True, flags=SYN, seq=1000, ack=0) for port in (50_000, 50_001)
+    )  # fmt: skip
+    refused.segment(False, flags=RST | ACK, seq=0, ack=1001)
+    # The server remembers an older connection between the same ends, and the client takes that away.
+    stale.segment(False, seq=77, ack=2**31).segment(True, flags=RST, seq=2**31, ack=0)
+    frames = [frame for line in (refused, stale) for frame in line.open().ask(b"ask").answer(b"answer").frames]
+    found = delivered(cut(batch_of(frames), packets))
+    assert found == by_the_rules(frames)
+    assert [pieces[-1][1] for pieces in found.values()] == [b"ask", b"answer"] * 2
 
 
 def _may_both_serve(frame: Frame) -> bool:

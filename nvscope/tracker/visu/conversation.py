@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from dissectors.webvisu import Likeness
 from nvscope.tracker.pieces import ORDER_BITS
 from nvscope.tracker.visu.asking import NOTHING, Ask
 from nvscope.tracker.visu.http_reader import Form, What
@@ -60,17 +61,21 @@ class Conversation:
     ) -> None:  # fmt: skip
         """Take what happens in the client's direction."""
         if form.what in (What.WHOLE, What.CUT):
-            if form.touched or asked.request is not None:
+            if self._is_of_page(form) or asked.request is not None:
                 kind = Kind.CUT if form.what is What.CUT else Kind.READ
                 self._tell_request(kind, asked, order, message, tell)
             is_head = form.head is not None and form.head.method == "HEAD"
             self._wait(Waiting(NOTHING if form.what is What.CUT else asked, order, arrival_ns, is_head))
         elif form.what is What.BROKEN:
-            if form.touched:
+            if self._is_of_page(form):
                 self._tell_request(Kind.CUT, NOTHING, order, message, tell)
             self._forget_waiting()
         else:
             self._take_other(form, order, tell)
+
+    def _is_of_page(self, form: Form) -> bool:
+        """Tell whether what is not whole is a request of a page: what says nothing of itself, where others were."""
+        return form.touched is Likeness.YES or (form.touched is Likeness.PERHAPS and self.is_visu)
 
     def _wait(self, one: Waiting) -> None:
         if self.beyond or len(self.waiting) >= MOST_WAITING:
@@ -104,7 +109,7 @@ class Conversation:
             elif self.beyond:
                 self.beyond -= 1
         elif form.what is What.BROKEN:
-            if self.waiting and form.touched:
+            if self.waiting and form.touched is Likeness.YES:
                 self._tell_answer(Kind.CUT, self.waiting[0], order, arrival_ns, message, tell)
             self._forget_waiting()
         elif form.what is What.END:

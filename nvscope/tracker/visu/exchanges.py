@@ -219,9 +219,12 @@ class Exchanges:
             if form.head is None or form.head.status != OK:
                 continue
             controller = asked[int(pair[place])]
-            other = self._names.learn(controller, data[int(start[place]) : int(stop[place])])
-            if other is not None:
-                other_names[place] = other
+            before = self._names.version_of(controller)
+            contradicted = self._names.learn(controller, data[int(start[place]) : int(stop[place])])
+            if contradicted is not None:
+                other_names[place] = contradicted
+            if self._names.version_of(controller) == before:
+                continue
             same = np.array([other == controller for other in asked.values()], np.bool_)
             naming[place:][same[np.searchsorted(spoken, pair[place:])]] = self._names.version_of(controller)
         return naming, other_names

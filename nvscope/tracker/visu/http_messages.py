@@ -228,7 +228,11 @@ class HttpStreams:
         else:
             at, form = [found.at[place] for place in which], [found.form[place] for place in which]
         begin = np.array(at, np.int64)
-        reached = begin + np.array(found.body_bytes, np.int64)[np.array(form, np.int64)]
+        body_bytes = found.body_bytes
+        # What a batch holds of a stream is little beside all forms that it has, where there are many holes.
+        few = len(form) < len(body_bytes)
+        size = [body_bytes[one] for one in form] if few else np.array(body_bytes, np.int64)[np.array(form, np.int64)]
+        reached = begin + np.array(size, np.int64)
         if found.late:
             reached = np.maximum(reached, [found.late.get(place, 0) for place in which])
         places: I64 = np.where(begin >= 0, np.searchsorted(ends, reached), ~begin)

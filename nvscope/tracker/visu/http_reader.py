@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from dissectors import http
 from dissectors.http import MOST_BODY_BYTES, MOST_HEAD_BYTES, Body, Head, Side
 from dissectors.web_protocols import WebProtocol, protocol_of_bytes
-from dissectors.webvisu import may_become_request
+from dissectors.webvisu import Likeness, likeness
 
 if TYPE_CHECKING:
     from nvscope.tracker.visu.head_requests import HeadRequests
@@ -46,9 +46,9 @@ class Form:
     """What messages of one form have in common; or what else happens.
 
     ``body_bytes`` is how long the body is as it came. ``content`` is what is in it where ``is_coded``, None where that
-    is not known. ``touched``: what is not whole may be a request of a WebVisu page, or is in the response to the first
-    request that waits. ``answers_nobody``: what it answers was forgotten meanwhile. ``missing_bytes`` are those of a
-    gap. ``spoken`` is what a connection begins with that does not begin with HTTP.
+    is not known. ``touched``: whether what is not whole may be a request of a WebVisu page, or is in the response to
+    the first request that waits. ``answers_nobody``: what it answers was forgotten meanwhile. ``missing_bytes`` are
+    those of a gap. ``spoken`` is what a connection begins with that does not begin with HTTP.
     """
 
     what: What
@@ -56,7 +56,7 @@ class Form:
     body_bytes: int = 0
     content: bytes | None = None
     is_coded: bool = False
-    touched: bool = False
+    touched: Likeness = Likeness.NO
     answers_nobody: bool = False
     missing_bytes: int = 0
     spoken: WebProtocol | None = None
@@ -111,8 +111,8 @@ class HttpReader:
     """
 
     __slots__ = (
-        "_answers_head", "_answers_nobody", "_found_before", "_is_first", "_known_at", "_passed", "_passes", "_seeks",
-        "asks_head", "breaks", "requests", "rest", "side",
+        "_answers_head", "_answers_nobody", "_chunks", "_found_before", "_is_first", "_known_at", "_passed", "_passes",
+        "_seeks", "asks_head", "breaks", "requests", "rest", "side",
     )  # fmt: skip
 
     def __init__(self, side: Side) -> None:
@@ -124,6 +124,8 @@ class HttpReader:
         self._answers_head: bool | None = None
         self._answers_nobody = False
         self.breaks: list[int] = []
+        # The chunks of the message that has begun, None where it has none.
+        self._chunks: http.Chunks | None = None
         self._seeks = True
         # Bytes that are still to come of a body that is not kept, and what is to be told behind them.
         self._passes = 0
@@ -138,7 +140,7 @@ class HttpReader:
         """Take the begin of a connection; its first bytes begin a message where it is ``in_step``."""
         self.rest, self._passes, self._passed = b"", 0, None
         self._seeks, self._is_first = not in_step, in_step
-        self._answers_head, self._answers_nobody = None, False
+        self._answers_head, self._answers_nobody, self._chunks = None, False, None
 
     def read(self, data: bytes, begin: int, end: int, found: Forms) -> None:
         """Read ``data`` from ``begin``, where its rest is, to ``end``."""
@@ -273,11 +275,15 @@ class HttpReader:
 
     def _read_chunks(self, data: bytes, start: int, head_end: int, end: int, head: Head, found: Forms) -> int:
         most = head_end + _MOST_CHUNKED_BYTES
-        chunks = http.read_chunks(data, head_end, min(end, most))
+        reader, self._chunks = self._chunks or http.Chunks(), None
+        chunks = reader.read(data, head_end, min(end, most))
         if chunks.wrong_at >= 0:
             return self._lose_step(data, start, chunks.wrong_at, found)
         if chunks.stop < 0:
-            return self._lose_step(data, start, most, found) if end >= most else -1
+            if end >= most:
+                return self._lose_step(data, start, most, found)
+            self._chunks = reader
+            return -1
         nobody = self._answered(chunks.stop, head)
         content = http.decoded(chunks.content, head.coding)
         form = Form(What.WHOLE, head, chunks.stop - head_end, content, is_coded=True, answers_nobody=nobody)
@@ -290,19 +296,17 @@ class HttpReader:
         self._out_of_step(at)
         self.breaks.append(len(found.at))
         is_first = self._is_first and len(found.at) == self._found_before
-        found.tell(at, Form(What.BROKEN, spoken=protocol_of_bytes(data, start) if is_first else None))
+        found.tell(at, Form(What.BROKEN, spoken=protocol_of_bytes(data, start, at) if is_first else None))
         return start + 1
 
-    def _is_touched(self, rest: bytes, head_end: int, head: Head | None) -> bool:
+    def _likeness(self, rest: bytes, head_end: int, head: Head | None) -> Likeness:
         """Tell whether what there is of a message, up to a hole, may be a request of a WebVisu page."""
         if self.side is not Side.CLIENT or not (rest == _POST[:-1] or rest.startswith(_POST)):
-            return False
-        if head is None:
-            return True
-        content = rest[head_end:]
-        if head.body is Body.CHUNKS:
+            return Likeness.NO
+        content = b"" if head is None else rest[head_end:]
+        if head is not None and head.body is Body.CHUNKS:
             content = http.read_chunks(rest, head_end, len(rest)).content
-        return may_become_request(content)
+        return likeness(content, http.target_of(rest))
 
     def miss(self, size: int, at: int, found: Forms) -> None:
         """Take a hole of so many bytes."""
@@ -315,13 +319,13 @@ class HttpReader:
 
     def _drop(self, size: int, at: int, found: Forms) -> None:
         """Take that the bytes of the message that has begun are lost, and so many behind them."""
-        rest, self.rest = self.rest, b""
+        rest, self.rest, self._chunks = self.rest, b"", None
         in_step, self._is_first = not self._seeks, False
-        touched = False
+        touched = Likeness.NO
         if in_step and not self._passes and rest:
             head_end = http.end_of_head(rest, 0, len(rest))
             head = http.read_head(rest[:head_end], self.side) if head_end >= 0 else None
-            touched = self._is_touched(rest, head_end, head)
+            touched = self._likeness(rest, head_end, head)
             if head is not None and head.body is Body.LENGTH:
                 length = 0 if self._answers_head else head.length
                 self._passes = length - (len(rest) - head_end)
@@ -335,7 +339,8 @@ class HttpReader:
         if self._passed is not None:
             touched = self._passed.touched
         self._passes, self._passed = 0, None
-        touched |= in_step and self.side is Side.SERVER and not self._answers_nobody
+        if in_step and self.side is Side.SERVER and not self._answers_nobody:
+            touched = Likeness.YES
         self._out_of_step(at)
         self.breaks.append(len(found.at))
         found.tell(at, Form(What.BROKEN, touched=touched))

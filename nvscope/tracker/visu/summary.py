@@ -46,7 +46,7 @@ class VisuSummary:
 class OtherSpoken:
     """What one client said to one server in a protocol that is not WebVisu.
 
-    ``count`` are requests, or, of what is no HTTP, connections; ``first_frame`` is that of the first one.
+    ``count`` are requests, or, of what is no HTTP/1, connections; ``first_frame`` is that of the first one.
     """
 
     client: str

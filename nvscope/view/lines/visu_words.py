@@ -52,7 +52,7 @@ def shown(entry: Entry, names: Mapping[Place, str], value: str) -> str:
 
 _PROTOCOLS = {
     WebProtocol.WEBVISU_V3: "WebVisu of CODESYS V3", WebProtocol.TWINCAT: "TwinCAT ADS web service",
-    WebProtocol.TLS: "TLS", WebProtocol.OTHER: "no HTTP",
+    WebProtocol.TLS: "TLS", WebProtocol.HTTP2: "HTTP/2", WebProtocol.OTHER: "no HTTP",
 }  # fmt: skip
 
 

@@ -5,7 +5,8 @@ Every byte that came and was not delivered yet is kept by itself, so that there 
 Readings, where the rules leave a choice:
 
 - the first segment seen of a connection is the one that creates it; an acknowledgement before it was nobody's
-- a SYN seen again begins nothing; else it is a segment like any other (its acknowledgement, its data)
+- a SYN seen again begins nothing; else it is a segment like any other (its acknowledgement, its data). Where the
+  connection was reset before anything came, data or FIN, a client's SYN seen again begins another
 - a SYN of a direction that began without one is seen again where it fits what came first (data overtook it)
 - bytes that came first count wherever they are kept: also where a segment that is next in order covers them later.
   Bytes that the snap length cut came, as missing ones: a whole copy that comes later is late
@@ -65,6 +66,8 @@ class Direction:
     acknowledged: int | None = None
     """The highest acknowledgement that the other direction sent."""
     ended: bool = False
+    finished: bool = False
+    """Whether it ended by its FIN."""
     latest: int = 0
     """When what came latest of what was delivered had come, its end too."""
 
@@ -135,7 +138,7 @@ class Streams:
         if ended_ns is not None and frame.ts_ns - ended_ns > FORGOTTEN_NS:
             self.happened["forgotten"] += 1
             connection = None
-        if connection is not None and begins_another(segment, connection.directions[source == connection.client]):
+        if connection is not None and begins_another(segment, connection, source == connection.client):
             self.happened["new connection in place of another"] += 1
             yield from self.reset(connection, frame.ts_ns)
             connection = None
@@ -216,6 +219,7 @@ class Streams:
             own.next += 1
         fin = own.fins.get(own.next)
         if fin is not None:
+            own.finished = True
             self.end(own, fin.time)
             yield Ending(connection, from_client, False, fin.time)
 
@@ -269,10 +273,14 @@ class Streams:
             yield Ending(connection, from_client, True, now)
 
 
-def begins_another(segment: Segment, own: Direction) -> bool:
+def begins_another(segment: Segment, connection: Connection, from_client: bool) -> bool:
     """Whether a segment of a known connection, in this direction, begins another in its place."""
+    own = connection.directions[from_client]
     if segment.flags & RST or not segment.flags & SYN:
         return False
+    both = connection.directions.values()
+    if not segment.flags & ACK and all(one.ended and not one.next and not one.finished for one in both):
+        return True
     if segment.flags & ACK and own.begin is None:
         return False
     return own.begin != (segment.seq + 1) % 2**32

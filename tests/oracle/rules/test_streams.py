@@ -71,6 +71,24 @@ def test_a_syn_seen_again_begins_nothing_and_another_one_does() -> None:
     assert heard([*line.frames, line.frames[1], answer]) == [(4, ">a"), (6, ">!"), (6, "<!")]
 
 
+def test_a_syn_seen_again_begins_another_where_the_first_was_reset_before_anything_came() -> None:
+    refused = Line().segment(True, flags=SYN, seq=1000, ack=0).segment(False, flags=RST | ACK, seq=0, ack=1001)
+    assert heard(refused.open().ask(b"a").frames) == [(2, ">!"), (2, "<!"), (3, ">!"), (3, "<!"), (6, ">a")]
+    # The server remembers an older connection between the same ends, and the client takes that away.
+    stale = Line().segment(True, flags=SYN, seq=1000, ack=0).segment(False, seq=77, ack=2**31)
+    stale.segment(True, flags=RST, seq=2**31, ack=0)
+    assert heard(stale.open().ask(b"a").frames)[-1] == (7, ">a")
+
+
+def test_what_was_said_before_a_reset_or_a_fin_is_not_said_again() -> None:
+    line = Line().open().ask(b"a").reset(False)
+    assert heard([*line.frames, *line.frames[:4]]) == heard(line.frames)
+    closed = Line().open().close(True).reset(False)
+    assert heard([*closed.frames, *closed.frames[:3]]) == heard(closed.frames)
+    half = Line().open().reset(False)
+    assert heard([*half.frames, half.frames[1]]) == heard(half.frames)
+
+
 def test_a_syn_that_its_data_overtook_begins_nothing() -> None:
     line = Line().open().ask(b"a")
     assert heard([line.frames[3], line.frames[0]]) == [(1, ">a")]

@@ -96,11 +96,20 @@ def test_other_bodies_are_none(body: bytes) -> None:
 
 @pytest.mark.parametrize(
     ("seen", "may_be"),
-    [(b"", True), (b"\r\n", True), (b"|", True), (b"|0", True), (b"|0|", True), (b"|\r\n1|\n12", True),
+    [(b"", False), (b"\r\n", False), (b"|", True), (b"|0", True), (b"|0|", True), (b"|\r\n1|\n12", True),
      (b"|0|12|x", True), (b"|2", False), (b"|0|x", False), (b"|00", False), (b"<", False), (b"|0|1\r\n2", False)],
 )  # fmt: skip
 def test_what_may_become_a_request(seen: bytes, may_be: bool) -> None:
-    assert may_be_asked(seen) is may_be
+    assert may_be_asked(seen, b"/a.htm", had_request=False) is may_be
+
+
+def test_what_nothing_is_seen_of_is_told_by_its_page_or_by_what_went_before_it() -> None:
+    for target in (b"/webvisu.htm", b"/PLC/WebVisu.htm?x=/y", b"webvisu.htm"):
+        assert may_be_asked(b"\r\n", target, had_request=False)
+    for target in (b"", b"/webvisu.html", b"/a?/webvisu.htm", b"/xwebvisu.htm"):
+        assert not may_be_asked(b"", target, had_request=False)
+        assert may_be_asked(b"", target, had_request=True)
+    assert not may_be_asked(b"<", b"/webvisu.htm", had_request=True)
 
 
 def test_queries() -> None:

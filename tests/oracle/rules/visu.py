@@ -180,7 +180,9 @@ class Visu:
         talk.waiting.clear()
 
     def cut_request(self, talk: Talk, message: Message) -> None:
-        if message.method == b"POST" and visu_body.may_be_asked(message.seen):
+        if message.method == b"POST" and visu_body.may_be_asked(
+            message.seen, message.target, had_request=talk.had_request
+        ):  # fmt: skip
             self.happened["cut request"] += 1
             talk.had_request = True
             self.known[talk.pair].counts["cut"] += 1

@@ -24,7 +24,7 @@ MOST_ENTRIES = 10_000
 STRING = 8
 
 REQUEST = re.compile(rb"\|[01]\|\d+\|")
-BEGIN_OF_REQUEST = re.compile(rb"(\|([01](\|(\d+(\|.*)?)?)?)?)?", re.DOTALL)
+BEGIN_OF_REQUEST = re.compile(rb"\|([01](\|(\d+(\|.*)?)?)?)?", re.DOTALL)
 QUERY = re.compile(rb"(READ|WRITE)PI\?", re.IGNORECASE)
 NUMBER = re.compile(rb"\d{1,10}")
 PASSWORD = re.compile(r"(?:.*\.)?(?:currentpassword|currentpasswords\[[0-9]+\])", re.IGNORECASE | re.DOTALL)
@@ -79,8 +79,13 @@ def asked(method: bytes, target: bytes, body: bytes) -> Asked | None:
     return None
 
 
-def may_be_asked(seen: bytes) -> bool:
-    """Whether what is seen of a body is how a request begins, or the begin of that."""
+def may_be_asked(seen: bytes, target: bytes, *, had_request: bool) -> bool:
+    """Whether what is seen of a body is how a request begins, or the begin of that.
+
+    What nothing is seen of is one on the page's address, and where requests went before it.
+    """
+    if not straight(seen):
+        return had_request or target.split(b"?")[0].lower().split(b"/")[-1] == b"webvisu.htm"
     return BEGIN_OF_REQUEST.fullmatch(straight(seen)) is not None
 
 
