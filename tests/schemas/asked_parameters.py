@@ -94,7 +94,8 @@ _PROJECT = """
 _PATIENT, _BRIEF = "20s", "30ms"
 _NAN = b"\0\0\xc0\x7f"
 _READ = (
-    "press rSetpoint", "press axDoors", "127.0.0.1 1 0", "127.0.0.1 1 1 --type BOOL --items 2", "127.0.0.1 1 2 --type STRING(4)",
+    "press rSetpoint", "press axDoors", "127.0.0.1 1 0", "127.0.0.1 1 1 --type BOOL --items 2",
+    "127.0.0.1 1 2 --type STRING(4)",
     "127.0.0.1 1 3 --type TIME", "127.0.0.1 1 3 --type LTIME", "127.0.0.1 9 9",
 )  # fmt: skip
 _WRITTEN = (
