@@ -62,7 +62,8 @@ def judge_unanswered_parameters(case: Case) -> Iterator[Explained]:
         what = _what(case, own)
         requests = f"{count_of(len(own), 'request')} {what}"
         if asked > len(own):
-            requests = f"{len(own)} of {count_of(asked, 'request')}, those {what},"
+            those = "that" if len(own) == 1 else "those"
+            requests = f"{len(own)} of {count_of(asked, 'request')}, {those} {what},"
         when = span_in_words(case, since_ns, until_ns)
         draft = Draft(
             PARAMETERS_UNANSWERED, f"{_name(case, partner)} did not answer {requests} {when}",

@@ -5,12 +5,16 @@ from __future__ import annotations
 import csv
 import io
 import json
+import struct
+from ipaddress import ip_address
 from pathlib import Path
 
 import pytest
 
+from dissectors.headers import PROTOCOL_TCP
 from nvscope.capture.open import open_sink
 from tests.cli.test_vars import nvscope
+from tests.oracle.builders import ETHERNET, internet_packet, link_frame, unreachable, whole
 from tests.packets import batch_of
 from tests.tracker.visu.shown_and_carried import GVL, plant
 
@@ -159,3 +163,29 @@ def test_a_filter_asks_for_any_of_the_variables_of_a_message() -> None:
     told = nvscope("packets", PANEL, "-Y", 'visu.variable == "PLC_PRG.xRun"', "-T", "fields", "-e", "visu.variables")
     assert set(told.stdout.split()) == {"7"}
     assert nvscope("packets", PANEL, "-Y", 'visu.variable == "PLC_PRG.nope"').stdout == ""
+
+
+def test_bytes_of_pages_are_hidden_in_whatever_carries_them(tmp_path: Path) -> None:
+    """A write over a page's port: behind a broken header, in ICMP errors that quote it, and in fragments."""
+    body = b"|1|1|0|4|100|41|8|" + SECRET.encode() + b"|"
+    good, broken = (struct.pack(">HHIIBBHHH", 49152, 80, 1, 1, words << 4, 24, 8192, 0, 0) + body for words in (5, 15))
+    packets = [
+        internet_packet(client, server, PROTOCOL_TCP, content, fragment=fragment)
+        for client, server in (
+            (ip_address("10.0.0.2"), ip_address("10.0.0.1")), (ip_address("fd00::2"), ip_address("fd00::1")),
+        )
+        for content, fragment in ((broken, None), (good, None), (body, (2, True)))
+    ]  # fmt: skip
+    packets[1], packets[4] = (
+        unreachable(ip_address(where), packets[at]) for at, where in ((1, "10.0.0.9"), (4, "::9"))
+    )
+    sink = open_sink(str(tmp_path / "odd.pcap"))
+    sink.write(batch_of([whole(number, ETHERNET, link_frame(one)) for number, one in enumerate(packets)]))
+    sink.close()
+    shown = [
+        nvscope("packets", str(tmp_path / "odd.pcap"), "--all-frames", "-x", *more).stdout
+        for more in ((), ("--show-secrets",))
+    ]
+    texts = ["".join(line.rpartition("   ")[2] for line in one.splitlines()) for one in shown]
+    assert [one.count(SECRET) for one in texts] == [0, len(packets)], shown
+    assert shown[0].count("bytes hidden, since passwords may be among them") == len(packets)
