@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 from nvscope.definition.model import Problem
 from nvscope.definition.parameter_place import parameter_place
-from nvscope.definition.parameter_type import is_elementary_name, known_parameter_types, parameter_type
+from nvscope.definition.parameter_type import (
+    elementary_names,
+    is_elementary_name,
+    known_parameter_types,
+    parameter_type,
+)
 from nvscope.definition.parameters import ParameterDefinition, Parameters
 from nvscope.definition.project_lists import NAME
 from nvscope.definition.project_nodes import canonical_address
@@ -19,6 +25,7 @@ if TYPE_CHECKING:
     from nvscope.definition.variables import Type
 
 _LONGEST_TEXT = 200
+_NEAR = 0.7
 
 
 def _type(value: Any, place: Place) -> Type | str:
@@ -98,9 +105,17 @@ def parameters_of(
             raise here.error(f"the parameter of {address} is there twice", "Leave one of the entries out.")
         kind = types[settings.type] if isinstance(settings.type, str) else settings.type
         if isinstance(kind, Problem):
-            raise here.below("type").error(kind.what, kind.next_step)
+            raise here.below("type").error(kind.what, _next_step(kind, str(settings.type)))
         found[address, index, subindex] = ParameterDefinition(index, subindex, settings.name, kind, address)
     return Parameters(tuple(found.values()))
+
+
+def _next_step(problem: Problem, text: str) -> str:
+    """Return what to do about a type that is none; a name that nobody declares may be meant for an elementary one."""
+    near = get_close_matches(text.upper(), elementary_names(), 1, _NEAR)
+    if not near:
+        return problem.next_step
+    return f"Perhaps {near[0]} is meant; else: {problem.next_step[:1].lower()}{problem.next_step[1:]}"
 
 
 def _declared(texts: set[str], files: Sequence[FileSyntax], place: Place) -> Mapping[str, Type | Problem]:
