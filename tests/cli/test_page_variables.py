@@ -124,6 +124,7 @@ def test_an_export_of_one_controller_needs_no_definition(tmp_path: Path) -> None
     assert done.returncode == 0
     rows = list(csv.DictReader(io.StringIO(file.read_text())))
     assert {row["place"] for row in rows if row["variable"] == "PLC_PRG.rSetpoint"} == {"4,156,4,6"}
+    assert "--what values writes the values that pages asked for" in nvscope("export", PANEL, "-w", "-").stderr
     assert "no page" in nvscope("export", PEERS, "--what", "values", "-w", str(tmp_path / "none.csv")).stderr
     assert not (tmp_path / "none.csv").exists()
 
