@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
@@ -85,14 +85,19 @@ PARAMETER_TABLES = ValueKind('{name}."INDEX:SUBINDEX"', _parameters, ParameterSe
 
 
 def parameters_of(
-    told: Sequence[Told], addresses: Mapping[str, str], place: Place, files: Sequence[FileSyntax] = ()
+    told: Sequence[Told], addresses: Mapping[str, str], place: Place, files: Sequence[FileSyntax] = (),
+    further: Callable[[], Sequence[FileSyntax]] = tuple,
 ) -> Parameters:  # fmt: skip
     """Return the parameters of a project; ``addresses`` are those of nodes by their names, ``files`` declare types.
 
+    What they do not declare is looked up in ``further`` ones, which are read for that alone.
     ConfigurationError where a node is neither an address nor the name of one, or where one is there twice by both; and
     where a type is none, or nobody declares it.
     """
-    types = _declared({one.type for *_, one in told if isinstance(one.type, str)}, files, place)
+    types = dict(_declared({one.type for *_, one in told if isinstance(one.type, str)}, files, place))
+    if unknown := {text for text, kind in types.items() if isinstance(kind, Problem)}:
+        found_there = _declared(unknown, further(), place)
+        types |= {text: kind for text, kind in found_there.items() if not isinstance(kind, Problem)}
     found: dict[tuple[str, int, int], ParameterDefinition] = {}
     for text, node, index, subindex, settings in told:
         here = place.below("parameters").below(f'"{text[:60]}"')

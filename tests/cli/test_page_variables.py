@@ -190,3 +190,11 @@ def test_bytes_of_pages_are_hidden_in_whatever_carries_them(tmp_path: Path) -> N
     texts = ["".join(line.rpartition("   ")[2] for line in one.splitlines()) for one in shown]
     assert [one.count(SECRET) for one in texts] == [0, len(packets)], shown
     assert shown[0].count("bytes hidden, since passwords may be among them") == len(packets)
+
+
+def test_the_tables_of_a_plant_without_lists_have_the_names_of_its_nodes(tmp_path: Path) -> None:
+    (tmp_path / "names.toml").write_text('[nodes]\n"10.78.0.10" = { name = "press" }\n')
+    done = nvscope("report", PANEL, "--project", str(tmp_path / "names.toml"), "--wide")
+    assert "\n10.78.0.20  press  8080 " in done.stdout
+    assert "  10.78.0.20  press  PLC_PRG.rSetpoint  21.500000 " in done.stdout
+    assert "\npress: 3 of 110 variables never changed" in done.stdout
