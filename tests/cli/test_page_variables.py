@@ -16,6 +16,7 @@ from nvscope.capture.open import open_sink
 from tests.cli.test_vars import nvscope
 from tests.oracle.builders import ETHERNET, internet_packet, link_frame, unreachable, whole
 from tests.packets import batch_of
+from tests.program import run_text
 from tests.tracker.visu.shown_and_carried import GVL, plant
 
 ROOT = Path(__file__).parents[2]
@@ -68,6 +69,14 @@ def test_a_history_tells_changes_of_lists_and_pages_in_the_order_of_the_capture(
     frames = [int(change[1]) for change in changes]
     assert frames == sorted(frames)
     assert {change[2] for change in changes} == {"10.0.0.1", "visu/10.0.0.5"}
+
+
+@pytest.mark.parametrize("columns", [80, 160])
+def test_a_history_of_a_password_tells_when_it_changed(shown: list[str], columns: int) -> None:
+    words = "vars", *shown, "--history", "visu/*/.CurrentPassword", "--utc"
+    done = run_text(*words, environment={"COLUMNS": str(columns)})
+    last = [line for line in done.stdout.splitlines() if "(hidden)" in line][-1]
+    assert last.endswith("  → (hidden)" if columns == 80 else "  (hidden) → (hidden)")
 
 
 def test_a_history_as_json_has_changes_of_pages_behind_those_of_lists(shown: list[str]) -> None:
