@@ -191,18 +191,28 @@ def _entries(fields: Sequence[str], *, writes: bool) -> list[Entry]:
     return found
 
 
-def read_query(target: str) -> Request | None:
-    """Read what an older page asks for by a URL; None where it asks for nothing."""
+def query_parts(target: str) -> tuple[str, Sequence[tuple[str, str]]] | None:
+    """Return READPI or WRITEPI, and the names (in capitals) and texts of a URL behind it, as they are written.
+
+    None of a URL that has neither: what stands in front of it, as of ``webvisu.htm?READPI?ADR=MW230``, is no part.
+    """
     found = _QUERY.search(target)
     if found is None:
         return None
-    writes = found[1].upper() == "WRITEPI"
+    parts = [part.partition("=") for part in found[2].split("&")[: 3 * MOST_ENTRIES]]
+    return found[1].upper(), [(name.upper(), text) for name, _, text in parts]
+
+
+def read_query(target: str) -> Request | None:
+    """Read what an older page asks for by a URL; None where it asks for nothing."""
+    found = query_parts(target)
+    if found is None:
+        return None
+    writes = found[0] == "WRITEPI"
     addresses: list[str] = []
     values: dict[str, str] = {}
     places: list[str] = []
-    for part in found[2].split("&")[: 3 * MOST_ENTRIES]:
-        name, _, text = part.partition("=")
-        name = name.upper()
+    for name, text in found[1]:
         if name.startswith("ADR") and (name[3:].isdecimal() or not name[3:]):
             addresses.append(unquote(text, "latin-1")[:MOST_ADDRESS_CHARACTERS])
             places.append(name[3:])

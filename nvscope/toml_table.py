@@ -23,6 +23,7 @@ from typing import Any, TypeVar
 
 from nvscope.duration import format_duration, parse_duration
 from nvscope.errors import ConfigurationError
+from nvscope.toml_mistakes import described, no_array, no_flag, no_number, no_table, no_text
 from nvscope.toml_positions import Position, positions
 
 T = TypeVar("T")
@@ -119,7 +120,7 @@ def _with_default(default: Any, metadata: dict[str, Any]) -> Any:
 def read_table(cls: type[T], table: Any, place: Place) -> T:
     """Return a dataclass read from a TOML table; ConfigurationError where a key is unknown, missing or wrong."""
     if not isinstance(table, Mapping):
-        raise place.error(f"a table is expected, found {_described(table)}")
+        raise place.error(*no_table(table, map(_toml_name, _keys(cls))))
     fields = {_toml_name(entry): entry for entry in _keys(cls)}
     for name in table:
         if name not in fields:
@@ -246,15 +247,9 @@ def _shown(default: Any, kind: ValueKind) -> str:
     return f"`{default}`"
 
 
-def _described(value: Any) -> str:
-    names = {bool: "true or false", int: "a whole number", float: "a number", str: "a text", list: "an array"}
-    shown = "" if isinstance(value, Mapping | list) else f" ('{str(value)[:40]}')"
-    return f"{names.get(type(value), 'a table' if isinstance(value, Mapping) else 'a date or time')}{shown}"
-
-
 def _text(value: Any, place: Place) -> str:
     if not isinstance(value, str):
-        raise place.error(f"a text is expected, found {_described(value)}")
+        raise place.error(*no_text(value))
     if len(value) > 10_000:
         raise place.error("the text is longer than 10 000 characters")
     return value
@@ -262,14 +257,14 @@ def _text(value: Any, place: Place) -> str:
 
 def _flag(value: Any, place: Place) -> bool:
     if not isinstance(value, bool):
-        raise place.error(f"true or false is expected, found {_described(value)}")
+        raise place.error(*no_flag(value))
     return value
 
 
 def _duration(value: Any, place: Place) -> int:
     if not isinstance(value, str):
         raise place.error(
-            f"a duration is expected, found {_described(value)}", 'Write a text with a unit, such as "50ms" or "T#1s".'
+            f"a duration is expected, found {described(value)}", 'Write a text with a unit, such as "50ms" or "T#1s".'
         )
     try:
         return parse_duration(value)
@@ -294,7 +289,7 @@ def _span(value: Any, place: Place) -> int:
 def _moment(value: Any, place: Place) -> int:
     if not isinstance(value, datetime) or value.tzinfo is None:
         raise place.error(
-            f"a date and time with an offset is expected, found {_described(value)}",
+            f"a date and time with an offset is expected, found {described(value)}",
             "Write it without quotes, such as 2024-05-06T08:00:00Z.",
         )
     since = value - _EPOCH
@@ -309,7 +304,7 @@ def integer(low: int, high: int) -> ValueKind:
 
     def read(value: Any, place: Place) -> int:
         if not isinstance(value, int) or isinstance(value, bool):
-            raise place.error(f"a whole number is expected, found {_described(value)}")
+            raise place.error(*no_number("a whole number", value, low, high))
         if not low <= value <= high:
             raise place.error(f"{value} is out of range: {low} to {high}", f"Write a number from {low} to {high}.")
         return value
@@ -322,7 +317,7 @@ def number(low: float, high: float) -> ValueKind:
 
     def read(value: Any, place: Place) -> float:
         if not isinstance(value, int | float) or isinstance(value, bool):
-            raise place.error(f"a number is expected, found {_described(value)}")
+            raise place.error(*no_number("a number", value, low, high))
         if not low <= value <= high:
             raise place.error(f"{value} is out of range: {low} to {high}", f"Write a number from {low} to {high}.")
         return float(value)
@@ -349,7 +344,7 @@ def array(kind: ValueKind, *, single: bool = False) -> ValueKind:
         if single and not isinstance(value, list):
             return (kind.read(value, place),)
         if not isinstance(value, list):
-            raise place.error(f"an array is expected, found {_described(value)}")
+            raise place.error(*no_array(value))
         if len(value) > _MAX_ROWS:
             raise place.error(f"the array has {len(value)} entries, more than {_MAX_ROWS}")
         return tuple(kind.read(entry, place.below(index)) for index, entry in enumerate(value))
@@ -364,7 +359,7 @@ def mapping(kind: ValueKind) -> ValueKind:
 
     def read(value: Any, place: Place) -> dict[str, Any]:
         if not isinstance(value, Mapping):
-            raise place.error(f"a table is expected, found {_described(value)}")
+            raise place.error(*no_table(value))
         return {str(name): kind.read(entry, place.below(str(name))) for name, entry in value.items()}
 
     schema = {"type": "object", "additionalProperties": dict(kind.schema)}

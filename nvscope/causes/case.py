@@ -27,7 +27,6 @@ from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind, Severity
 from nvscope.list_key import ListKey, Transport
 from nvscope.tracker.counters import Scope
-from nvscope.tracker.event_kinds import FRAMES_KEPT
 from nvscope.tracker.evidence.event_columns import EventTable
 from nvscope.tracker.evidence.witness import Witness
 from nvscope.tracker.stream_summary import StreamSummary
@@ -47,7 +46,7 @@ class Draft:
     """A cause that is being judged: everything but what follows from the symptoms that it explains.
 
     ``keys`` are lists that it concerns and of which nothing was seen; ``at_most`` is its severity where the findings
-    that it explains are no faults.
+    that it explains are no faults. ``whole`` is the finding that it is all of, where nobody has kept its events.
     """
 
     kind: CauseKind
@@ -63,6 +62,7 @@ class Draft:
     at_most: Severity = Severity.ERROR
     keys: Sequence[ListKey] = ()
     rows: I64 = field(default_factory=lambda: np.empty(0, np.int64))
+    whole: Finding | None = None
 
 
 Explained = tuple[Draft, Bool]
@@ -90,7 +90,7 @@ class Case:
         self, facts: Facts, findings: Sequence[Finding], witness: Witness, channels: Sequence[str],
         names: Mapping[str, str], clock: Callable[[int], str] | None = None,
     ) -> None:  # fmt: skip
-        self._names = names
+        self.names = names
         self.clock = clock
         self.facts = facts
         self.findings = findings
@@ -349,7 +349,7 @@ class Case:
     def address(self, node: int) -> str:
         """Return what a node is called: its name, or the text of its address."""
         address = self.facts.address(node)
-        return self._names.get(address, address)
+        return self.names.get(address, address)
 
     def causes(self) -> list[Cause]:
         """Return the causes, those that are not over first, then by severity, share of telegrams, and time."""
@@ -375,8 +375,8 @@ class Case:
         rows = draft.rows
         worst = [self.findings[place].kind.severity for place in distinct(self.symptoms.finding[rows]).tolist()]
         severity = min(max([draft.severity, draft.kind.at_least, *worst]), draft.at_most)
-        frames = distinct(self.symptoms.frame[rows])
-        frames = frames[frames > 0]
+        of = draft.whole
+        frames, count, last_ns = self.symptoms.shown(rows) if of is None else (of.frames, of.count, of.last_ns)
         since_ns, until_ns = draft.since_ns, draft.until_ns
         if since_ns is not None and since_ns - self.start_ns <= 2 * longest_ns(self._first_lists(draft)):
             since_ns = self.start_ns  # what is so from the beginning may have been so before
@@ -387,7 +387,7 @@ class Case:
         cause = Cause(
             draft.kind, severity, draft.title, draft.next, tuple(draft.checked), tuple(keys),
             tuple(dict.fromkeys(draft.nodes)), draft.channel, since_ns, until_ns,
-            tuple(frames[:FRAMES_KEPT].tolist()), len(frames), tuple(findings), self.symptoms.last_ns(rows),
+            frames, count, tuple(findings), last_ns,
         )  # fmt: skip
         telegrams = sum(entry.diagnosis.nSendCount for entry in lists)
         # Numbers of nodes and lists hang on how the capture was cut into batches.

@@ -8,7 +8,8 @@ import numpy as np
 
 from nvscope.causes.case import NOBODY, Case, Draft, Explained, slack_ns
 from nvscope.causes.kind import CauseKind
-from nvscope.causes.words import capitalised, lists_in_words
+from nvscope.causes.symptoms import AS_A_WHOLE
+from nvscope.causes.words import capitalised, lists_in_words, nodes_by_name
 from nvscope.engine.runs import distinct
 from nvscope.findings.capture import LIMIT_REACHED, TRUNCATED_FILE
 from nvscope.findings.definition import SILENT_LIST
@@ -39,17 +40,31 @@ def judge_others(case: Case) -> Iterator[Explained]:
         finding = case.findings[int(symptoms.finding[chosen[0]])]
         if finding.kind.severity == Severity.NOTE:
             continue
-        times = symptoms.time_ns[chosen]
         lists = case.lists_of(chosen)
+        is_whole = not finding.parts and bool(np.all(symptoms.detail[chosen] == AS_A_WHOLE))
+        end_ns = (
+            _end_of(case, finding, slack_ns(lists))
+            if is_whole
+            else case.end_of(symptoms.time_ns[chosen], slack_ns(lists))
+        )
         name = f"{capitalised(lists_in_words(case, lists))}: " if lists else ""
+        told = finding.message.removesuffix(".")
+        if finding.kind.of_security or finding.kind.protocol:
+            told = nodes_by_name(case, told)
         draft = Draft(
-            OTHER, f"{name}{finding.message.removesuffix('.')}", finding.hint or finding.kind.next_steps[0], (), lists,
+            OTHER, f"{name}{told}", finding.hint or finding.kind.next_steps[0], (), lists,
             [node for node in distinct(symptoms.node[chosen]).tolist() if node >= 0], finding.channel,
             since_ns=int(symptoms.since_ns[chosen].min()) or None,
-            until_ns=None if finding.kind in _LASTING else case.end_of(times, slack_ns(lists)) or None,
-            at_most=_at_most(case, finding, lists),
+            until_ns=None if finding.kind in _LASTING else end_ns or None,
+            at_most=_at_most(case, finding, lists), whole=finding if is_whole else None,
         )  # fmt: skip
         yield draft, case.only(chosen)
+
+
+def _end_of(case: Case, finding: Finding, least_ns: int) -> int | None:
+    """Return when what a finding tells as a whole ended, None where it goes on as far as one can tell."""
+    first_ns, last_ns = finding.first_ns or 0, finding.last_ns or finding.first_ns or 0
+    return case.end_of_many(first_ns, last_ns, finding.count, least_ns)
 
 
 def judge_rest(case: Case) -> Iterator[Explained]:

@@ -59,10 +59,14 @@ def judge_unanswered_parameters(case: Case) -> Iterator[Explained]:
         late = case.free(SDO_UNEXPECTED_REPLY) & np.isin(symptoms.finding, _replies_to(case, own))
         late &= symptoms.time_ns >= since_ns
         asked = sum(one.requests for one in pairs)
-        requests = f"{len(own)} of {count_of(asked, 'request')}" if asked > len(own) else count_of(len(own), "request")
+        what = _what(case, own)
+        requests = f"{count_of(len(own), 'request')} {what}"
+        if asked > len(own):
+            those = "that" if len(own) == 1 else "those"
+            requests = f"{len(own)} of {count_of(asked, 'request')}, {those} {what},"
         when = span_in_words(case, since_ns, until_ns)
         draft = Draft(
-            PARAMETERS_UNANSWERED, f"{_name(case, partner)} did not answer {requests} {_what(case, own)} {when}",
+            PARAMETERS_UNANSWERED, f"{_name(case, partner)} did not answer {requests} {when}",
             NEXT_WHERE_UNDELIVERABLE if any(one.undeliverable for one in pairs) else PARAMETERS_UNANSWERED.next_step,
             list(_checked(case, partner, pairs, int(np.count_nonzero(late)))),
             nodes=_nodes(case, own, partner), since_ns=since_ns, until_ns=until_ns,

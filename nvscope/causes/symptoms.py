@@ -29,7 +29,7 @@ from nvscope.findings.parameter import SDO_ERROR_REPLY, SDO_SLOW, SDO_TIMEOUT, S
 from nvscope.findings.timing import BURST, JITTER, LATE, STOPPED, TORN_CYCLE
 from nvscope.findings.unusual_intervals import AnyStream
 from nvscope.tracker.counters import Scope
-from nvscope.tracker.event_kinds import EventKind
+from nvscope.tracker.event_kinds import FRAMES_KEPT, EventKind
 from nvscope.tracker.evidence.event_columns import EventTable
 from nvscope.tracker.evidence.evidence import PARAMETERS, Evidence
 from nvscope.tracker.kept_rows import LOSS_OF_NODE, LOSS_OF_STREAM
@@ -65,6 +65,10 @@ _OF_PARAMETERS: Mapping[IntEnum, FindingKind] = {
 }
 
 
+AS_A_WHOLE = -2
+"""The ``detail`` of a row that is all of a finding, since nobody has kept its events."""
+
+
 class Symptoms(NamedTuple):
     """The events behind findings, by time; columns int64 of shape (n,).
 
@@ -91,9 +95,11 @@ class Symptoms(NamedTuple):
         table[[code_number(kind) for kind in kinds]] = True
         return table[self.code]
 
-    def last_ns(self, rows: I64) -> int | None:
-        """Return when the last of some of them was, None of none."""
-        return int(self.time_ns[rows].max()) if len(rows) else None
+    def shown(self, rows: I64) -> tuple[tuple[int, ...], int, int | None]:
+        """Return the first frames of some of them, how many there are, and when the last was, None of none."""
+        frames = distinct(self.frame[rows])
+        frames = frames[frames > 0]
+        return tuple(frames[:FRAMES_KEPT].tolist()), len(frames), int(self.time_ns[rows].max()) if len(rows) else None
 
 
 def symptoms_of(
@@ -329,7 +335,7 @@ def _of_findings(places: _Places, known: set[int]) -> Symptoms:
     rows = [
         (
             number, code_number(one.kind), *places.place(one), one.first_ns or 0,
-            one.first_ns or 0, one.frames[0] if one.frames else 0, one.count, NOWHERE, 0,
+            one.first_ns or 0, one.frames[0] if one.frames else 0, one.count, NOWHERE, AS_A_WHOLE,
         )
         for number, one in places.each
         if number not in known

@@ -1,7 +1,8 @@
-"""How causes name lists and moments."""
+"""How causes name lists, nodes and moments."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from nvscope.causes.case import Case
@@ -13,6 +14,13 @@ _MINUTES_FROM = 6000
 """From so many tenths of a second on, times are told in minutes."""
 
 _MS_NS = 1_000_000
+_ADDRESS = re.compile(r"(?<![\w.:/])(?:\d{1,3}(?:\.\d{1,3}){3}|[0-9a-fA-F:]*:[0-9a-fA-F:]+)(?![\w./]|:\w)")
+"""An address in a sentence, and no part of a network or of the name of a variable."""
+
+
+def nodes_by_name(case: Case, sentence: str) -> str:
+    """Return a sentence with the names of nodes in place of their addresses."""
+    return _ADDRESS.sub(lambda found: case.names.get(found[0], found[0]), sentence) if case.names else sentence
 
 
 def moment(case: Case, time_ns: int) -> str:

@@ -15,6 +15,7 @@ from nvscope.cli.exported_pages import (
     nothing_defined,
     observed_pages,
     tell_of_exported_pages,
+    tell_of_values_of_pages,
     write_pages_alone,
 )
 from nvscope.cli.live import LiveOptions, captured, with_live_options
@@ -246,6 +247,8 @@ def export(
             tell_of_lists(inquiry)
     elif not pages_alone:
         _tell_of_telegrams(telegrams, beyond, write)
+        if what is None and not named and not quiet and any(one.name.startswith("visu.") for one in columns):
+            tell_of_values_of_pages(write)
     tell_of_channels(channel_map, source.channels)
     if between and not frames:
         echo(NOTHING_BETWEEN, err=True)

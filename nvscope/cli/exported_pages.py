@@ -97,3 +97,14 @@ def tell_of_exported_pages(
     if rows and not alone and not long and not quiet:
         echo(f"nvscope: {visible(path_of_pages(path))}: {count_of(rows, 'value')} of web visualization", err=True)
     tell_of_pages(known.read, hidden=0 if secrets else known.read.hidden)
+
+
+def tell_of_values_of_pages(path: str) -> None:
+    """Say how the values are written that pages asked for, where what asked for them was."""
+    from nvscope.view.escape import visible
+
+    echo(
+        f"nvscope: {visible(path)}: telegrams, and messages of web visualization; --what values writes the values that "
+        "pages asked for, --list visu/ADDRESS those of one controller.",
+        err=True,
+    )

@@ -21,6 +21,7 @@ from nvscope.errors import ExitCode, UsageError
 if TYPE_CHECKING:
     from nvscope.definition.parameter_type import ElementaryType
     from nvscope.definition.project import Project
+    from nvscope.definition.variables import Type
     from nvscope.plc.parameter.conversation import Patience
     from nvscope.plc.parameter.document import Parameter
     from nvscope.plc.parameter.link import ParameterLink
@@ -59,6 +60,18 @@ TypeOption = Annotated[
         autocompletion=parameter_types,
     ),
 ]
+ItemsOption = Annotated[
+    int | None,
+    typer.Option(
+        "--items",
+        metavar="N",
+        min=1,
+        max=_MOST_ITEMS,
+        help="Elements, as the telegram counts them. Without it, those of the array that the project file says; else "
+        "1, and as many as there are values to write.",
+        show_default=False,
+    ),
+]
 PortOption = Annotated[int, typer.Option("--port", metavar="PORT", min=1, max=0xFFFF, help="UDP port of the partner.")]
 TimeoutOption = Annotated[
     str, typer.Option("--timeout", metavar="DURATION", help="How long an answer is waited for; busy is asked again.")
@@ -89,9 +102,7 @@ def read(
         ),
     ],
     type_name: TypeOption = None,
-    items: Annotated[
-        int, typer.Option("--items", metavar="N", min=1, max=_MOST_ITEMS, help="Elements, where it is an array.")
-    ] = 1,
+    items: ItemsOption = None,
     project: ProjectOption = None,
     port: PortOption = _PORT,
     timeout: TimeoutOption = "500ms",
@@ -115,9 +126,10 @@ def read(
 
     from nvscope.plc.parameter import access
     from nvscope.plc.parameter.link import ParameterLink
+    from nvscope.plc.parameter.value import usual_items
 
     with ParameterLink(parameter.address, port, allow_network=allow_network) as link:
-        document = access.read(link, parameter, items, patience)
+        document = access.read(link, parameter, items or usual_items(parameter.type), patience)
     _finish(document, link, as_json=as_json, colour=colour_wanted(colour))
 
 
@@ -128,12 +140,13 @@ def write(
         list[str],
         typer.Argument(
             metavar="INDEX SUBINDEX VALUE | NAME VALUE",
-            help="The parameter as for read, and its value: 12, 0xFF, 12.5, TRUE, T#1s500ms, a text; of an array, "
-            "those of all its elements.",
+            help="The parameter as for read, and its value: 12, 0xFF, 12.5, TRUE, T#1s500ms, a text, the name of a "
+            "value of an enumeration; of an array or a structure, those of all its elements.",
             autocompletion=parameters,
         ),
     ],
     type_name: TypeOption = None,
+    items: ItemsOption = None,
     yes: Annotated[bool, typer.Option("--yes", help="Write without asking.")] = False,
     project: ProjectOption = None,
     port: PortOption = _PORT,
@@ -157,7 +170,7 @@ def write(
             "within those of the shell",
         )
     parameter, values = _parameter(address, words, project, type_name, port)
-    data = _encoded(parameter.type, values)
+    items, data = _encoded(parameter, items, values)
     if not yes:
         refuse_without_terminal()
 
@@ -168,7 +181,7 @@ def write(
     with ParameterLink(parameter.address, port, allow_network=allow_network) as link:
         agreed = Agreed(question, asks=not yes)
         try:
-            document = access.write(link, parameter, len(values), data, patience, agreed)
+            document = access.write(link, parameter, items, data, patience, agreed)
         except KeyboardInterrupt:
             if agreed.said_yes:
                 echo("nvscope: broken off: it may have been written.", err=True)
@@ -206,7 +219,6 @@ def _parameter(
 ) -> tuple[Parameter, Sequence[str]]:
     """Return what is asked for, and the words behind it; UsageError where that cannot be understood."""
     from nvscope.definition.parameter_place import parameter_place, place_number
-    from nvscope.definition.parameter_type import elementary
     from nvscope.plc.parameter.document import Parameter
     from nvscope.plc.permission import address_of
 
@@ -222,7 +234,7 @@ def _parameter(
     else:
         place, rest = _place_of(plant, partner, words[0]), words[1:]
     known = plant.definition.parameters and plant.definition.parameters.of(partner, *place)
-    kind = _type(type_name) if type_name is not None else elementary(known.type) if known else None
+    kind: Type | None = _type(type_name) if type_name is not None else known.type if known else None
     node_name = plant.node_names.get(partner, "")
     return Parameter(partner, port, *place, node_name, known.name if known else "", kind), rest
 
@@ -265,30 +277,34 @@ def _type(name: str) -> ElementaryType:
     if found is None:
         raise UsageError(
             f"--type {name[:60]}: no type that a parameter can have here",
-            next_step=f"known are {known_parameter_types()}",
+            next_step=f"known are {known_parameter_types()}; arrays and declared types stand in [parameters] of the "
+            "project file",
         )
     return found
 
 
-def _encoded(kind: ElementaryType | None, values: Sequence[str]) -> bytes:
-    """Return the bytes of the values of all elements; UsageError where they are none of the type."""
+def _encoded(parameter: Parameter, items: int | None, values: Sequence[str]) -> tuple[int, bytes]:
+    """Return what Items says, and the bytes of a value by its elements; UsageError where they are none of the type."""
     if not values:
         raise UsageError("a value is missing", next_step="write it behind the parameter")
+    kind = parameter.type
     if kind is None:
         raise UsageError(
             "the type of the parameter is not known, and without it nobody knows its bytes",
             next_step="name it with --type, or in [parameters] of the project file",
         )
+    from nvscope.definition.variables import Array, Structure, type_text
     from nvscope.plc.parameter.message import MOST_DATA_BYTES
-    from nvscope.view.entered_value import bytes_of
+    from nvscope.plc.parameter.value import entered, usual_items
 
+    counted = items or (usual_items(kind) if isinstance(kind, Structure | Array) else len(values))
     try:
-        data = b"".join(bytes_of(kind, value) for value in values)
+        data = entered(kind, counted, values)
     except ValueError as error:
-        raise UsageError(str(error), next_step=f"the type is {kind.name}") from None
+        raise UsageError(str(error), next_step=f"the type is {type_text(kind)[:200]}") from None
     if len(data) > MOST_DATA_BYTES:
         raise UsageError(f"the value has {len(data)} bytes", next_step=f"no more than {MOST_DATA_BYTES} are sent")
-    return data
+    return counted, data
 
 
 def _patience(timeout: str, retries: int) -> Patience:

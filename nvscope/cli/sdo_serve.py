@@ -16,6 +16,9 @@ _BOUND = "for example --bind 192.168.1.20"
 NetworkOption = Annotated[
     bool, typer.Option("--allow-network", help="Send also to what is neither this machine nor in a private network.")
 ]
+ServedNetworkOption = Annotated[
+    bool, typer.Option("--allow-network", help="Let --bind name any address, and 0.0.0.0 or :: for all.")
+]
 
 
 def serve(
@@ -30,7 +33,7 @@ def serve(
     duration: Annotated[
         str | None, typer.Option("--for", metavar="DURATION", help="End after this time.", show_default=False)
     ] = None,
-    allow_network: NetworkOption = False,
+    allow_network: ServedNetworkOption = False,
     keys: Annotated[bool, typer.Option("--keys", help="List all keys of a table and their meaning.")] = False,
     utc: Annotated[bool, typer.Option("--utc", help="Show times in UTC.")] = False,
     colour: ColourOption = "auto",

@@ -8,7 +8,7 @@ import typer
 
 from nvscope.cli.definitions import GvlOption, ProjectOption
 from nvscope.cli.live import LiveOptions, LiveRun, with_live_options
-from nvscope.cli.sdo_serve import NetworkOption
+from nvscope.cli.sdo_serve import ServedNetworkOption
 from nvscope.cli.sources import ChannelMapOption, DecodeOption, duration_ns
 from nvscope.cli.terminal import ColourOption, colour_wanted, echo, erase_interrupt
 
@@ -34,7 +34,7 @@ def serve(
     count: Annotated[
         int | None, typer.Option("--count", metavar="N", min=1, help="End after so many requests.", show_default=False)
     ] = None,
-    allow_network: NetworkOption = False,
+    allow_network: ServedNetworkOption = False,
     gvl: GvlOption = None,
     project: ProjectOption = None,
     decode: DecodeOption = None,

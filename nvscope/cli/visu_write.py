@@ -95,12 +95,12 @@ def write(
 
 def _sent(place: Place, value: str) -> str:
     """Return a value as it goes onto the wire; UsageError where it is none of the type."""
-    from nvscope.definition.visu_values import type_name
+    from nvscope.definition.visu_values import type_at, type_name
     from nvscope.plc.visu.value import entered
-    from nvscope.units import count_of
 
     try:
         return entered(place, value)
     except ValueError as error:
-        kind = type_name(place.type) or f"type {place.type}"
-        raise UsageError(str(error), next_step=f"the variable is a {kind} of {count_of(place.size, 'byte')}") from None
+        known = type_at(place)
+        kind = known.name if known else type_name(place.type) or f"type {place.type}"
+        raise UsageError(str(error), next_step=f"the type is {kind}") from None

@@ -32,8 +32,12 @@ def parameter_type(text: str) -> ElementaryType | None:
 
 def known_parameter_types() -> str:
     """Return the names of all of them."""
-    names = ", ".join(sorted(name for name, known in SCALARS.items() if known.size_bytes))
-    return f"{names}, STRING(n), WSTRING(n)"
+    return f"{', '.join(elementary_names())}, STRING(n), WSTRING(n)"
+
+
+def elementary_names() -> list[str]:
+    """Return the names of those that have one of their own."""
+    return sorted(name for name, known in SCALARS.items() if known.size_bytes)
 
 
 def is_elementary_name(text: str) -> bool:

@@ -5,8 +5,9 @@ The dataclasses made of ``key`` are the table of all keys: reading, messages and
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -109,11 +110,21 @@ def read_project(path: Path | None, definitions: Sequence[str] | None = None) ->
         tables, place = read_toml(path)
         told = read_table(ProjectFile, tables, place)
     wanted: Sequence[DefinitionFile] = ()
+    own: Callable[[], Sequence[FileSyntax]] = tuple
     if definitions:
         wanted = wanted_files(definitions)
+        if path is not None and told.definitions:
+            own = partial(_declared_by_project, told, path, place)
     elif path is not None and definitions is None and told.definitions:
         wanted = _wanted_of_project(told, path, place)
-    return _project(told, path, wanted, place)
+    return _project(told, path, wanted, place, own)
+
+
+def _declared_by_project(told: ProjectFile, path: Path, place: Place) -> Sequence[FileSyntax]:
+    """Return the project's own definition files: of the types of its parameters, others do not take their place."""
+    from nvscope.definition.load import read_definitions  # noqa: PLC0415
+
+    return list(read_definitions(_wanted_of_project(told, path, place)).files.values())
 
 
 def read_attached_project(recording: str, files: Mapping[str, bytes], project: Path | None) -> Project:
@@ -139,7 +150,10 @@ def read_attached_project(recording: str, files: Mapping[str, bytes], project: P
     return replace(_project(told, project, wanted, place), recording=recording)
 
 
-def _project(told: ProjectFile, path: Path | None, wanted: Sequence[DefinitionFile], place: Place) -> Project:
+def _project(
+    told: ProjectFile, path: Path | None, wanted: Sequence[DefinitionFile], place: Place,
+    own: Callable[[], Sequence[FileSyntax]] = tuple,
+) -> Project:  # fmt: skip
     ports = told.ports or (DEFAULT_PORT,)
     files: dict[str, FileSyntax] = {}
     definition = Definition()
@@ -155,7 +169,7 @@ def _project(told: ProjectFile, path: Path | None, wanted: Sequence[DefinitionFi
     addresses = {node.name: address for address, node in told.nodes if node.name}
     if told.parameters:
         definition = replace(
-            definition, parameters=parameters_of(told.parameters, addresses, place, list(files.values()))
+            definition, parameters=parameters_of(told.parameters, addresses, place, list(files.values()), own)
         )
     buses = Buses.of_project(told.buses)
     security = security_of(told.security, addresses, place) if told.security != _NOTHING_SAID else None

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 from nvscope.definition.model import Problem
 from nvscope.definition.parameter_place import parameter_place
-from nvscope.definition.parameter_type import is_elementary_name, known_parameter_types, parameter_type
+from nvscope.definition.parameter_type import (
+    elementary_names,
+    is_elementary_name,
+    known_parameter_types,
+    parameter_type,
+)
 from nvscope.definition.parameters import ParameterDefinition, Parameters
 from nvscope.definition.project_lists import NAME
 from nvscope.definition.project_nodes import canonical_address
@@ -19,6 +25,7 @@ if TYPE_CHECKING:
     from nvscope.definition.variables import Type
 
 _LONGEST_TEXT = 200
+_NEAR = 0.7
 
 
 def _type(value: Any, place: Place) -> Type | str:
@@ -78,14 +85,19 @@ PARAMETER_TABLES = ValueKind('{name}."INDEX:SUBINDEX"', _parameters, ParameterSe
 
 
 def parameters_of(
-    told: Sequence[Told], addresses: Mapping[str, str], place: Place, files: Sequence[FileSyntax] = ()
+    told: Sequence[Told], addresses: Mapping[str, str], place: Place, files: Sequence[FileSyntax] = (),
+    further: Callable[[], Sequence[FileSyntax]] = tuple,
 ) -> Parameters:  # fmt: skip
     """Return the parameters of a project; ``addresses`` are those of nodes by their names, ``files`` declare types.
 
+    What they do not declare is looked up in ``further`` ones, which are read for that alone.
     ConfigurationError where a node is neither an address nor the name of one, or where one is there twice by both; and
     where a type is none, or nobody declares it.
     """
-    types = _declared({one.type for *_, one in told if isinstance(one.type, str)}, files, place)
+    types = dict(_declared({one.type for *_, one in told if isinstance(one.type, str)}, files, place))
+    if unknown := {text for text, kind in types.items() if isinstance(kind, Problem)}:
+        found_there = _declared(unknown, further(), place)
+        types |= {text: kind for text, kind in found_there.items() if not isinstance(kind, Problem)}
     found: dict[tuple[str, int, int], ParameterDefinition] = {}
     for text, node, index, subindex, settings in told:
         here = place.below("parameters").below(f'"{text[:60]}"')
@@ -98,9 +110,17 @@ def parameters_of(
             raise here.error(f"the parameter of {address} is there twice", "Leave one of the entries out.")
         kind = types[settings.type] if isinstance(settings.type, str) else settings.type
         if isinstance(kind, Problem):
-            raise here.below("type").error(kind.what, kind.next_step)
+            raise here.below("type").error(kind.what, _next_step(kind, str(settings.type)))
         found[address, index, subindex] = ParameterDefinition(index, subindex, settings.name, kind, address)
     return Parameters(tuple(found.values()))
+
+
+def _next_step(problem: Problem, text: str) -> str:
+    """Return what to do about a type that is none; a name that nobody declares may be meant for an elementary one."""
+    near = get_close_matches(text.upper(), elementary_names(), 1, _NEAR)
+    if not near:
+        return problem.next_step
+    return f"Perhaps {near[0]} is meant; else: {problem.next_step[:1].lower()}{problem.next_step[1:]}"
 
 
 def _declared(texts: set[str], files: Sequence[FileSyntax], place: Place) -> Mapping[str, Type | Problem]:

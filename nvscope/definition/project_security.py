@@ -68,7 +68,10 @@ def _writer(value: Any, place: Place) -> Network | str:
     if "/" in text:
         return _network(text, place)
     if not 0 < len(text) <= _LONGEST_NAME:
-        raise place.error("a writer is an address, a network, or the name of a node")
+        raise place.error(
+            "a writer is an address, a network, or the name of a node",
+            'Write one such as "192.168.1.20", or [] where nobody may write.',
+        )
     return text
 
 

@@ -155,6 +155,14 @@ def is_one(kind: Elementary) -> bool:
     return kind.is_one if isinstance(kind, Scalar) else bool(kind.size_bytes)
 
 
+def elements_of_array(kind: Array) -> int:
+    """Return how many elements an array has, with those of the arrays that these are."""
+    count = elements_of_array(kind.element) if isinstance(kind.element, Array) else 1
+    for low, high in kind.bounds:
+        count *= high - low + 1
+    return count
+
+
 def size_bytes_of(kind: Type) -> int:
     """Return how many bytes all elements of a type have without padding, 0 where that is not known."""
     if isinstance(kind, Array):

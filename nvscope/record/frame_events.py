@@ -99,7 +99,9 @@ class FrameEvents:
 def _list_of(told: Told, row: int) -> str:
     """Return what people call the list that a packet belongs to: 7, on CAN 0x181; "" for none."""
     carried = told.varieties.carried.take(told.variety[row : row + 1])
+    if not carried.of_list[0]:
+        return ""  # such as requests for parameters, whose Index is no list
     number = int(carried.identifier[0])
     if carried.carrier[0] == Carrier.UDP:
         return str(number)
-    return cob_id(number & ~EXTENDED, extended=bool(number & EXTENDED)) if carried.of_list[0] else ""
+    return cob_id(number & ~EXTENDED, extended=bool(number & EXTENDED))

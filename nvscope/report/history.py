@@ -30,6 +30,7 @@ _ARROW = " → "
 _FIRST = " (first)"
 _FIRST_FROM_WIDTH = 20
 _LIST_WIDTH = 16
+_PAGE_LIST_WIDTH = len("visu/192.168.100.100")
 _PAGE_NAME_WIDTH = 32
 _SUBINDEX = "SubIndex"
 _S_NS = 1_000_000_000
@@ -95,7 +96,7 @@ class Text:
             self._short_lists = short_names(told, self._list)
             room -= self._list + 2
         if pages:
-            self._list = _LIST_WIDTH
+            self._list = _PAGE_LIST_WIDTH if wide else min(_PAGE_LIST_WIDTH, max(room // 4, 4))
             room -= self._list + 2
         self._subindex = len(_SUBINDEX) if subindexes else 0
         room -= self._subindex + 2 if subindexes else 0
@@ -169,6 +170,9 @@ class Text:
             return [Cell(shorten(new, max(self._change, 1)))]
         room = max(self._change - len(_ARROW), 2)
         half = max(room - display_width(new), room // 2)
+        if "place" in row and half < display_width(row["old_text"]) and row["old_text"] == new:
+            # Two values that are hidden: that it changed is all that can be told.
+            return [Cell(_ARROW.lstrip(), Tone.FAINT), Cell(shorten(new, room), Tone.STRONG)]
         old = shorten(visible(row["old_text"]), max(half, 1))
         return [
             Cell(old, Tone.FAINT), Cell(_ARROW), Cell(shorten(new, max(room - display_width(old), 1)), Tone.STRONG)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from nvscope import units
@@ -51,14 +51,28 @@ def question(document: Document) -> str:
 
 
 def value_text(value: Mapping[str, Any]) -> str:
-    """Return a value in a line: the text of its element, several in brackets, bytes where its type is not known."""
+    """Return a value in a line: the text of its element, several in brackets, members of structures with their names.
+
+    Where its type is not known, it is told by its bytes.
+    """
     elements = value["elements"]
     if elements is None:
         text = _bytes(value, _LONGEST // 3) or "nothing"
     else:
-        texts = [str(one["text"]) for one in elements]
-        text = texts[0] if len(texts) == 1 else f"[{', '.join(texts)}]"
+        texts = [_element_text(one) for one in elements]
+        text = texts[0] if _is_alone(elements) else f"[{', '.join(texts)}]"
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"
+
+
+def _is_alone(elements: Sequence[Mapping[str, Any]]) -> bool:
+    """Tell whether a value is one element, and not a structure or an array that has one."""
+    return len(elements) == 1 and elements[0]["name"] is None
+
+
+def _element_text(element: Mapping[str, Any]) -> str:
+    name, text = element["name"] or "", str(element["text"])
+    # What has a number alone is told by its place.
+    return text if not name or (name.startswith("[") and name.endswith("]")) else f"{name} = {text}"
 
 
 def _read(document: Document) -> Iterator[Line]:
@@ -74,12 +88,13 @@ def _read(document: Document) -> Iterator[Line]:
         yield [name, Cell(" = "), Cell(text, Tone.STRONG), Cell(f"   {size}{items}, {latency}", Tone.FAINT)]
         return
     about = f"{document['type']}, {size} {_bytes(value, _MOST_BYTES)}, {latency}"
-    if len(elements) == 1:
+    if _is_alone(elements):
         yield [name, Cell(" = "), Cell(elements[0]["text"], Tone.STRONG), Cell(f"   {about}", Tone.FAINT)]
         return
-    yield [name, Cell(f"   {len(elements)} × {about}", Tone.FAINT)]
-    for place, element in enumerate(elements[:_MOST_SHOWN]):
-        yield [Cell(f"[{place}] = "), Cell(element["text"], Tone.STRONG)]
+    is_several = elements[0]["name"].startswith("[") and not document["type"].startswith("ARRAY")
+    yield [name, Cell(f"   {value['items']} × {about}" if is_several else f"   {about}", Tone.FAINT)]
+    for element in elements[:_MOST_SHOWN]:
+        yield [Cell(f"{element['name']} = "), Cell(element["text"], Tone.STRONG)]
     if (more := len(elements) - _MOST_SHOWN) > 0:
         yield [Cell(f"and {count_of(more, 'more element')}, which --json has", Tone.FAINT)]
 
@@ -183,7 +198,8 @@ _IGNORED = {
 def _next_of(error: str) -> str:
     from nvscope.causes.parameters import NEXT_OF_ERRORS, PARAMETERS_REFUSED  # noqa: PLC0415  # the same
 
-    return "check " + _lower(NEXT_OF_ERRORS.get(error, PARAMETERS_REFUSED.next_step))
+    asked = "check " + _lower(NEXT_OF_ERRORS.get(error, PARAMETERS_REFUSED.next_step))
+    return f"{asked.removesuffix('.')}; --items asks for so many" if error == "ODErrorReplyItems" else asked
 
 
 def _next_of_silence(exchange: Mapping[str, Any]) -> str:

@@ -46,6 +46,7 @@ def bytes_of(kind: Scalar | String, text: str) -> bytes:
     is_signed = kind.kind is ScalarKind.SIGNED
     bits = 8 * kind.size_bytes
     low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if is_signed else (0, (1 << bits) - 1)
+    low, high = low if kind.low is None else kind.low, high if kind.high is None else kind.high
     if not low <= number <= high:
         raise ValueError(f"{text[:60]} is out of the range of {kind.name}: {_range(kind, low, high)}")
     return number.to_bytes(kind.size_bytes, "little", signed=is_signed)

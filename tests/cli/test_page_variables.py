@@ -5,13 +5,18 @@ from __future__ import annotations
 import csv
 import io
 import json
+import struct
+from ipaddress import ip_address
 from pathlib import Path
 
 import pytest
 
+from dissectors.headers import PROTOCOL_TCP
 from nvscope.capture.open import open_sink
 from tests.cli.test_vars import nvscope
+from tests.oracle.builders import ETHERNET, internet_packet, link_frame, unreachable, whole
 from tests.packets import batch_of
+from tests.program import run_text
 from tests.tracker.visu.shown_and_carried import GVL, plant
 
 ROOT = Path(__file__).parents[2]
@@ -64,6 +69,14 @@ def test_a_history_tells_changes_of_lists_and_pages_in_the_order_of_the_capture(
     frames = [int(change[1]) for change in changes]
     assert frames == sorted(frames)
     assert {change[2] for change in changes} == {"10.0.0.1", "visu/10.0.0.5"}
+
+
+@pytest.mark.parametrize("columns", [80, 160])
+def test_a_history_of_a_password_tells_when_it_changed(shown: list[str], columns: int) -> None:
+    words = "vars", *shown, "--history", "visu/*/.CurrentPassword", "--utc"
+    done = run_text(*words, environment={"COLUMNS": str(columns)})
+    last = [line for line in done.stdout.splitlines() if "(hidden)" in line][-1]
+    assert last.endswith("  → (hidden)" if columns == 80 else "  (hidden) → (hidden)")
 
 
 def test_a_history_as_json_has_changes_of_pages_behind_those_of_lists(shown: list[str]) -> None:
@@ -120,6 +133,7 @@ def test_an_export_of_one_controller_needs_no_definition(tmp_path: Path) -> None
     assert done.returncode == 0
     rows = list(csv.DictReader(io.StringIO(file.read_text())))
     assert {row["place"] for row in rows if row["variable"] == "PLC_PRG.rSetpoint"} == {"4,156,4,6"}
+    assert "--what values writes the values that pages asked for" in nvscope("export", PANEL, "-w", "-").stderr
     assert "no page" in nvscope("export", PEERS, "--what", "values", "-w", str(tmp_path / "none.csv")).stderr
     assert not (tmp_path / "none.csv").exists()
 
@@ -159,3 +173,37 @@ def test_a_filter_asks_for_any_of_the_variables_of_a_message() -> None:
     told = nvscope("packets", PANEL, "-Y", 'visu.variable == "PLC_PRG.xRun"', "-T", "fields", "-e", "visu.variables")
     assert set(told.stdout.split()) == {"7"}
     assert nvscope("packets", PANEL, "-Y", 'visu.variable == "PLC_PRG.nope"').stdout == ""
+
+
+def test_bytes_of_pages_are_hidden_in_whatever_carries_them(tmp_path: Path) -> None:
+    """A write over a page's port: behind a broken header, in ICMP errors that quote it, and in fragments."""
+    body = b"|1|1|0|4|100|41|8|" + SECRET.encode() + b"|"
+    good, broken = (struct.pack(">HHIIBBHHH", 49152, 80, 1, 1, words << 4, 24, 8192, 0, 0) + body for words in (5, 15))
+    packets = [
+        internet_packet(client, server, PROTOCOL_TCP, content, fragment=fragment)
+        for client, server in (
+            (ip_address("10.0.0.2"), ip_address("10.0.0.1")), (ip_address("fd00::2"), ip_address("fd00::1")),
+        )
+        for content, fragment in ((broken, None), (good, None), (body, (2, True)))
+    ]  # fmt: skip
+    packets[1], packets[4] = (
+        unreachable(ip_address(where), packets[at]) for at, where in ((1, "10.0.0.9"), (4, "::9"))
+    )
+    sink = open_sink(str(tmp_path / "odd.pcap"))
+    sink.write(batch_of([whole(number, ETHERNET, link_frame(one)) for number, one in enumerate(packets)]))
+    sink.close()
+    shown = [
+        nvscope("packets", str(tmp_path / "odd.pcap"), "--all-frames", "-x", *more).stdout
+        for more in ((), ("--show-secrets",))
+    ]
+    texts = ["".join(line.rpartition("   ")[2] for line in one.splitlines()) for one in shown]
+    assert [one.count(SECRET) for one in texts] == [0, len(packets)], shown
+    assert shown[0].count("bytes hidden, since passwords may be among them") == len(packets)
+
+
+def test_the_tables_of_a_plant_without_lists_have_the_names_of_its_nodes(tmp_path: Path) -> None:
+    (tmp_path / "names.toml").write_text('[nodes]\n"10.78.0.10" = { name = "press" }\n')
+    done = nvscope("report", PANEL, "--project", str(tmp_path / "names.toml"), "--wide")
+    assert "\n10.78.0.20  press  8080 " in done.stdout
+    assert "  10.78.0.20  press  PLC_PRG.rSetpoint  21.500000 " in done.stdout
+    assert "\npress: 3 of 110 variables never changed" in done.stdout

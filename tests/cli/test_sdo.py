@@ -326,9 +326,13 @@ def test_programs_get_all_of_it_as_json(controller: Served, here: Path) -> None:
         "verb": "write", "outcome": "written", "partner": LOCAL, "partner_name": "press", "index": 0x2000,
         "name": "rSetpoint", "type": "REAL",
     }  # fmt: skip
-    assert told["before"] == {"items": 1, "bytes": "00004841", "elements": [{"value": 12.5, "text": "12.5"}]}
+    assert told["before"] == {
+        "items": 1,
+        "bytes": "00004841",
+        "elements": [{"name": None, "value": 12.5, "text": "12.5"}],
+    }
     assert told["value"] == told["wanted"] == {
-        "items": 1, "bytes": "0000003f", "elements": [{"value": 0.5, "text": "0.5"}],
+        "items": 1, "bytes": "0000003f", "elements": [{"name": None, "value": 0.5, "text": "0.5"}],
     }  # fmt: skip
     requests = [(one["request"], one["answer"]) for one in told["exchanges"]]
     assert requests == [

@@ -12,6 +12,7 @@ from mcap.reader import SeekingReader
 from tests.capture.mcap.recordings import Packet, read, write
 from tests.oracle.builders import data_frame, telegram
 from tests.program import run_text
+from tests.simulate.simulation import simulated
 
 ROOT = Path(__file__).parents[2]
 PLANT = ROOT / "captures" / "plant.pcapng.gz"
@@ -135,6 +136,12 @@ def test_causes_are_in_names_and_what_is_told_late_still_makes_files_longer(tmp_
     said = metadata_of(path)
     assert int(said["event_ns"]) == since[0]
     assert "192.168.1.12" in said["event"]
+
+
+def test_a_request_for_a_parameter_is_of_no_list(tmp_path: Path) -> None:
+    simulated(ROOT / "tests" / "scenarios" / "parameter-writes.toml").write(tmp_path / "x.pcap")
+    files, _ = flown(tmp_path / "x.pcap", tmp_path / "e", "--trigger", "sdo.index == 0x2001", "--post", "1s")
+    assert [path.name for path in files] == ["20240101T000012Z-trigger.mcap"]
 
 
 def test_findings_are_events(tmp_path: Path) -> None:

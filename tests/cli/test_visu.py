@@ -156,7 +156,7 @@ def test_names_come_from_files_and_other_pages(controller: Served, tmp_path: Pat
         ("read", "URL x --count 2", "--count is how many times"),
         ("read", "URL x --page ../a.xml", "expected the name of a file"),
         ("read", "URL x --variables none.xml", "none.xml: cannot be read"),
-        ("write", "URL PLC_PRG.rSpeed seven --yes", "'seven' is no REAL"),
+        ("write", "URL PLC_PRG.rSpeed seven --yes", "'seven' is no REAL: a number such as 12.5 or 1e-3\n  the type"),
         ("write", "URL PLC_PRG.sText a|b --yes", "a value cannot have '|' in it"),
         ("write", "URL PLC_PRG.sText abcdef --yes", "has room for 5"),
         ("write", "URL 4,0,1,2 256 --yes", "out of the range of BYTE"),

@@ -26,12 +26,12 @@ def test_a_table_of_pairs_below_that_of_lists(tmp_path: Path, monkeypatch: pytes
     done = run_text("watch", capture(tmp_path, both()), "--plain")
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
-    begin = lines.index(next(line for line in reversed(lines) if line.startswith("   asks")))
+    begin = lines.index(next(line for line in reversed(lines) if line.startswith("   via")))
     table = [" ".join(line.split()) for line in lines[begin : begin + 3]]
     assert table == [
-        "asks asked rate requests unanswered refused writes last write ago",
-        "✗ 10.0.0.2 10.0.0.5 2.0/s 4 1 1 2 0x2000:1 06 00 → 07 00 2 s",
-        "✗ 10.0.0.1 10.0.0.5 - 6 1 1 3 .CurrentPassw…) → (hidden) 0 s",
+        "via asks asked rate requests unanswered refused writes last write",
+        "✗ sdo 10.0.0.2 10.0.0.5 2.0/s 4 1 1 2 0x2000:1 06 00 → 07 00",
+        "✗ visu 10.0.0.1 10.0.0.5 - 6 1 1 3 .CurrentPass…) → (hidden)",
     ]
     assert "--wide" not in done.stdout
     assert "secret" not in done.stdout

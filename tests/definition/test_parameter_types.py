@@ -52,6 +52,14 @@ def test_an_array_needs_no_definition(tmp_path: Path) -> None:
     assert parameter_type(tmp_path, "ARRAY [0..1] OF REAL", "") == Array(((0, 1),), SCALARS["REAL"])
 
 
+def test_definitions_that_take_the_place_of_the_projects_do_not_take_these_types_away(tmp_path: Path) -> None:
+    assert parameter_type(tmp_path, "Axis") == AXIS
+    (tmp_path / "other.st").write_text("TYPE Other : STRUCT n : INT; END_STRUCT END_TYPE\n")
+    known = read_project(tmp_path / "nvscope.toml", [str(tmp_path / "other.st")]).definition.parameters
+    assert known is not None
+    assert known.known[0].type == AXIS
+
+
 @pytest.mark.parametrize(
     ("text", "what", "next_step"),
     [

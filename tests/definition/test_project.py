@@ -243,7 +243,7 @@ def test_parameters_have_names_and_types_of_one_node_or_of_all(tmp_path: Path) -
         ("[nodes]\npress = {}", ': nodes."press"', "'press' is no IP address", '"192.168.1.10" ='),
         ('[nodes]\n"fe80::1%eth0" = {}', ': nodes."fe80::1%eth0"', "is no IP address", ""),
         ('[nodes]\n"1.2.3.4" = { nme = "x" }', ': nodes."1.2.3.4".nme', "unknown key 'nme'", "is 'name'"),
-        ('[nodes]\n"1.2.3.4" = "x"', ': nodes."1.2.3.4"', "a table is expected, found a text", ""),
+        ('[nodes]\n"1.2.3.4" = "x"', ': nodes."1.2.3.4"', "a table is expected, found a text", "known are: name, "),
         ('[nodes]\n"1.2.3.4" = { name = " " }', ': nodes."1.2.3.4".name', "a name has 1 to 60 characters", ""),
         ('[nodes]\n"::1" = {}\n"0::1" = {}', ': nodes."0::1"', "the node ::1 is there twice", "Leave one"),
         ('[nodes]\n"1.2.3.4" = { reads = ["can/0/1"] }', ".reads[0]", "'can/0/1' is no list", "udp/1300/7"),
@@ -256,6 +256,8 @@ def test_parameters_have_names_and_types_of_one_node_or_of_all(tmp_path: Path) -
         ('[parameters]\n"1:0" = {}\n"0x1:0" = {}', ': parameters."0x1:0"', "the parameter is there twice", "Leave"),
         ('[parameters]\n"1:0" = { typ = "INT" }', ': parameters."1:0".typ', "unknown key 'typ'", "is 'type'"),
         ('[parameters]\n"1:0" = { type = "BIT" }', ': parameters."1:0".type', "'BIT' is no type", "Known are BOOL"),
+        ('[parameters]\n"1:0" = { type = "REEL" }', ".type", "declares 'REEL'", "Perhaps REAL is meant; else: add the"),
+        ('[parameters]\n"1:0" = { type = "ST_Axis" }', ".type", "declares 'ST_Axis'", "Add the file"),
         ('[parameters]\n"1:0" = { type = "STRING(0)" }', ".type", "is no type", "STRING(n)"),
         ('[parameters]\n"press/1:0" = {}', ': parameters."press/1:0"', "no node is called 'press'", "[nodes]"),
         (

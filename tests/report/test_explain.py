@@ -16,14 +16,25 @@ from nvscope.report.explain_column import MEANINGS
 from nvscope.tracker.figures import FIGURES, PLACES, Figure, Of
 from nvscope.view.display_filter import DisplayFilter
 from nvscope.view.fields.vocabulary import vocabulary
-from nvscope.view.lines.plant import buses
+from nvscope.view.lines.plant import (
+    buses,
+    parameter_writes,
+    parameters,
+    transactions,
+    visu,
+    visu_others,
+    visu_writes,
+)
 from nvscope.view.lines.plant.tables import ERRORS, INTERVALS, OVERVIEW, STREAMS
 from nvscope.view.lines.text_width import display_width
 
 
 def titles() -> list[str]:
     of_buses = (*buses.ALL_OF_IDENTIFIERS, *buses.NODES)
-    return list(dict.fromkeys(one.column.title for one in (*OVERVIEW, ERRORS, *STREAMS, *INTERVALS, *of_buses)))
+    of_pairs = (*parameters.PAIRS, *visu.PAIRS, *visu_others.ROWS, *transactions.pair_measures(0))
+    of_writes = (*parameter_writes.WRITES, *visu_writes.WRITES)
+    every = (*OVERVIEW, ERRORS, *STREAMS, *INTERVALS, *of_buses, *of_pairs, *of_writes)
+    return [title for title in dict.fromkeys(one.column.title for one in every) if title]
 
 
 @pytest.mark.parametrize("code", ["NV206", "NV301", "NV702", "NV905", "lost", "jitter", "second-sender"])

@@ -55,7 +55,7 @@ def asked_parameters() -> Schema:
             "index": whole("", 0, _U16),
             "subindex": whole("", 0, _U16),
             "name": maybe(text("what the project calls it")),
-            "type": maybe(text("that of an element; null where nobody said it")),
+            "type": maybe(text("that of the value, or of its elements; null where nobody said it")),
             "unit": UNIT,
             "value": maybe(value | {"description": "what it holds now; null where that is not known"}),
             "before": maybe(value | {"description": "what it held before it was written"}),
@@ -66,7 +66,8 @@ def asked_parameters() -> Schema:
 
 
 def _element(value: Schema) -> Schema:
-    return record({"value": value, "text": text("as an engineer writes it")})
+    name = maybe(text("of a member, or its place in an array; null where the value has one element"))
+    return record({"name": name, "value": value, "text": text("as an engineer writes it")})
 
 
 def _value(elements: Schema) -> Schema:
@@ -88,15 +89,17 @@ _PROJECT = """
 "127.0.0.1" = { name = "press" }
 [parameters]
 "1:0" = { name = "rSetpoint", type = "REAL" }
+"1:1" = { name = "axDoors", type = "ARRAY [1..2] OF BOOL" }
 """
 _PATIENT, _BRIEF = "20s", "30ms"
 _NAN = b"\0\0\xc0\x7f"
 _READ = (
-    "press rSetpoint", "127.0.0.1 1 0", "127.0.0.1 1 1 --type BOOL --items 2", "127.0.0.1 1 2 --type STRING(4)",
+    "press rSetpoint", "press axDoors", "127.0.0.1 1 0", "127.0.0.1 1 1 --type BOOL --items 2",
+    "127.0.0.1 1 2 --type STRING(4)",
     "127.0.0.1 1 3 --type TIME", "127.0.0.1 1 3 --type LTIME", "127.0.0.1 9 9",
 )  # fmt: skip
 _WRITTEN = (
-    "press rSetpoint 2.5", "127.0.0.1 1 1 FALSE TRUE --type BOOL",
+    "press rSetpoint 2.5", "press axDoors TRUE TRUE", "127.0.0.1 1 1 FALSE TRUE --type BOOL",
     "127.0.0.1 1 2 x --type STRING(4)", "127.0.0.1 1 3 T#2s --type TIME",
     "127.0.0.1 1 3 7 --type USINT", "127.0.0.1 1 4 8 --type UINT", "127.0.0.1 1 5 8 --type UINT",
 )  # fmt: skip

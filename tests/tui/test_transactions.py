@@ -34,13 +34,22 @@ def test_who_asks_whom_and_what_that_came_to(tmp_path: Path) -> None:
     async def look(screen: Screen) -> None:
         assert screen.lines[1].endswith("[8 Transactions]")
         assert [" ".join(line.split()) for line in screen.lines[2:5]] == [
-            "protocol asks asked rate requests p99 unanswered refused writes last write ago",
-            "✗ sdo 10.0.0.2 10.0.0.5 2.0/s 4 4.0 ms 1 1 2 0x2000:1 06 00 → 07 00 2 s",
-            "✗ visu 10.0.0.1 10.0.0.5 - 6 2.0 s 1 1 3 .CurrentPasswo…n) → (hidden) 0 s",
+            "via asks asked rate requests p50 p99 unanswered refused writes last write ago",
+            "✗ sdo 10.0.0.2 10.0.0.5 2.0/s 4 3.0 ms 4.0 ms 1 1 2 0x2000:1 06 00 → 07 00 2 s",
+            "✗ visu 10.0.0.1 10.0.0.5 - 6 1.0 ms 2.0 s 1 1 3 .CurrentPass… → (hidden) 0 s",
         ]
         assert "secret" not in screen.text
 
     on_screen(capture(tmp_path, both()), look, size=(120, 24), keys=["8"])
+
+
+def test_a_narrow_terminal_tells_the_two_ways_apart(tmp_path: Path) -> None:
+    async def look(screen: Screen) -> None:
+        head, *rows = [line.split() for line in screen.lines[2:5]]
+        assert head[:4] == ["via", "asks", "asked", "rate"]
+        assert [row[1] for row in rows] == ["sdo", "visu"]
+
+    on_screen(capture(tmp_path, both()), look, size=(80, 24), keys=["8"])
 
 
 def test_a_pair_opens_to_its_last_transactions_and_these_to_their_packets(tmp_path: Path) -> None:

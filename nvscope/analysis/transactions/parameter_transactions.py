@@ -49,7 +49,7 @@ class ParameterTransactions:
         from nvscope.view.documents.parameter_values import ParameterValues  # noqa: PLC0415
 
         self._parameters, self._room = parameters, room
-        self._values = ParameterValues()
+        self._values = ParameterValues(as_declared=True)
         self._known: Transactions | None = None
         self._pairs: list[Pair] = []
 

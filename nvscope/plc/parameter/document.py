@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from dissectors.netvar import Service
-from nvscope.definition.value import value_of
+from nvscope.definition.variables import Scalar, type_text
 from nvscope.plc.parameter.conversation import Ending, Ignored, Outcome
+from nvscope.plc.parameter.value import value_row
 from nvscope.version import head
-from nvscope.view.value_texts import exact_text, json_value, unit_of
+from nvscope.view.value_texts import unit_of
 
 if TYPE_CHECKING:
-    from nvscope.definition.parameter_type import ElementaryType
+    from nvscope.definition.variables import Type
 
 _SCHEMA = "nvscope.sdo/1"
 
@@ -30,7 +31,7 @@ _ENDED: dict[Ending, Verdict] = {
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A parameter of a partner, and what is known of it; ``type`` is that of an element."""
+    """A parameter of a partner, and what is known of it; ``type`` is that of the value, or of its elements."""
 
     address: str
     port: int
@@ -38,18 +39,7 @@ class Parameter:
     subindex: int
     node_name: str = ""
     name: str = ""
-    type: ElementaryType | None = None
-
-
-def value_row(kind: ElementaryType | None, items: int, data: bytes) -> dict[str, Any]:
-    """Return a value as JSON has it; ``elements`` is null where its type is not known, or it is none of that type."""
-    elements = None
-    if kind is not None and items and len(data) == items * kind.size_bytes:
-        size = kind.size_bytes
-        parts = [data[begin : begin + size] for begin in range(0, len(data), size)]
-        values = [(value_of(kind, part), part) for part in parts]
-        elements = [{"value": json_value(kind, value), "text": exact_text(kind, value)} for value, _ in values]
-    return {"items": items, "bytes": data.hex(), "elements": elements}
+    type: Type | None = None
 
 
 def read_document(parameter: Parameter, outcome: Outcome) -> dict[str, Any]:
@@ -128,8 +118,8 @@ def _document(
         "index": parameter.index,
         "subindex": parameter.subindex,
         "name": parameter.name or None,
-        "type": parameter.type.name if parameter.type else None,
-        "unit": unit_of(parameter.type) if parameter.type else None,
+        "type": type_text(parameter.type) if parameter.type else None,
+        "unit": unit_of(parameter.type) if isinstance(parameter.type, Scalar) else None,
         "value": value,
         "before": before,
         "wanted": wanted,

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from nvscope.plc.parameter.controller import Controller, Handled, Result
-from nvscope.plc.parameter.document import value_row
+from nvscope.plc.parameter.value import value_row
 
 
 def request_row(handled: Handled, address: str, port: int, time_ns: int) -> dict[str, Any]:

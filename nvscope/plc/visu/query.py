@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from urllib.parse import unquote
 
-from dissectors.webvisu import TYPES, Place, Request, read_query
+from dissectors.webvisu import TYPES, Place, Request, query_parts, read_query
 from nvscope.plc.visu.value import shown
 
 _ADDRESS = re.compile(r"%?([MIQ])(?:X(\d{1,6})\.(\d{1,2})|([BWD])(\d{1,6}))", re.ASCII | re.IGNORECASE)
@@ -99,9 +99,8 @@ def _formats(target: str) -> Sequence[str]:
     """Return the formats of the addresses, in their order."""
     places: list[str] = []
     formats: dict[str, str] = {}
-    for part in target.partition("?")[2].split("&"):
-        name, _, text = part.partition("=")
-        name = name.upper()
+    _, parts = query_parts(target) or ("", ())
+    for name, text in parts:
         if name.startswith("ADR") and (name[3:].isdecimal() or not name[3:]):
             places.append(name[3:])
         elif name.startswith("FORMAT"):

@@ -17,9 +17,13 @@ Told = tuple[Any, str]
 
 
 class ParameterValues:
-    """Tells values of parameters; what their layout is is found once for all of one shape."""
+    """Tells values of parameters; what their layout is is found once for all of one shape.
 
-    def __init__(self) -> None:
+    As JSON has them, values of several elements are lists of theirs, or as they are declared: objects and arrays.
+    """
+
+    def __init__(self, *, as_declared: bool = False) -> None:
+        self._as_declared = as_declared
         self._layouts: dict[tuple[str, int, int, int, int], TelegramLayout | None] = {}
 
     def layout(self, known: ParameterDefinition, items: int, size_bytes: int) -> TelegramLayout | None:
@@ -34,10 +38,17 @@ class ParameterValues:
     def told(self, known: ParameterDefinition | None, data: bytes, items: int, size_bytes: int) -> Told:
         """Return a value of so many elements and bytes, of which ``data`` is there: by its type where that fits.
 
-        Of several elements it is a list of theirs. Elsewhere it is told by its bytes, in hexadecimal.
+        Elsewhere it is told by its bytes, in hexadecimal.
         """
         layout = self.layout(known, items, size_bytes) if known and len(data) == size_bytes else None
-        return bytes_told(data, size_bytes) if layout is None else elements_told(layout, data)
+        if layout is None:
+            return bytes_told(data, size_bytes)
+        value, text = elements_told(layout, data)
+        if self._as_declared and layout.elements[0].name:
+            from nvscope.view.documents.nested_values import nested  # noqa: PLC0415
+
+            value = nested(zip((one.name for one in layout.elements), value, strict=True))
+        return value, text
 
 
 def bytes_told(data: bytes, size_bytes: int) -> Told:

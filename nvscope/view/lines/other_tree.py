@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from ipaddress import IPv4Address
 
 import numpy as np
 
-from dissectors.batch import I64, U8, Bool
+from dissectors.batch import I64, U8
 from dissectors.headers import ARP, TCP, TYPE_IPV4, UDP
 from dissectors.icmp import ICMP, ICMPV6
 from dissectors.other_frames import FrameKind, OtherBatch
@@ -15,6 +15,7 @@ from nvscope.units import count_of
 from nvscope.view.lines.layers import Layer, layers_of_datagram, layers_of_segment, layers_up_to, link_layers
 from nvscope.view.lines.message_tree import table_entries
 from nvscope.view.lines.other_words import words_of
+from nvscope.view.lines.page_bytes import may_hold_pages
 from nvscope.view.lines.shown import HIDDEN_BYTES, Spans, Wording
 from nvscope.view.lines.table import Cell, Tone
 from nvscope.view.lines.tree_lines import Entry, Place, bytes_entries, title_entry, trailer_entries
@@ -42,13 +43,16 @@ class OtherTree:
         self._transport_bytes = _transport_bytes(self._frames, rows.packets.data)
         self._words = words_of(rows.part(own))
         self._dumps = dumps
-        self._hidden = _over_ports(self._frames, rows.packets.data, () if wording.secrets else wording.page_ports)
+        ports = frozenset() if wording.secrets else frozenset(wording.page_ports)
+        self._hidden = may_hold_pages(self._frames, rows.packets.data, ports)
 
     def spans(self, place: int) -> Spans:
         start, stop = int(self._start[place] + self._transport_bytes[place]), int(self._stop[place])
         layout = _LAYOUTS.get(self._kind(place))
         data = min(start + (layout.size_bytes if layout else 0), stop)
-        return Spans(start, data, stop, bool(self._hidden[place]) and start < stop)
+        if self._hidden[place] and data < stop:
+            return Spans(data, data, stop, hidden=True)
+        return Spans(start, data, stop)
 
     def layers(self, place: int, packet: bytes, link: int) -> Sequence[Layer]:
         start, kind, fault = int(self._start[place]), self._kind(place), bool(self._frames.fault[place])
@@ -90,18 +94,6 @@ def _transport_bytes(frames: OtherBatch, data: U8) -> I64:
     size[tcp] = (data[frames.at[tcp] + _OFFSET_AT] >> 4).astype(np.int64) * 4
     captured: I64 = np.minimum(size, frames.end - frames.at)
     return captured
-
-
-def _over_ports(frames: OtherBatch, data: U8, ports: Collection[int]) -> Bool:
-    """Tell which frames are TCP segments from or to one of some ports."""
-    found = np.zeros(len(frames), np.bool_)
-    tcp = np.flatnonzero((frames.kind == FrameKind.TCP) & ~frames.fault)
-    for end in ("source_port", "destination_port") if len(ports) else ():
-        at = frames.at[tcp] + TCP.offset_of(end)
-        number = data[at].astype(np.int64) << 8 | data[at + 1]
-        for port in ports:
-            found[tcp] |= number == port
-    return found
 
 
 def _is_usual(message: bytes) -> bool:

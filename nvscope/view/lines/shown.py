@@ -59,7 +59,7 @@ class Spans(NamedTuple):
     hidden: bool = False
 
 
-HIDDEN_BYTES = "hidden, since passwords may be among them; --show-secrets shows them"
+HIDDEN_BYTES = "hidden, since passwords may be among them; `packets --show-secrets` shows them"
 """What is said of bytes in their place."""
 
 

@@ -63,6 +63,7 @@ def test_an_address_is_a_place(address: str, place: str | None) -> None:
         ("/READPI?ADR=MB4&FORMAT=%d", b"???"),
         ("/READPI?ADR=MW77&FORMAT=%d", b"???"),
         ("/READPI?ADR1=MW230&FORMAT1=%d&ADR2=MD2&FORMAT2=%.1f&ADR3=MB1", b"-5\n3.1\n7"),
+        ("/plc/webvisu.htm?READPI?ADR=MW230&FORMAT=%u", b"65531"), ("/a?x=1&READPI?ADR=MD2&FORMAT=%d", b"3"),
     ],
 )  # fmt: skip
 def test_values_are_read_in_the_format_that_is_wanted(controller: Controller, target: str, content: bytes) -> None:
@@ -107,8 +108,8 @@ def test_no_format_breaks_anything(wanted: str, kind: int, size: int, raw: str) 
     assert len(formatted(Place(0, 0, size, kind), raw, wanted)) <= 420
 
 
-@given(st.text(max_size=60))
+@given(st.text("?&=%ADRFORMT1MW2.", max_size=40), st.text(max_size=60))
 @examples()
-def test_no_url_breaks_anything(text: str) -> None:
-    handled = Controller(ServedTable(entries=())).received(HttpRequest("GET", f"/READPI?{text}"))
+def test_no_url_breaks_anything(front: str, text: str) -> None:
+    handled = Controller(ServedTable(entries=())).received(HttpRequest("GET", f"/{front}READPI?{text}"))
     assert handled.status in (200, 400)

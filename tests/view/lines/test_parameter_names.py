@@ -92,7 +92,7 @@ def test_a_report_calls_parameters_and_nodes_by_their_names(tmp_path: Path) -> N
     simulated(Path("tests/scenarios/parameter-manager.toml")).write(tmp_path / "plant.pcapng")
     done = run_text("report", "plant.pcapng", "--all", "--wide", cwd=tmp_path)
     sentences = " ".join(done.stdout.split())
-    assert "Node press did not answer 3 of 37 requests of hmi for rSetpoint " in done.stdout
+    assert "Node press did not answer 3 of 37 requests, those of hmi for rSetpoint, " in sentences
     assert " for rSetpoint (0x2000:1) within 500.0 ms." in sentences
     assert "\nhmi   press  1202 " in done.stdout
     assert " for 0x2001:0, half of the timeout." in sentences

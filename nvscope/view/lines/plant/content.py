@@ -97,11 +97,17 @@ def tally(by_severity: Mapping[str, int]) -> str:
     return ", ".join(units.count_of(number, severity) for severity, number in by_severity.items() if number)
 
 
+_PAIRS_OF = {
+    "sdo": ("requester", "partner"), "visu": ("client", "server"), "visu_others": ("client", "server"),
+}  # fmt: skip
+"""The rows of a report that name who asks and who is asked, and under which keys."""
+
+
 def node_names(report: Report) -> dict[str, str]:
     """Return the names of the nodes that have one, by address."""
     told = [(node["address"], node["name"]) for entry in report["lists"] for node in entry["nodes"]]
-    for row in report.get("sdo", ()):
-        told += [(row[end], row[f"{end}_name"]) for end in ("requester", "partner")]
+    for rows, ends in _PAIRS_OF.items():
+        told += [(row[end], row[f"{end}_name"]) for row in report.get(rows, ()) for end in ends]
     return {address: name for address, name in told if name}
 
 

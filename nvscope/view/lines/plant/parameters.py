@@ -34,7 +34,7 @@ def parameters(report: Report, most: int | None = None) -> tuple[list[Measure], 
     if most is not None and len(rows) > most:
         worst = sorted(range(len(rows)), key=lambda place: not _is_wrong(rows[place]))[:most]
         rows = [rows[place] for place in sorted(worst)]
-    return used(_PAIRS, rows), rows, len(found) - len(rows)
+    return used(PAIRS, rows), rows, len(found) - len(rows)
 
 
 def _is_wrong(row: Row) -> bool:
@@ -51,7 +51,7 @@ def _came_back(row: Row) -> Cell:
     return count_cell(row["undeliverable"], Tone.ERROR) if row["undeliverable"] else Cell(NOTHING, Tone.FAINT)
 
 
-_PAIRS = (
+PAIRS = (
     Measure(Column("asks", shortest=12, identifier=True), lambda row: Cell(row["asks"], Tone.STRONG)),
     Measure(Column("asked", shortest=12, identifier=True), lambda row: Cell(row["asked"])),
     Measure(Column("port", right=True, importance=2), lambda row: Cell(str(row["port"]))),

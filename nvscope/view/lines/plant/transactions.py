@@ -46,7 +46,7 @@ def pair_measures(now_ns: int) -> Sequence[Measure]:
     """Return the columns of the table of pairs, as of a time."""
     return (
         Measure(Column(""), lambda row: symbol(severity_of_pair(row))),
-        Measure(Column("protocol", importance=5), lambda row: Cell(row["protocol"], Tone.FAINT)),
+        Measure(Column("via", importance=9), lambda row: Cell(row["protocol"], Tone.FAINT)),
         Measure(Column("asks", shortest=10, identifier=True), lambda row: Cell(_client(row), Tone.STRONG)),
         Measure(Column("asked", shortest=10, identifier=True), lambda row: Cell(_server(row))),
         Measure(Column("port", right=True, importance=1), lambda row: Cell(str(row["port"]))),

@@ -35,7 +35,7 @@ def visu(report: Report, most: int | None = None) -> tuple[list[Measure], list[R
     if most is not None and len(rows) > most:
         worst = sorted(range(len(rows)), key=lambda place: not any(rows[place][name] for name in _WRONG))[:most]
         rows = [rows[place] for place in sorted(worst)]
-    return used(_PAIRS, rows), rows, len(found) - len(rows)
+    return used(PAIRS, rows), rows, len(found) - len(rows)
 
 
 def remarks(report: Report) -> Sequence[str]:
@@ -60,7 +60,7 @@ def _missing(row: Row) -> Cell:
     return count_cell(row["gap_bytes"], Tone.WARNING) if row["gap_bytes"] else Cell(NOTHING, Tone.FAINT)
 
 
-_PAIRS = (
+PAIRS = (
     Measure(Column("asks", shortest=12, identifier=True), lambda row: Cell(row["asks"], Tone.STRONG)),
     Measure(Column("asked", shortest=12, identifier=True), lambda row: Cell(row["asked"])),
     Measure(Column("port", right=True, importance=2), lambda row: Cell(str(row["port"]))),

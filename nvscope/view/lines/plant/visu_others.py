@@ -31,10 +31,10 @@ def others(report: Report, most: int | None = None) -> tuple[list[Measure], list
         }
         for row in found[:most]
     ]
-    return list(_ROWS), rows, len(found) - len(rows)
+    return list(ROWS), rows, len(found) - len(rows)
 
 
-_ROWS = (
+ROWS = (
     Measure(Column("who", shortest=12, identifier=True), lambda row: Cell(row["says"], Tone.STRONG)),
     Measure(Column("whom", shortest=12, identifier=True), lambda row: Cell(row["to"])),
     Measure(Column("port", right=True), lambda row: Cell(str(row["port"]))),

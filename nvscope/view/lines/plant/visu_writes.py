@@ -40,7 +40,7 @@ def writes(report: Report, clock: Clock, most: int | None = MOST_WRITES) -> tupl
         }
         for row in shown
     ]
-    return used(_WRITES, rows), rows, len(found) - len(rows)
+    return used(WRITES, rows), rows, len(found) - len(rows)
 
 
 def more(left: int, option: str) -> str:
@@ -59,7 +59,7 @@ def _value(row: Row, name: str) -> Cell:
     return Cell(NOTHING, Tone.FAINT) if row[name] is None else Cell(row[name])
 
 
-_WRITES = (
+WRITES = (
     Measure(Column("time", importance=7), lambda row: Cell(row["at"])),
     Measure(Column("who", shortest=12, identifier=True), lambda row: Cell(row["who"], Tone.STRONG)),
     Measure(Column("whom", shortest=12, identifier=True, importance=9), lambda row: Cell(row["whom"])),
