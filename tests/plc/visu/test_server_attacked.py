@@ -6,7 +6,7 @@ import socket
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import pytest
@@ -149,8 +149,11 @@ def test_who_is_told_slowly_does_not_pile_up_what_was_asked(tmp_path: Path) -> N
         time.sleep(0.1)
         assert controller.results.total() < 1_010
         goes_on.set()
+        # The last reply may be here before anybody is told of it.
+        client.settimeout(0.1)
         while len(told) < 3_000:
-            assert client.recv(1 << 20)
+            with suppress(TimeoutError):
+                assert client.recv(1 << 20)
         sending.join()
 
 
