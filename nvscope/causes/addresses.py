@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,8 +14,10 @@ from nvscope.causes.ways import device_in_words
 from nvscope.causes.words import joined, lists_in_words, moment
 from nvscope.findings.kind import Severity
 from nvscope.findings.loss import COUNTER_ERRATIC, COUNTER_SCOPE, COUNTER_UNUSED
-from nvscope.tracker.evidence.shared_devices import SharedAddress, shared_addresses
 from nvscope.units import count_of
+
+if TYPE_CHECKING:  # most plants have none
+    from nvscope.tracker.evidence.shared_devices import SharedAddress
 
 DUPLICATE_ADDRESS = CauseKind(
     "duplicate-address",
@@ -34,6 +37,10 @@ _OF_WHOLE_STREAMS = (COUNTER_UNUSED, COUNTER_SCOPE, COUNTER_ERRATIC)
 def judge_duplicate_addresses(case: Case) -> Iterator[Explained]:
     """Explain everything of addresses that two devices have, one cause an address."""
     presence, seen = case.witness.presence, case.witness.shared_addresses
+    if not presence.columns.shared.any():
+        return
+    from nvscope.tracker.evidence.shared_devices import shared_addresses  # noqa: PLC0415
+
     for shared in shared_addresses(presence, seen, case.facts.state.keys.nodes, case.life.addresses_of):
         yield _draft(case, shared)
 

@@ -10,7 +10,6 @@ import numpy as np
 from dissectors.batch import I64, U64, Bool
 from nvscope.findings.facts import Facts
 from nvscope.tracker.evidence.presence import HARDWARE, HARDWARE_BITS, IP, Presence
-from nvscope.tracker.evidence.shared_devices import addresses_by_hardware
 
 
 class Life:
@@ -54,6 +53,8 @@ class Life:
     @cached_property
     def addresses_of(self) -> Mapping[int, Collection[tuple[int, int]]]:
         """The IP addresses, as upper and lower half, whose packets came from each hardware address."""
+        from nvscope.tracker.evidence.shared_devices import addresses_by_hardware  # noqa: PLC0415  # few plants need it
+
         return addresses_by_hardware(self._presence)
 
     @cached_property

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, ClassVar, Protocol
+from types import MappingProxyType
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 from nvscope.engine.dealing import Share, SplitBy
 from nvscope.engine.told import Told
@@ -38,8 +38,7 @@ class ProtocolAccumulator(Accumulator, Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
-class ProtocolSummary:
+class ProtocolSummary(NamedTuple):
     """What follows from what an accumulator has counted: rows of its own.
 
     ``further`` are rows of other kinds, each with a name of its own. ``nodes`` are the halves of addresses that
@@ -47,7 +46,7 @@ class ProtocolSummary:
     """
 
     rows: Sequence[Any] = ()
-    further: Mapping[str, Sequence[Any]] = field(default_factory=dict)
+    further: Mapping[str, Sequence[Any]] = MappingProxyType({})
     nodes: Sequence[tuple[int, int]] = ()
 
 
