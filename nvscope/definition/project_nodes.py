@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import ipaddress
 import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, TypeVar
 
 from nvscope.definition.project_lists import NAME
 from nvscope.toml_table import Place, ValueKind, array, integer, key, mapping, read_table
 
 _LIST_KEY = re.compile(r"udp/(\d{1,5})/(\d{1,5})", re.ASCII)
 _U16_MAX = 0xFFFF
+
+Told = TypeVar("Told")
 
 ReadList = tuple[int | None, int]
 """A list that a node reads, or sends: port (None: whichever it has) and identifier."""
@@ -48,18 +52,29 @@ class Node:
     )
 
 
-def _nodes(value: Any, place: Place) -> tuple[tuple[str, Node], ...]:
-    nodes: dict[str, Node] = {}
-    for text, table in mapping(ValueKind("", lambda entry, _: entry)).read(value, place).items():
+def by_address(
+    value: Any, place: Place, read: Callable[[Any, Place], Told], noun: str, example: str
+) -> Mapping[str, Told]:  # fmt: skip
+    """Return the entries of a table whose keys are addresses, as reports write these.
+
+    ConfigurationError where a key is none, or one is there twice. ``noun`` is what has the address, ``example`` an
+    entry.
+    """
+    found: dict[str, Told] = {}
+    for text, entry in mapping(ValueKind("", lambda entry, _: entry)).read(value, place).items():
         here = place.below(f'"{text[:60]}"')
         address = canonical_address(text)
         if address is None:
-            what = f"'{text[:60]}' is no IP address"
-            raise here.error(what, 'Write one in quotes: "192.168.1.10" = { name = "press" }.')
-        if address in nodes:
-            raise here.error(f"the node {address} is there twice", "Leave one of the entries out.")
-        nodes[address] = read_table(Node, table, here)
-    return tuple(nodes.items())
+            raise here.error(f"'{text[:60]}' is no IP address", f"Write one in quotes: {example}.")
+        if address in found:
+            raise here.error(f"the {noun} {address} is there twice", "Leave one of the entries out.")
+        found[address] = read(entry, here)
+    return found
+
+
+def _nodes(value: Any, place: Place) -> tuple[tuple[str, Node], ...]:
+    example = '"192.168.1.10" = { name = "press" }'
+    return tuple(by_address(value, place, partial(read_table, Node), "node", example).items())
 
 
 NODE_TABLES = ValueKind('{name}."ADDRESS"', _nodes, Node)

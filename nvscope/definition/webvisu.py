@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from nvscope.definition.project_nodes import canonical_address
+from nvscope.definition.project_nodes import by_address
 from nvscope.errors import ConfigurationError
-from nvscope.toml_table import TEXT, Place, ValueKind, array, integer, key, mapping
+from nvscope.toml_table import TEXT, Place, ValueKind, array, integer, key
 
 if TYPE_CHECKING:
     from nvscope.definition.visu_variables import VisuVariables
@@ -19,17 +19,8 @@ _FILES = array(TEXT, single=True)
 
 
 def _controllers(value: Any, place: Place) -> tuple[tuple[str, tuple[str, ...]], ...]:
-    found: dict[str, tuple[str, ...]] = {}
-    for text, files in mapping(ValueKind("", lambda entry, _: entry)).read(value, place).items():
-        here = place.below(f'"{text[:60]}"')
-        address = canonical_address(text)
-        if address is None:
-            what = f"'{text[:60]}' is no IP address"
-            raise here.error(what, 'Write one in quotes: "192.168.1.3" = ["press/plc_visu.xml"].')
-        if address in found:
-            raise here.error(f"the controller {address} is there twice", "Leave one of the entries out.")
-        found[address] = _FILES.read(files, here)
-    return tuple(found.items())
+    example = '"192.168.1.3" = ["press/plc_visu.xml"]'
+    return tuple(by_address(value, place, _FILES.read, "controller", example).items())
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from nvscope.findings.finding import Events, Finding, all_events, events_of
@@ -12,6 +12,7 @@ from nvscope.units import count, count_of, duration, percent
 if TYPE_CHECKING:
     from nvscope.findings.facts import Facts
     from nvscope.findings.finding import Events
+    from nvscope.tracker.events import EventLog
     from nvscope.tracker.mirrored import Recorded
 
 CAPTURE_DROPS = FindingKind(
@@ -300,11 +301,10 @@ def _parameters_left_out(facts: Facts) -> Iterator[tuple[Events, str]]:
     known = facts.state.parameters.known
     if known is None or not len(known.left_out.rows):
         return
-    log = known.left_out
     from nvscope.tracker.parameter.transactions import MOST_OPEN, Beyond
     from nvscope.tracker.parameter.writes import MOST_WRITES
 
-    nouns = {
+    nouns: dict[int, tuple[str, str]] = {
         Beyond.PAIR: ("Parameter Manager message", "between further nodes"),
         Beyond.OPEN: ("Parameter Manager request", f"beyond the {count(MOST_OPEN)} that are waited for at a time"),
         Beyond.REPLY: ("Parameter Manager reply", "that may be to one of these"),
@@ -312,11 +312,7 @@ def _parameters_left_out(facts: Facts) -> Iterator[tuple[Events, str]]:
         Beyond.WRITE: ("Parameter Manager write", f"beyond the {count(MOST_WRITES)} that are kept"),
         Beyond.VALUE: ("value", "of further parameters"),
     }
-    (whats,) = log.keys.words
-    for what, events in sorted(zip(whats.tolist(), all_events(log.rows), strict=True), key=lambda one: one[0]):
-        noun, where = nouns[what]
-        plural = f"{noun[:-1]}ies" if noun.endswith("y") else ""
-        yield events, f"{count_of(events.count, noun, plural)} {where}"
+    yield from _in_words(known.left_out, nouns)
 
 
 def _pages_left_out(facts: Facts) -> Iterator[tuple[Events, str]]:
@@ -329,8 +325,7 @@ def _pages_left_out(facts: Facts) -> Iterator[tuple[Events, str]]:
     from nvscope.tracker.visu.limits import MOST_HELD_BYTES, MOST_NAMES, MOST_POLLED, MOST_WAITING, Beyond
     from nvscope.tracker.visu.writes import MOST_WRITES
 
-    log = known.left_out
-    nouns = {
+    nouns: dict[int, tuple[str, str]] = {
         Beyond.PAIR: ("web visualization message", "between further clients and servers"),
         Beyond.VARIABLE: ("further variable", "of web visualization"),
         Beyond.FINDING: ("event", "of further variables of web visualization"),
@@ -346,9 +341,15 @@ def _pages_left_out(facts: Facts) -> Iterator[tuple[Events, str]]:
     }
     if facts.security is not None and facts.security.hours:  # else nobody asks when something was written
         nouns[Beyond.WRITE_MINUTE] = "write", "of web visualization, whose time is not compared with the hours"
+    yield from _in_words(known.left_out, nouns)
+
+
+def _in_words(log: EventLog, nouns: Mapping[int, tuple[str, str]]) -> Iterator[tuple[Events, str]]:
+    """Yield what was left out by kind, those of which there are words, each with these."""
     (whats,) = log.keys.words
     for what, events in sorted(zip(whats.tolist(), all_events(log.rows), strict=True), key=lambda one: one[0]):
         if what not in nouns:
             continue
         noun, where = nouns[what]
-        yield events, f"{count_of(events.count, noun)} {where}"
+        plural = f"{noun[:-1]}ies" if noun.endswith("y") else ""
+        yield events, f"{count_of(events.count, noun, plural)} {where}"

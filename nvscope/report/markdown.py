@@ -78,10 +78,7 @@ def _lines(
         from nvscope.view.lines.plant import parameters  # noqa: PLC0415  # few plants have any
 
         measures, rows, _ = parameters.parameters(report)
-        yield ""
-        yield f"### {parameters.TITLE}"
-        yield ""
-        yield from _table(measures, rows)
+        yield from _titled(parameters.TITLE, measures, rows)
     if "sdo_writes" in report:
         from nvscope.view.lines.plant import parameter_writes  # noqa: PLC0415
 
@@ -90,10 +87,7 @@ def _lines(
         from nvscope.view.lines.plant import visu  # noqa: PLC0415
 
         measures, rows, _ = visu.visu(report)
-        yield ""
-        yield f"### {visu.TITLE}"
-        yield ""
-        yield from _table(measures, rows)
+        yield from _titled(visu.TITLE, measures, rows)
         for sentence in visu.remarks(report):
             yield from ("", markdown_safe(sentence))
     if "visu_writes" in report:
@@ -104,10 +98,7 @@ def _lines(
         from nvscope.view.lines.plant import visu_others  # noqa: PLC0415
 
         measures, rows, _ = visu_others.others(report)
-        yield ""
-        yield f"### {visu_others.TITLE}"
-        yield ""
-        yield from _table(measures, rows)
+        yield from _titled(visu_others.TITLE, measures, rows)
     if "hops" in report:
         yield ""
         yield f"### {hops.TITLE}"
@@ -177,10 +168,14 @@ def _causes(report: content.Report) -> Iterator[str]:
 def _writes(table: WriteTable, report: content.Report, clock: content.Clock, *, details: bool) -> Iterator[str]:
     """Yield a table of who wrote what; ``table`` is its module."""
     measures, rows, left = table.writes(report, clock, None if details else table.MOST_WRITES)
-    yield from ("", f"### {table.TITLE}", "")
-    yield from _table(measures, rows)
+    yield from _titled(table.TITLE, measures, rows)
     if left:
         yield from ("", markdown_safe(table.more(left, "-v")))
+
+
+def _titled(title: str, measures: Sequence[tables.Measure], rows: Sequence[content.Row]) -> Iterator[str]:
+    yield from ("", f"### {title}", "")
+    yield from _table(measures, rows)
 
 
 def _table(measures: Sequence[tables.Measure], rows: Sequence[content.Row]) -> Iterator[str]:

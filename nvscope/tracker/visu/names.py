@@ -56,18 +56,17 @@ class Names:
         self.versions: list[Mapping[Place, str]] = []
         self.left_out = 0
         self._room = MOST_NAMES
+        # What each version was merged from.
+        self._lists: list[Sequence[_List]] = []
         self._of: dict[Controller, int] = {}
-        self._lists: dict[Controller, Sequence[_List]] = {}
-        self._given: dict[str, Sequence[_List]] = {}
         self._of_given: dict[tuple[int, int], int] = {}
         for controller in ["", *sorted({one.controller for one in given} - {""})]:
             own = [one for one in given if one.controller in ("", controller)]
             # What is said of one controller goes before what is said of all.
-            lists = [_listed(one.variables, one.file) for one in sorted(own, key=lambda one: bool(one.controller))]
-            self._given[controller] = lists
+            own.sort(key=lambda one: bool(one.controller))
+            version = self._add([_listed(one.variables, one.file) for one in own])
             if controller:
-                self._of_given[address.halves(controller)] = len(self.versions)
-            self.versions.append(_merged(lists))
+                self._of_given[address.halves(controller)] = version
         self._most_versions = len(self.versions) + _MOST_LISTS
 
     def version_of(self, controller: Controller) -> int:
@@ -83,7 +82,8 @@ class Names:
         from nvscope.definition.visu_variables import variables_in  # noqa: PLC0415
 
         found = variables_in(content)
-        before = self.versions[self.version_of(controller)]
+        version = self.version_of(controller)
+        before = self.versions[version]
         if not found.names or all(before.get(place) == name for place, name in found.names.items()):
             return None
         room = self._room - len(before) - 2 * len(found.listed)
@@ -91,15 +91,16 @@ class Names:
             self.left_out += 1
             return None
         self._room = room
-        known = self._lists.get(controller)
-        if known is None:
-            known = self._given.get(controller.address, self._given[""])
         new = _listed(found)
-        others = [(one, _differing(one, new)) for one in known]
-        self._lists[controller] = lists = [*(one for one, differing in others if not differing), new]
-        self._of[controller] = len(self.versions)
-        self.versions.append(_merged(lists))
+        others = [(one, _differing(one, new)) for one in self._lists[version]]
+        self._of[controller] = self._add([*(one for one, differing in others if not differing), new])
         return next((_other_names(one, new, differing) for one, differing in others if differing), None)
+
+    def _add(self, lists: Sequence[_List]) -> int:
+        """Return the number of the version that lists make."""
+        self._lists.append(lists)
+        self.versions.append(_merged(lists))
+        return len(self.versions) - 1
 
 
 def _listed(variables: VisuVariables, file: str = "") -> _List:

@@ -139,7 +139,7 @@ class VisuCounts:
             self._leave_out(what, told, part.messages.take(np.full(count, len(part.messages) - 1)))
         self._count(pair, messages, part.requests)
         self._note_others(told, pair, messages)
-        self._note_names(told, part)
+        self._note_names(told, part, own)
         self._note(told, part, pair, messages)
         self._note_writes(told, part, pair, messages)
         self.unchanging.observe(part, told.max_streams)
@@ -179,9 +179,8 @@ class VisuCounts:
             first_frame, times = known or (row + told.first_frame, 0)
             self.others[number, spoken] = Spoken(first_frame, times + 1)
 
-    def _note_names(self, told: Told, part: VisuBatch) -> None:
-        """Note which lists of variables contradict those known before."""
-        own = self.pairs.numbers_within(told.max_streams, *part.pairs)
+    def _note_names(self, told: Told, part: VisuBatch, own: I64) -> None:
+        """Note which lists of variables contradict those known before; ``own`` numbers the pairs of the batch."""
         messages, happened = part.messages, []
         for message, other in part.other_names.items():
             pair, row = int(own[messages.pair[message]]), int(messages.row[message])

@@ -19,11 +19,7 @@ def visu_other_rows(
     """Return a row for what is spoken beside WebVisu by each client, server, port and protocol."""
     return [
         {
-            "client": one.client,
-            "client_name": node_names.get(one.client),
-            "server": one.server,
-            "server_name": node_names.get(one.server),
-            "port": one.port,
+            **_ends(one, node_names),
             "protocol": one.protocol.name.lower().replace("_", "-"),
             "count": one.count,
             "first_frame": one.first_frame,
@@ -38,11 +34,7 @@ def visu_rows(
     """Return a row a client, server and port, by their addresses; ``node_names`` are what people call these."""
     return [
         {
-            "client": one.client,
-            "client_name": node_names.get(one.client),
-            "server": one.server,
-            "server_name": node_names.get(one.server),
-            "port": one.port,
+            **_ends(one, node_names),
             "connections": one.connections,
             "reads": one.reads,
             "writes": one.writes,
@@ -83,3 +75,13 @@ def unchanging_rows(
         }
         for one in found
     ]
+
+
+def _ends(one: OtherSpoken | VisuSummary, node_names: Mapping[str, str]) -> dict[str, Any]:
+    return {
+        "client": one.client,
+        "client_name": node_names.get(one.client),
+        "server": one.server,
+        "server_name": node_names.get(one.server),
+        "port": one.port,
+    }
