@@ -33,6 +33,9 @@ KEYS = {
     "values": ({"file", "origin", "shows"}, {"licence"}),
     "scenario": ({"file", "origin", "shows"}, {"licence"}),
     "rules": ({"file", "origin", "shows"}, {"licence"}),
+    "database": ({"file", "origin", "shows"}, {"licence"}),
+    "configuration": ({"file", "origin", "shows"}, {"licence"}),
+    "licence": ({"file", "origin", "shows"}, set()),
 }
 TIMES_START_NS = 1_700_000_000_000_000_000
 MILLISECOND_NS = 1_000_000

@@ -1,0 +1,1 @@
+"""Databases of PLCnext DataLoggers: what their bytes, columns and timestamps mean."""

@@ -1,0 +1,119 @@
+"""Timestamps of DataLogger databases, in both of their forms, as int64 nanoseconds since 1970-01-01 UTC.
+
+``Iso8601`` is a text of 26 characters, UTC without a zone: ``2020-04-13T14:05:58.674675``. ``Raw`` is an integer as
+``DateTime.ToBinary`` of .NET makes it: 100-ns ticks since 0001-01-01 in the lower 62 bits, above them what kind of time
+that is. Source: the DataLogger's reference, "Time stamp", and ``datalogger.md`` section 2.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import numpy as np
+
+from dissectors.batch import I64, U8, Bool
+
+ISO_BYTES = 26
+"""How long a text is."""
+
+TICK_NS = 100
+EPOCH_TICKS = 621_355_968_000_000_000
+"""Ticks at 1970-01-01."""
+
+_DAY_S, _HOUR_S, _MINUTE_S, _S_NS, _US_NS = 86_400, 3_600, 60, 1_000_000_000, 1_000
+_TICKS = np.int64((1 << 62) - 1)
+_KIND_SHIFT = np.int64(62)
+_LEAST_NS, _MOST_NS = -(1 << 63), (1 << 63) - 1
+_LEAST_TICKS, _MOST_TICKS = EPOCH_TICKS + _LEAST_NS // TICK_NS + 1, EPOCH_TICKS + _MOST_NS // TICK_NS
+_YEARS = 1678, 2261
+"""Years that are whole in int64 nanoseconds."""
+
+# Where the digits of a number stand, and what stands between them.
+_FIELDS = {"year": (0, 4), "month": (5, 7), "day": (8, 10), "hour": (11, 13), "minute": (14, 16), "second": (17, 19)}
+_MICROSECOND = 20, 26
+_BETWEEN = {4: "-", 7: "-", 10: "T", 13: ":", 16: ":", 19: "."}
+_ZERO = ord("0")
+# Two digits at once: 00 to 99, the first one in the lower byte.
+_PAIRS = np.array([(_ZERO + pair // 10) | (_ZERO + pair % 10) << 8 for pair in range(100)], "<u2")
+
+
+class TimeKind(IntEnum):
+    """What kind of time a raw timestamp is, by its two highest bits; both of local time mean the same."""
+
+    UNSPECIFIED = 0
+    UTC = 1
+    LOCAL = 2
+    LOCAL_AMBIGUOUS = 3
+
+
+def iso_texts(time_ns: I64) -> U8:
+    """Return texts as (n, ``ISO_BYTES``); what is below a microsecond is left out."""
+    text = np.empty((len(time_ns), ISO_BYTES), np.uint8)
+    for place, character in _BETWEEN.items():
+        text[:, place] = ord(character)
+    us = time_ns // _US_NS
+    second, microsecond = us // 1_000_000, us % 1_000_000
+    day, of_day = second // _DAY_S, second % _DAY_S
+    date = day.astype("M8[D]")
+    month = date.astype("M8[M]")
+    year = month.astype("M8[Y]")
+    _put(text, 0, (year.astype(np.int64) + 1970), 4)
+    _put(text, 5, (month - year).astype(np.int64) + 1, 2)
+    _put(text, 8, (date - month).astype(np.int64) + 1, 2)
+    _put(text, 11, of_day // _HOUR_S, 2)
+    _put(text, 14, of_day // _MINUTE_S % 60, 2)
+    _put(text, 17, of_day % 60, 2)
+    _put(text, 20, microsecond, 6)
+    return text
+
+
+def iso_times(text: U8) -> tuple[I64, Bool]:
+    """Return the times of texts, shape (n, ``ISO_BYTES``), and which of these are times at all; else they are 0."""
+    valid = np.ones(len(text), np.bool_)
+    for place, character in _BETWEEN.items():
+        valid &= text[:, place] == ord(character)
+    numbers: dict[str, I64] = {}
+    for name, (start, stop) in _FIELDS.items():
+        numbers[name] = _number(text, start, stop, valid)
+    microsecond = _number(text, *_MICROSECOND, valid)
+    year, month, day = numbers["year"], numbers["month"], numbers["day"]
+    valid &= (year >= _YEARS[0]) & (year <= _YEARS[1]) & (month >= 1) & (month <= 12) & (day >= 1) & (day <= 31)
+    valid &= (numbers["hour"] < 24) & (numbers["minute"] < 60) & (numbers["second"] < 60)
+    first = np.where(valid, (year - 1970) * 12 + month - 1, 0).astype("M8[M]")
+    date = first.astype("M8[D]").astype(np.int64) + day - 1
+    valid &= date.astype("M8[D]").astype("M8[M]") == first
+    second = date * _DAY_S + numbers["hour"] * _HOUR_S + numbers["minute"] * _MINUTE_S + numbers["second"]
+    time_ns = second * _S_NS + microsecond * _US_NS
+    return np.where(valid, time_ns, 0), valid
+
+
+def raw_of(time_ns: I64) -> I64:
+    """Return raw timestamps, as UTC; what is below 100 ns is left out."""
+    return (time_ns // TICK_NS + EPOCH_TICKS) | np.int64(TimeKind.UTC << 62)
+
+
+def raw_times(raw: I64) -> tuple[I64, U8, Bool]:
+    """Return the times of raw timestamps, their ``TimeKind``, and which of them can be told; else the time is 0.
+
+    Local times are as they were: ``ToBinary`` writes them as UTC.
+    """
+    kind = ((raw >> _KIND_SHIFT) & 3).astype(np.uint8)
+    ticks = raw & _TICKS
+    valid = (ticks >= _LEAST_TICKS) & (ticks <= _MOST_TICKS)
+    return np.where(valid, (np.where(valid, ticks, EPOCH_TICKS) - EPOCH_TICKS) * TICK_NS, 0), kind, valid
+
+
+def _put(text: U8, place: int, number: I64, digits: int) -> None:
+    for at in range(place + digits - 2, place - 1, -2):
+        text[:, at : at + 2] = _PAIRS[number % 100].view(np.uint8).reshape(-1, 2)
+        number = number // 100
+
+
+def _number(text: U8, start: int, stop: int, valid: Bool) -> I64:
+    """Return the numbers that digits make; ``valid`` is cleared where they are none."""
+    number = np.zeros(len(text), np.int64)
+    for place in range(start, stop):
+        digit = text[:, place] - np.uint8(_ZERO)
+        valid &= digit < 10
+        number = number * 10 + digit
+    return number
