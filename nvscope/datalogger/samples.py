@@ -98,8 +98,9 @@ class Samples:
         if before == len(at):
             return cells
         # A telegram that several samples are of is read once.
-        picked = row[at[before] : at[-1] + 1] if len(at) - before > at[-1] - at[before] else row[at[before:]]
-        back = at[before:] - at[before] if len(picked) < len(at) - before else None
+        often = len(at) - before > at[-1] - at[before]
+        picked = row[at[before] : at[-1] + 1] if often else row[at[before:]]
+        back = at[before:] - at[before] if often else None
         place = rows.place[picked]
         values = np.empty((len(picked), len(group.columns)), np.int64)
         for number, sources in group.places.items():
@@ -129,14 +130,15 @@ class Samples:
         shape, strides = (len(data), len(source.columns)), (data.shape[1], scalar.size_bytes)
         numbers: Numbers = np.ndarray(shape, dtype, data, source.at, strides)
         if scalar.kind is ScalarKind.BOOL:
-            return (numbers != 0).astype(np.int64)
+            numbers = numbers != 0
         if scalar.kind is ScalarKind.REAL:
             with np.errstate(invalid="ignore"):  # some NaNs signal
                 reals = numbers.astype(np.float64) + 0.0  # there is one zero
             bits: I64 = reals.view(np.int64)
             bits[np.isnan(reals)] = _NAN
             return bits
-        return numbers.astype(np.int64)
+        integers: I64 = numbers.astype(np.int64)
+        return integers
 
 
 def _grouped(logged: Sequence[Logged], places: Sequence[Place], keys: Sequence[ListKey]) -> list[_Group]:
