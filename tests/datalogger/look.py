@@ -25,7 +25,7 @@ def look(seed, around=3):
     from tests.datalogger.oracle_losses import losses, Counters
     by = {o.index: o for o in p.lists}
     of = {i for i, _ in s.variables.values()}
-    L = losses(p.packets, {i: by[i].interval_ns for i in of})
+    L = losses(p.packets, {i: by[i].interval_ns for i in of}, [counts_for(q, by.get(q.index)) for q in p.packets])
     c = Counters(p.packets)
     print("losses", sorted(L), "scopes", {n: c.scope(n) for n in c.nodes})
     for i, q in enumerate(p.packets):

@@ -120,8 +120,8 @@ class Sample:
     values: dict[str, Value]
     ring: int | None = None
     counts: dict[str, int] = field(default_factory=dict)
+    known: dict[str, Value] = field(default_factory=dict)
     lossy: bool = False
-    overflow: bool = False
 
 
 def size_of(kind: str) -> int:
@@ -161,8 +161,8 @@ def recorded(
     found = samples(packets, by_index, session)
     count_changes(found)
     of_session = {index for index, _ in session.variables.values()}
-    intervals = {index: by_index[index].interval_ns for index in of_session}
-    mark_losses(found, losses(packets, intervals))
+    counting = [counts_for(packet, by_index.get(packet.index)) for packet in packets]
+    mark_losses(found, losses(packets, {index: by_index[index].interval_ns for index in of_session}, counting))
     kept = ring(found, session.capacity)
     return Files(session, names, lists, folder, earlier).write(kept)
 
@@ -259,7 +259,10 @@ def cycles(packets: Sequence[Packet], defined: DefinedList) -> list[tuple[int, i
 
 
 def count_changes(found: Iterable[Sample]) -> None:
-    """Count for each variable how often its value was unlike the one before, in all samples."""
+    """Count for each variable how often its value was unlike the one before, in all samples.
+
+    Counters are those of all that is known by then; what a row's own are, its values tell.
+    """
     values: dict[str, Value] = {}
     counts: dict[str, int] = {}
     for sample in found:
@@ -269,7 +272,7 @@ def count_changes(found: Iterable[Sample]) -> None:
             elif values[name] != value:
                 counts[name] += 1
             values[name] = value
-            sample.counts[name] = counts[name]
+        sample.counts, sample.known = dict(counts), dict(values)
 
 
 def mark_losses(found: Iterable[Sample], places: Iterable[int]) -> None:
@@ -348,7 +351,7 @@ class Files:
     def row(self, sample: Sample, *, lossy: bool) -> tuple[Value, ...] | None:
         """Return the columns of a row; None if it would say nothing."""
         session = self.session
-        changed = {name for name, count in sample.counts.items() if self.stored.get(name) != count}
+        changed = {name for name in sample.values if self.stored.get(name) != sample.counts[name]}
         if session.changes_only and not changed:
             return None
         if self.is_first_of_file:
@@ -358,7 +361,7 @@ class Files:
             if not session.changes_only:
                 columns.append(sample.values.get(name))
             elif name in changed:
-                columns += [sample.values[name], sample.counts[name]]
+                columns += [sample.known[name], sample.counts[name]]
             else:
                 columns += [None, sample.counts.get(name) if session.document_style else None]
         consistent = int(not session.document_style) if self.is_first_of_series else int(not lossy)

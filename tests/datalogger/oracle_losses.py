@@ -196,10 +196,12 @@ class Counters:
         return max(shares, key=lambda scope: (shares[scope], -SCOPES.index(scope)))
 
 
-def losses(packets: Sequence[Packet], intervals_ns: Mapping[int, int | None]) -> set[int]:
+def losses(
+    packets: Sequence[Packet], intervals_ns: Mapping[int, int | None], counting: Sequence[bool]
+) -> set[int]:  # fmt: skip
     """Return the places of the packets that tell of a loss; ``intervals_ns`` are those of the session's lists.
 
-    Raises Doubt where the program's median, which is within one percent, decides.
+    ``counting`` are the packets that say what values are: a list that sends none of these is silent. Raises Doubt where the program's median, which is within one percent, decides.
     """
     counters = Counters(packets)
     found = {place for place, packet in enumerate(packets) if packet.drops}
@@ -215,18 +217,18 @@ def losses(packets: Sequence[Packet], intervals_ns: Mapping[int, int | None]) ->
     for before, (place, packet) in zip(packets, list(enumerate(packets))[1:], strict=False):
         if packet.time_ns > before.time_ns + NOBODY_NS:
             found.add(place)
-    return found | silences(packets, intervals_ns, counters)
+    return found | silences(packets, intervals_ns, counting, counters)
 
 
 def silences(
-    packets: Sequence[Packet], intervals_ns: Mapping[int, int | None], counters: Counters
-) -> set[int]:
+    packets: Sequence[Packet], intervals_ns: Mapping[int, int | None], counting: Sequence[bool], counters: Counters
+) -> set[int]:  # fmt: skip
     """Return the places of telegrams with which a cyclic list came back that was silent."""
     found: set[int] = set()
     last: dict[int, int] = {}
     for place, packet in enumerate(packets):
         defined_ns = intervals_ns.get(packet.index)
-        if not packet.is_data or defined_ns is None:
+        if not counting[place] or defined_ns is None:
             continue
         before = last.get(packet.index)
         last[packet.index] = packet.time_ns
