@@ -9,6 +9,7 @@ import numpy as np
 
 from dissectors.batch import I64
 from nvscope.capture.source import SourceInfo
+from nvscope.datalogger.instants import HOLE_NS
 from nvscope.datalogger.losses import STOPPED_INTERVALS, Judged, Losses, drops_behind
 from nvscope.datalogger.session_log import SessionLog
 from nvscope.engine.told import Told
@@ -37,6 +38,7 @@ class DataLog:
         self._infos = infos
         self._losses = Losses(telegrams.keys)
         self._stops = _Stops(telegrams)
+        self._last_ns = _NEVER
         self._drops: int | None = None
 
     def observe(self, told: Told) -> None:
@@ -45,17 +47,23 @@ class DataLog:
         self._losses.observe(told)
         rows = self._telegrams.rows
         judged = self._judge()
-        dropped = drops_behind(judged.lost, told.packets.ts_ns, np.arange(len(told)) + told.first_frame)
+        before_ns = np.append(self._last_ns, told.packets.ts_ns)
+        self._last_ns = int(before_ns[-1])
+        places = [drops_behind(judged.lost, before_ns), _holes(before_ns)]
+        elsewhere = [place + told.first_frame for place in places]
         gaps = self._losses.behind(judged)
         stopped = self._stops.behind(rows, judged.intervals_ns)
-        if told.is_deaf:
-            self._stops.forget()
         lost = self._lost_by_sources()
         for session in self.sessions:
-            frames = [dropped, *(found[key] for found in (gaps, stopped) for key in found if key in session.keys)]
+            frames = [*elsewhere, *(found[key] for found in (gaps, stopped) for key in found if key in session.keys)]
             if lost:
                 session.lose()
             session.take(told, rows, np.sort(np.concatenate(frames)))
+        if told.is_deaf:
+            self._stops.forget()
+            self._last_ns = _NEVER
+            for session in self.sessions:
+                session.lose()
 
     def end(self) -> None:
         """Write all that is left, and close the files."""
@@ -66,6 +74,11 @@ class DataLog:
         """Return whether sources have lost packets since the batch before."""
         before, self._drops = self._drops, sum(info.drops or 0 for info in self._infos())
         return before is not None and self._drops > before
+
+
+def _holes(time_ns: I64) -> I64:
+    """Return the places of packets in front of which nobody captured; the first time is of what was before them."""
+    return np.flatnonzero((time_ns[:-1] > _NEVER) & (time_ns[1:] - time_ns[:-1] > HOLE_NS))
 
 
 class _Stops:

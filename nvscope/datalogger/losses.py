@@ -173,16 +173,18 @@ class Losses:
                     self.filled.add((walk, gap.frame))
 
 
-def drops_behind(lost: Iterable[LostSpan], time_ns: I64, frame: I64) -> I64:
-    """Return the frames behind which packets were lost while capturing, given the times of some frames; rising.
+def drops_behind(lost: Iterable[LostSpan], time_ns: I64) -> I64:
+    """Return the places of packets behind which others were lost while capturing, rising; the first time is of what was
+    before them.
 
-    It is the first frame of which the source says that it came behind a loss, else the first one since that.
+    It is the packet of which the source says that it came behind a loss, else the first one since that. Where the clock
+    was set back, a time may come twice, and both may be behind the loss.
     """
-    found = []
-    for span in lost:
-        when = span.until_ns if span.until_ns is not None else span.since_ns
-        if when is not None:
-            after = np.flatnonzero(time_ns >= when)
-            if len(after) and (not after[0] or time_ns[after[0] - 1] < when):
-                found.append(int(frame[after[0]]))
-    return np.array(sorted(set(found)), np.int64)
+    times = [span.since_ns if span.until_ns is None else span.until_ns for span in lost]
+    when = np.array(sorted({one for one in times if one is not None}), np.int64)
+    if not len(when):
+        return when
+    passed = np.searchsorted(when, time_ns, "right")
+    is_one = passed > np.searchsorted(when, time_ns)
+    forth = passed[1:] > passed[:-1]
+    return np.flatnonzero(forth | (is_one[1:] & (time_ns[1:] < time_ns[:-1])))
