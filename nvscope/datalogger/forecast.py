@@ -113,7 +113,7 @@ def row_size(planned: Planned) -> int:
             cells[:, column] = (1 << 8 * one.type.size_bytes - 2) - 1
     own = np.ones(cells.shape, np.bool_)
     counts = np.full(cells.shape, 1 << 16, np.int64)
-    rows = Rows(np.zeros(_ROWS, np.int64), np.ones(_ROWS, np.bool_), cells, own, counts)
+    rows = Rows(np.zeros(_ROWS, np.int64), np.ones(_ROWS, np.bool_), cells, own, counts, np.ones(_ROWS, np.bool_))
     columns = TableColumns(logged, texts, raw=session.raw, only_changes=session.only_changes, document_style=False).of(
         rows
     )
