@@ -7,7 +7,8 @@ Readings, where the rules leave a choice:
 
 - rows stand in the order in which their last telegram came; of one telegram's, the row of a cycle stands first
 - a cycle that goes on when the capture ends makes a row
-- what is in the ring when the clock was set back, or nobody captured, is written then
+- what cycles of lists make passes the ring, also beside samples
+- where the clock is set back, cycles are over
 - the first row of a file is the first one that is stored: a sample without a change is none there either
 """
 
@@ -148,23 +149,25 @@ def value_of(kind: str, data: bytes) -> Value:
     return int(value)
 
 
-def recorded(
-    packets: Sequence[Packet], lists: Sequence[DefinedList], session: Session, folder: Path, earlier: int = 0
-) -> dict[str, list[Row]]:
-    """Return the rows of each file of the series: '' is the current one, '.0' and so on are closed.
+class Recorder:
+    """Records captures one after the other into one series of files, each as a run of its own.
 
-    ``folder`` is for files that are written to know when they are full. ``earlier``: rows of a database that is
-    gone on with.
+    ``folder`` is for files that are written to know when they are full.
     """
-    by_index = {one.index: one for one in lists}
-    names = sorted(session.variables)
-    found = samples(packets, by_index, session)
-    count_changes(found)
-    of_session = {index for index, _ in session.variables.values()}
-    counting = [counts_for(packet, by_index.get(packet.index)) for packet in packets]
-    mark_losses(found, losses(packets, {index: by_index[index].interval_ns for index in of_session}, counting))
-    kept = ring(found, session.capacity)
-    return Files(session, names, lists, folder, earlier).write(kept)
+
+    def __init__(self, session: Session, lists: Sequence[DefinedList], folder: Path) -> None:
+        self.session = session
+        self.lists = {one.index: one for one in lists}
+        self.files = Files(session, lists, folder)
+
+    def take(self, packets: Sequence[Packet]) -> dict[str, list[Row]]:
+        """Record a capture; return the rows of each file: '' is the current one, '.0' and so on are closed."""
+        found = samples(packets, self.lists, self.session)
+        count_changes(found)
+        intervals = {index: self.lists[index].interval_ns for index, _ in self.session.variables.values()}
+        counting = [counts_for(packet, self.lists.get(packet.index)) for packet in packets]
+        mark_losses(found, losses(packets, intervals, counting))
+        return self.files.write(ring(found, self.session.capacity))
 
 
 def samples(packets: Sequence[Packet], lists: Mapping[int, DefinedList], session: Session) -> list[Sample]:
@@ -182,9 +185,8 @@ def samples(packets: Sequence[Packet], lists: Mapping[int, DefinedList], session
             found.append(Sample(packets[first].time_ns, last + 1, frozenset(names), {}))
     found.sort(key=lambda one: one.seen)
     if sampled:
-        for time_ns, seen, part in instants([packet.time_ns for packet in packets], session.sampling_ns):
-            publishing = -(-time_ns // session.publish_ns)
-            found.append(Sample(time_ns, seen, sampled, {}, ring=hash((part, publishing))))
+        for time_ns, seen in instants([packet.time_ns for packet in packets], session.sampling_ns):
+            found.append(Sample(time_ns, seen, sampled, {}, ring=-(-time_ns // session.publish_ns)))
     found.sort(key=lambda one: (one.seen, one.ring is not None))
     for one in found:
         one.values = {name: value for name, value in known[one.seen].items() if name in one.names}
@@ -219,22 +221,20 @@ def counts_for(packet: Packet, defined: DefinedList | None) -> bool:
     return packet.items == len(fields) and len(packet.data) == sum(size_of(kind) for _, kind in fields)
 
 
-def instants(times_ns: Sequence[int], interval_ns: int) -> Iterable[tuple[int, int, int]]:
-    """Yield the instants of sampling, how many packets have come then, and which part of the capture it is."""
-    part = 0
+def instants(times_ns: Sequence[int], interval_ns: int) -> Iterable[tuple[int, int]]:
+    """Yield the instants of sampling, and how many packets have come then."""
     now, following = times_ns[0], -(-times_ns[0] // interval_ns)
     for place, time_ns in enumerate(times_ns):
         begins_anew = time_ns < now - SET_BACK_NS or time_ns > now + NOBODY_NS
         until = now if begins_anew else max(now, time_ns) - 1
         while following * interval_ns <= until:
-            yield following * interval_ns, place, part
+            yield following * interval_ns, place
             following += 1
         if begins_anew:
-            part += 1
             now, following = time_ns, -(-time_ns // interval_ns)
         now = max(now, time_ns)
     while following * interval_ns <= now:
-        yield following * interval_ns, len(times_ns), part
+        yield following * interval_ns, len(times_ns)
         following += 1
 
 
@@ -243,8 +243,14 @@ def cycles(packets: Sequence[Packet], defined: DefinedList) -> list[tuple[int, i
     last_subindex = len(defined.telegrams) - 1
     longest_ns = (defined.interval_ns or 2 * UNKNOWN_INTERVAL_NS) // 2
     going: dict[str, tuple[int, int]] = {}
-    over = []
+    over: list[tuple[int, int]] = []
+    now = packets[0].time_ns
     for place, packet in enumerate(packets):
+        if packet.time_ns < now - SET_BACK_NS:
+            now = packet.time_ns
+            over += going.values()
+            going.clear()
+        now = max(now, packet.time_ns)
         if packet.index != defined.index or not counts_for(packet, defined):
             continue
         if packet.node in going:
@@ -310,26 +316,26 @@ def ring(found: Sequence[Sample], capacity: int) -> list[Sample]:
 class Files:
     """A series of files, written block by block."""
 
-    def __init__(
-        self, session: Session, names: Sequence[str], lists: Sequence[DefinedList], folder: Path, earlier: int = 0
-    ) -> None:
-        self.session, self.names, self.path = session, names, folder / "oracle.db"
-        kinds = {(one.index, name): kind for one in lists for name, kind in one.fields}
-        self.declared = [declared(kinds[session.variables[name]]) for name in names]
+    def __init__(self, session: Session, lists: Sequence[DefinedList], folder: Path) -> None:
+        self.session, self.names, self.path = session, sorted(session.variables), folder / "oracle.db"
+        self.statement = create_table("log", session, lists)
         self.closed: dict[str, list[Row]] = {}
-        self.stored: dict[str, int] = {}
-        self.is_first_of_file = self.is_first_of_series = True
         self.begin()
+        self.first_consistent = int(not session.document_style)
 
     def begin(self) -> None:
         self.path.unlink(missing_ok=True)
         self.connection = sqlite3.connect(self.path, isolation_level=None)
         self.connection.execute("PRAGMA page_size = 4096")
         self.connection.execute("PRAGMA auto_vacuum = FULL")
-        self.connection.execute(create_table("log", self.session, self.names, self.declared))
+        self.connection.execute("PRAGMA synchronous = OFF")
+        self.connection.execute(self.statement)
         self.is_first_of_file = True
 
     def write(self, kept: Sequence[Sample]) -> dict[str, list[Row]]:
+        """Write what a run has kept: its first row has all that is known, and nothing of what was before."""
+        self.stored: dict[str, int] = {}
+        self.is_first_of_file = self.is_first_of_run = True
         block: list[tuple[Value, ...]] = []
         lossy = False
         for sample in kept:
@@ -344,9 +350,8 @@ class Files:
                 block = []
         if block:
             self.store(block)
-        files = {**self.closed, "": self.rows()}
-        self.connection.close()
-        return files
+        self.first_consistent = 0  # of the next run: nobody recorded what was before it
+        return {**self.closed, "": self.rows()}
 
     def row(self, sample: Sample, *, lossy: bool) -> tuple[Value, ...] | None:
         """Return the columns of a row; None if it would say nothing."""
@@ -364,9 +369,9 @@ class Files:
                 columns += [sample.known[name], sample.counts[name]]
             else:
                 columns += [None, sample.counts.get(name) if session.document_style else None]
-        consistent = int(not session.document_style) if self.is_first_of_series else int(not lossy)
-        self.stored.update(sample.counts)
-        self.is_first_of_file = self.is_first_of_series = False
+        consistent = self.first_consistent if self.is_first_of_run else int(not lossy)
+        self.stored.update((name, sample.counts[name]) for name in sample.values)
+        self.is_first_of_file = self.is_first_of_run = False
         return timestamp(sample.time_ns, iso=session.iso), consistent, *columns
 
     def store(self, block: Sequence[tuple[Value, ...]]) -> None:
@@ -408,10 +413,12 @@ def declared(kind: str) -> str:
     return "TEXT" if "STRING" in kind else DECLARED[kind]
 
 
-def create_table(name: str, session: Session, names: Sequence[str], types: Sequence[str]) -> str:
+def create_table(name: str, session: Session, lists: Sequence[DefinedList]) -> str:
     """Return the statement that a controller's database has."""
+    kinds = {(one.index, leaf): kind for one in lists for leaf, kind in one.fields}
     columns = [f'"Timestamp" {"TEXT" if session.iso else "INT"}, "ConsistentDataSeries" INT']
-    for variable, kind in zip(names, types, strict=True):
+    for variable in sorted(session.variables):
+        kind = declared(kinds[session.variables[variable]])
         value, count = (one.replace('"', '""') for one in (variable, variable + "_change_count"))
         columns.append(f'"{value}" {kind} DEFAULT NULL' + (f', "{count}" DEFAULT NULL' if session.changes_only else ""))
     return f"CREATE TABLE {name}( {','.join(columns)})"
