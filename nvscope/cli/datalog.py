@@ -162,9 +162,12 @@ def datalog(
         for line in forecast(planned, plant.definition.nominal_intervals_ns()):
             echo(line)
         return
-    inputs = {identity_of(path) for path in (*paths, *plant.inputs, *config)}
+    source = inquiry.open()
+    # Of a directory, these are the captures in it.
+    read_from = (*paths, *(info.path for info in source.infos), *plant.inputs, *config)
+    inputs = {identity for path in read_from if (identity := identity_of(path))}
     check_files(planned, lambda path: identity_of(path) in inputs, append=append, force=force)
-    logs, source = _logged(inquiry, planned, quiet=quiet, append=append, document_style=document_style)
+    logs = _logged(inquiry, source, planned, quiet=quiet, append=append, force=force, document_style=document_style)
     if not quiet:
         _tell(logs)
     lost = any(log.counted.not_written for log in logs)
@@ -188,15 +191,15 @@ def _sessions(config: Sequence[str]) -> list[Session]:
 
 
 def _logged(
-    inquiry: Inquiry, planned: Sequence[Planned], *, quiet: bool, append: bool, document_style: bool
-) -> tuple[Sequence[SessionLog], Source]:
+    inquiry: Inquiry, source: Source, planned: Sequence[Planned], *,
+    quiet: bool, append: bool, force: bool, document_style: bool,
+) -> Sequence[SessionLog]:  # fmt: skip
     """Log captures, which are read twice, or what comes live; whatever ends it, what was taken is written."""
     from nvscope.datalogger.losses import Judged, Losses
     from nvscope.datalogger.plan import data_log
 
     layouts = inquiry.defined_layouts()
     defined_ns = inquiry.project.definition.nominal_intervals_ns()
-    source = inquiry.open()
     whole = inquiry.can_be_read_again
     state = None
     if whole:
@@ -214,7 +217,7 @@ def _logged(
         known = Judged()
     log = data_log(
         planned, layouts, known.intervals_ns or defined_ns, judge, (lambda: ()) if whole else (lambda: source.infos),
-        append=append, durable=not whole, document_style=document_style,
+        append=append, force=force, durable=not whole, document_style=document_style,
     )  # fmt: skip
     try:
         if whole:
@@ -227,7 +230,7 @@ def _logged(
                     progress()
     finally:
         log.end()
-    return log.sessions, source
+    return log.sessions
 
 
 def _tell_of_left_out(planned: Sequence[Planned]) -> None:
