@@ -13,6 +13,7 @@ from nvscope.datalogger.instants import HOLE_NS
 from nvscope.datalogger.losses import STOPPED_INTERVALS, Judged, Losses, drops_behind
 from nvscope.datalogger.session_log import SessionLog
 from nvscope.engine.told import Told
+from nvscope.errors import CaptureError
 from nvscope.list_key import ListKey
 from nvscope.view.rows.defined import DefinedRows, DefinedTelegrams
 
@@ -66,9 +67,15 @@ class DataLog:
                 session.lose()
 
     def end(self) -> None:
-        """Write all that is left, and close the files."""
+        """Write all that is left, and close the files; of those that cannot be written, the first is told."""
+        failed: CaptureError | None = None
         for session in self.sessions:
-            session.end()
+            try:
+                session.end()
+            except CaptureError as error:
+                failed = failed or error
+        if failed:
+            raise failed
 
     def _lost_by_sources(self) -> bool:
         """Return whether sources have lost packets since the batch before."""

@@ -28,6 +28,9 @@ from nvscope.engine.told import Told
 from nvscope.list_key import ListKey
 from nvscope.view.rows.defined import DefinedRows, Place
 
+_TRIES_AT_END = 3
+"""Each waits as long as it does for any block (``Database``)."""
+
 _BLOCKS_KEPT = 4
 """While another program holds the file, so many blocks wait for it; then the oldest rows are lost."""
 
@@ -117,14 +120,21 @@ class SessionLog:
         self._samples.begin(nothing)
         for taken in self._turns.end():
             self._sample(taken)
-        self._publish(self._ring.end())
-        self.flush()
-        self.counted.files = [*self._database.closed, self._database.path]
-        self._database.close()
+        try:
+            self._publish(self._ring.end())
+            self._flush()
+        finally:
+            self.counted.files = [*self._database.closed, self._database.path]
+            self._database.close()
 
-    def flush(self) -> None:
-        """Write all rows that wait for their block to be full."""
-        self._write(1)
+    def _flush(self) -> None:
+        """Write all rows that wait for their block to be full, as far as nobody holds the file."""
+        for _ in range(_TRIES_AT_END):
+            self._write(1)
+            if not self._waiting:
+                return
+        self.counted.not_written += sum(len(one) for one in self._waiting)
+        self._waiting = []
 
     def _sample(self, taken: Taken) -> None:
         """Make data sets of what was taken, as far as something is known."""
