@@ -17,7 +17,7 @@ from nvscope.errors import CaptureError
 from nvscope.list_key import ListKey
 from nvscope.view.rows.defined import DefinedRows, DefinedTelegrams
 
-_NEVER = -(1 << 63)
+_NEVER, _LONGEST = -(1 << 63), (1 << 63) - 1
 
 
 class DataLog:
@@ -55,11 +55,13 @@ class DataLog:
         gaps = self._losses.behind(judged)
         stopped = self._stops.behind(rows, judged.intervals_ns)
         lost = self._lost_by_sources()
+        losses = {}
         for session in self.sessions:
             frames = [*elsewhere, *(found[key] for found in (gaps, stopped) for key in found if key in session.keys)]
+            losses[session] = np.sort(np.concatenate(frames))
             if lost:
                 session.lose()
-            session.take(told, rows, np.sort(np.concatenate(frames)))
+        self._each(lambda session: session.take(told, rows, losses[session]))
         if told.is_deaf:
             self._stops.forget()
             self._last_ns = _NEVER
@@ -67,11 +69,15 @@ class DataLog:
                 session.lose()
 
     def end(self) -> None:
-        """Write all that is left, and close the files; of those that cannot be written, the first is told."""
+        """Write all that is left, and close the files."""
+        self._each(SessionLog.end)
+
+    def _each(self, do: Callable[[SessionLog], None]) -> None:
+        """Do something to each session, also to those behind one that cannot be written; its error is raised then."""
         failed: CaptureError | None = None
         for session in self.sessions:
             try:
-                session.end()
+                do(session)
             except CaptureError as error:
                 failed = failed or error
         if failed:
@@ -109,7 +115,7 @@ class _Stops:
             self._last_ns[one] = time_ns[-1]
             interval_ns = _interval_of(self._keys[one], intervals_ns)
             if interval_ns:
-                late = (before > _NEVER) & (time_ns > before + STOPPED_INTERVALS * interval_ns)
+                late = (before > _NEVER) & (time_ns - before > min(STOPPED_INTERVALS * interval_ns, _LONGEST))
                 if late.any():
                     found[self._keys[one]] = rows.frame[own[late]]
         return found

@@ -13,8 +13,8 @@ class Ring:
     """A buffer of so many data sets that is emptied every ``publish_ns``, at multiples of it since 1970.
 
     Of what is sampled in between, the oldest are overwritten; the row behind them is not consistent. What cycles made
-    is not overwritten: it waits for those in front of it. ``overwritten`` is how many were lost. Without ``publish_ns``,
-    each data set is passed on at once.
+    is not overwritten: it waits for those in front of it. ``overwritten`` is how many were lost. Without
+    ``publish_ns``, each data set is passed on at once.
     """
 
     def __init__(self, capacity: int, publish_ns: int | None) -> None:

@@ -1,7 +1,7 @@
 """The rows that a DataLogger session has, of one telegram and one row after the other.
 
-Written to be read beside the rules, not to be fast; nothing of the program is asked here. ``recorded`` gives the rows of
-each file of a series. How large a file is, SQLite alone knows: full files are found by writing them.
+Written to be read beside the rules, not to be fast; nothing of the program is asked here. How large a file is, SQLite
+alone knows: full files are found by writing them.
 
 Readings, where the rules leave a choice:
 
@@ -14,6 +14,7 @@ Readings, where the rules leave a choice:
 
 from __future__ import annotations
 
+import math
 import os
 import sqlite3
 import struct
@@ -145,7 +146,7 @@ def value_of(kind: str, data: bytes) -> Value:
     if kind == "BOOL":
         return int(value != 0)
     if kind in ("REAL", "LREAL"):
-        return None if value != value else value + 0.0  # -0.0 + 0.0 is 0.0
+        return None if math.isnan(value) else value + 0.0  # -0.0 + 0.0 is 0.0
     return int(value)
 
 
@@ -172,7 +173,7 @@ class Recorder:
 
 def samples(packets: Sequence[Packet], lists: Mapping[int, DefinedList], session: Session) -> list[Sample]:
     """Return all samples, in the order of rows: those of each instant, and those of each cycle of a task."""
-    in_cycles = {name: session.task for name in session.variables} if session.task is not None else session.tasks
+    in_cycles = dict.fromkeys(session.variables, session.task) if session.task is not None else session.tasks
     by_task: dict[int, set[str]] = {}
     for name, task in in_cycles.items():
         if task is not None:
@@ -215,7 +216,12 @@ def known_values(
 
 def counts_for(packet: Packet, defined: DefinedList | None) -> bool:
     """Tell whether a packet is a telegram as its list's definition has it."""
-    if defined is None or not packet.is_data or packet.subindex >= len(defined.telegrams) or packet.port != defined.port:
+    if (
+        defined is None
+        or not packet.is_data
+        or packet.subindex >= len(defined.telegrams)
+        or packet.port != defined.port
+    ):
         return False
     fields = defined.telegrams[packet.subindex]
     return packet.items == len(fields) and len(packet.data) == sum(size_of(kind) for _, kind in fields)
@@ -254,8 +260,7 @@ def cycles(packets: Sequence[Packet], defined: DefinedList) -> list[tuple[int, i
         if packet.index != defined.index or not counts_for(packet, defined):
             continue
         if packet.node in going:
-            first, last = going[packet.node]
-            before = packets[last]
+            before = packets[going[packet.node][1]]
             if packet.subindex <= before.subindex or packet.time_ns - before.time_ns > longest_ns:
                 over.append(going.pop(packet.node))
         going[packet.node] = going.get(packet.node, (place, place))[0], place
@@ -406,7 +411,7 @@ class Files:
 
 def rows_of(connection: sqlite3.Connection, table: str) -> list[Row]:
     found = connection.execute(f'SELECT rowid, * FROM "{table}" ORDER BY rowid')
-    return [Row(rowid, time, consistent, columns) for rowid, time, consistent, *columns in found]  # type: ignore[arg-type]
+    return [Row(rowid, time, consistent, tuple(columns)) for rowid, time, consistent, *columns in found]
 
 
 def declared(kind: str) -> str:

@@ -201,7 +201,8 @@ def losses(
 ) -> set[int]:  # fmt: skip
     """Return the places of the packets that tell of a loss; ``intervals_ns`` are those of the session's lists.
 
-    ``counting`` are the packets that say what values are: a list that sends none of these is silent. Raises Doubt where the program's median, which is within one percent, decides.
+    ``counting`` are the packets that say what values are: a list that sends none of these is silent. Raises Doubt
+    where the program's median, which is within one percent, decides.
     """
     counters = Counters(packets)
     found = {place for place, packet in enumerate(packets) if packet.drops}

@@ -7,6 +7,7 @@ import random
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 from tests.datalogger.oracle import FORMATS, SECOND_NS, DefinedList, Session, size_of
@@ -42,7 +43,7 @@ class Plant:
         drops = [packet.drops for packet in self.packets]
         cuts = [len(frames) * part // parts for part in range(parts + 1)]
         paths = []
-        for number, (start, stop) in enumerate(zip(cuts, cuts[1:], strict=False)):
+        for number, (start, stop) in enumerate(pairwise(cuts)):
             path = folder / f"part{number}.{'pcapng' if self.pcapng else 'pcap'}"
             write = write_pcapng if self.pcapng else write_pcap
             path.write_bytes(write(frames[start:stop], drops[start:stop]))
@@ -69,9 +70,9 @@ def tasks_of(session: Session) -> dict[str, int]:
 
 def gvl(one: DefinedList) -> str:
     declared: list[str] = []
-    for name, kind in one.fields:
+    for name, told in one.fields:
         array, _, place = name.partition("[")
-        kind = ENUM if kind == "ENUM" else kind
+        kind = ENUM if told == "ENUM" else told
         if not place:
             declared.append(f"{name} : {kind};")
         elif place == "1]":
@@ -99,7 +100,14 @@ def duration(time_ns: int) -> str:
 
 
 def attribute(text: str) -> str:
-    for character, entity in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ('"', "&quot;"), ("\t", "&#9;"), ("\n", "&#10;")):
+    for character, entity in (
+        ("&", "&amp;"),
+        ("<", "&lt;"),
+        (">", "&gt;"),
+        ('"', "&quot;"),
+        ("\t", "&#9;"),
+        ("\n", "&#10;"),
+    ):
         text = text.replace(character, entity)
     return text
 
@@ -195,9 +203,7 @@ def drawn_bytes(rng: random.Random, kind: str) -> bytes:
         value = rng.choice([0.0, -0.0, math.nan, math.inf, -math.inf, 1.5, -1e30, 0.1, 7.0])
         return struct.pack(FORMATS[kind], value)
     size = size_of(kind)
-    return rng.choice(
-        [bytes(size), bytes([rng.randrange(3)]) + bytes(size - 1), b"\xff" * size, rng.randbytes(size)]
-    )
+    return rng.choice([bytes(size), bytes([rng.randrange(3)]) + bytes(size - 1), b"\xff" * size, rng.randbytes(size)])
 
 
 @dataclass
@@ -210,7 +216,8 @@ class Sender:
 def drawn_packets(rng: random.Random, lists: Sequence[DefinedList], duration_ns: int) -> list[Packet]:
     """Draw what the senders of lists send, in order, before anything happens to it."""
     nodes = [
-        Sender(f"10.0.0.{number}", rng.choice(["stream", "stream", "stream", "telegram", "send"])) for number in (1, 2, 3)
+        Sender(f"10.0.0.{number}", rng.choice(["stream", "stream", "stream", "telegram", "send"]))
+        for number in (1, 2, 3)
     ]
     sends: list[tuple[int, DefinedList, Sender]] = []
     for one in lists:
@@ -242,12 +249,9 @@ def drawn_packets(rng: random.Random, lists: Sequence[DefinedList], duration_ns:
                 if place not in values or rng.random() < 0.3:
                     values[place] = drawn_bytes(rng, kind)
                 data += values[place]
-            packets.append(
-                Packet(
-                    START_NS + at + subindex * rng.choice([1_000, 100_000]), sender.node, one.index, subindex, len(fields),
-                    counter % 65_536, data, port=one.port,
-                )  # fmt: skip
-            )
+            time_ns = START_NS + at + subindex * rng.choice([1_000, 100_000])
+            sent = Packet(time_ns, sender.node, one.index, subindex, len(fields), counter % 65_536, data, port=one.port)
+            packets.append(sent)
     return in_order(packets)
 
 
@@ -275,7 +279,11 @@ def overtake(rng: random.Random, packets: list[Packet]) -> None:
 def lose_and_overtake(rng: random.Random, packets: list[Packet]) -> None:
     """Of telegrams of one stream in a row, some come late, in any order, and one perhaps never."""
     chosen = packets[somewhere(rng, packets)]
-    row = [place for place, packet in enumerate(packets) if packet.stream == chosen.stream and packet.time_ns >= chosen.time_ns]
+    row = [
+        place
+        for place, packet in enumerate(packets)
+        if packet.stream == chosen.stream and packet.time_ns >= chosen.time_ns
+    ]
     row = row[: rng.choice([1, 2, 3, 4])]
     late = {place: packets[place].time_ns + rng.choice([120, 250]) * MS for place in row}
     for place, time_ns in late.items():
@@ -361,7 +369,9 @@ def drop(rng: random.Random, packets: list[Packet]) -> None:
 
 
 Fault = Callable[[random.Random, list[Packet]], None]
-WHILE_SENT: Sequence[Fault] = (lose, lose, overtake, lose_and_overtake, lose_and_overtake, repeat, restart, stop, misshape, malform, stranger)  # fmt: skip
+WHILE_SENT: Sequence[Fault] = (
+    lose, lose, overtake, lose_and_overtake, lose_and_overtake, repeat, restart, stop, misshape, malform, stranger,
+)  # fmt: skip
 WHILE_CAPTURED: Sequence[Fault] = (late_stamp, set_back, pause, drop)
 
 PREFIXES = ("Arp.Plc.Eclr/Main.", "Arp.Plc.Eclr/", "a b/\"q'.", "Plc/%_;--")

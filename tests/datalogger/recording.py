@@ -52,9 +52,8 @@ def record_in_batches(folder: Path, captures: Sequence[Path], plant: Plant, pack
     session = read_configuration(str(folder / "log.xml")).session
     targets = Targets(str(folder / "log.db"), None)
     planned = plan([session], inquiry.defined_layouts(), project.datalogger, targets, partly=False)
-    _logged(
-        inquiry, inquiry.open(), planned, quiet=True, append=False, force=False, document_style=plant.session.document_style,
-    )  # fmt: skip
+    style = plant.session.document_style
+    _logged(inquiry, inquiry.open(), planned, quiet=True, append=False, force=False, document_style=style)
 
 
 def told(rows: Mapping[str, Sequence[Row]]) -> Told:

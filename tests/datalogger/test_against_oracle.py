@@ -109,7 +109,9 @@ def test_plants_show_what_there_is_to_go_wrong() -> None:
 
 
 @pytest.mark.parametrize("changes_only", [False, True])
-def test_a_configuration_says_when_values_are_taken_and_not_what_they_are(*, changes_only: bool, tmp_path: Path) -> None:
+def test_a_configuration_says_when_values_are_taken_and_not_what_they_are(
+    *, changes_only: bool, tmp_path: Path
+) -> None:
     """The same packets, sampled ten times as often: each row that both have is the same."""
     plant = drawn_plant(11)
     plant.session = replace(
