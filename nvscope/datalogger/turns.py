@@ -72,11 +72,10 @@ class Turns:
 
     def _valued(self, instants: Instants, number: int) -> Taken:
         cells, known = self._samples.at(instants.frame)
-        if self._open:
-            # What holds behind a telegram of an earlier batch was looked up when that was there.
-            for row, frame in enumerate(instants.frame.tolist()):
-                if frame in self._open:
-                    cells[row], known[row] = self._open[frame]
+        # What holds behind a telegram of an earlier batch was looked up when that was there.
+        for frame, (own, own_known) in self._open.items():
+            start, stop = np.searchsorted(instants.frame, [frame, frame + 1])
+            cells[start:stop], known[start:stop] = own, own_known
         return Taken(instants.time_ns, instants.frame, np.full(len(instants.frame), number), cells, known)
 
     def _due(self, taken: Iterable[Taken]) -> Iterator[Taken]:
