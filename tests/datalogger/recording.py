@@ -16,7 +16,7 @@ from nvscope.datalogger.configuration_file import read_configuration
 from nvscope.datalogger.plan import Targets, plan
 from nvscope.definition.project_file import read_project
 from tests.datalogger.oracle import Row, Session, as_it_is, create_table, rows_of
-from tests.datalogger.plants import Plant
+from tests.datalogger.drawn_plants import Plant
 from tests.program import run_text
 
 Told = dict[str, list[tuple[tuple[str, Any], ...]]]

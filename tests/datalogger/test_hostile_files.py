@@ -11,7 +11,7 @@ import pytest
 
 from tests.datalogger.oracle import DefinedList, Session
 from tests.datalogger.oracle_losses import Packet
-from tests.datalogger.plants import MS, START_NS, Plant, configuration
+from tests.datalogger.drawn_plants import MS, START_NS, Plant, configuration
 from tests.datalogger.recording import rows_in
 from tests.program import run_text
 
