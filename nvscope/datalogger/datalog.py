@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
 
 from dissectors.batch import I64, Bool
 from nvscope.capture.source import LostSpan
+from nvscope.datalogger.instants import HOLE_NS
 from nvscope.datalogger.judging import Judge
-from nvscope.datalogger.losses import STOPPED_INTERVALS, Drops, Losses
+from nvscope.datalogger.losses import STOPPED_INTERVALS, Drops, Losses, drops_behind
 from nvscope.datalogger.session_log import SessionLog
 from nvscope.engine.told import Told
+from nvscope.errors import CaptureError
 from nvscope.list_key import ListKey
 from nvscope.view.rows.defined import DefinedRows, DefinedTelegrams
 
-_NEVER = -(1 << 63)
+_NEVER, _LONGEST = -(1 << 63), (1 << 63) - 1
 
 
 class DataLog:
@@ -34,8 +36,9 @@ class DataLog:
         self._judge = judge
         self._losses = Losses(telegrams.keys)
         self._stops = _Stops(telegrams, judge)
-        self._captured = Drops(judge.lost)
+        self._statistics = Drops(judge.lost)
         self._seen: dict[SessionLog, int] = {}
+        self._last_ns = _NEVER
         self._drops: int | None = None
 
     def observe(self, told: Told) -> None:
@@ -43,26 +46,45 @@ class DataLog:
         self._telegrams.observe(told)
         self._losses.observe(told)
         rows = self._telegrams.rows
-        dropped = self._captured.behind(told.packets.ts_ns, told.first_frame)
+        before_ns = np.append(self._last_ns, told.packets.ts_ns)
+        self._last_ns = int(before_ns[-1])
+        places = [drops_behind(self._judge.lost, before_ns), _holes(before_ns)]
+        elsewhere = [place + told.first_frame for place in places]
+        dropped = self._statistics.behind(told.packets.ts_ns)
         gaps = self._losses.behind(self._judge.judged()) if self._losses.gaps else {}
         stopped = self._stops.behind(rows)
-        if told.is_deaf:
-            self._stops.forget()
         lost = self._lost_by_sources()
+        losses = {}
         for session in self.sessions:
-            frames = [found[key] for found in (gaps, stopped) for key in found if key in session.keys]
+            shown = [found[key] for found in (gaps, stopped) for key in found if key in session.keys]
+            missing = np.concatenate([*elsewhere, *shown])
+            seen = self._seen.get(session, _NEVER), *told.packets.ts_ns[missing - told.first_frame].tolist()
+            unseen = [place + told.first_frame for place, span in dropped if not _shows(span, seen)]
+            self._seen[session] = max(seen)
+            losses[session] = np.sort(np.append(missing, np.array(unseen, np.int64)))
             if lost:
                 session.lose()
-            missing = np.sort(np.concatenate(frames)) if frames else np.empty(0, np.int64)
-            seen = self._seen.get(session, _NEVER), *told.packets.ts_ns[missing - told.first_frame].tolist()
-            unseen = [frame for frame, span in dropped if not _shows(span, seen)]
-            self._seen[session] = max(seen)
-            session.take(told, rows, np.sort(np.append(missing, np.array(unseen, np.int64))))
+        self._each(lambda session: session.take(told, rows, losses[session]))
+        if told.is_deaf:
+            self._stops.forget()
+            self._last_ns = _NEVER
+            for session in self.sessions:
+                session.lose()
 
     def end(self) -> None:
         """Write all that is left, and close the files."""
+        self._each(SessionLog.end)
+
+    def _each(self, do: Callable[[SessionLog], None]) -> None:
+        """Do something to each session, also to those behind one that cannot be written; its error is raised then."""
+        failed: CaptureError | None = None
         for session in self.sessions:
-            session.end()
+            try:
+                do(session)
+            except CaptureError as error:
+                failed = failed or error
+        if failed:
+            raise failed
 
     def _lost_by_sources(self) -> bool:
         """Return whether sources have lost packets since the batch before."""
@@ -71,9 +93,14 @@ class DataLog:
 
 
 def _shows(span: LostSpan, seen: Sequence[int]) -> bool:
-    """Tell whether Counters have shown at some times that something was missing in a span of statistics."""
+    """Tell whether it has shown at some times that something was missing in a span of statistics."""
     since_ns = _NEVER if span.since_ns is None else span.since_ns
-    return not span.at_packet and any(_NEVER < time_ns >= since_ns for time_ns in seen)
+    return any(_NEVER < time_ns >= since_ns for time_ns in seen)
+
+
+def _holes(time_ns: I64) -> I64:
+    """Return the places of packets in front of which nobody captured; the first time is of what was before them."""
+    return np.flatnonzero((time_ns[:-1] > _NEVER) & (time_ns[1:] - time_ns[:-1] > HOLE_NS))
 
 
 class _Stops:
