@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.capture.source import Source
     from nvscope.datalogger.configuration import Session
-    from nvscope.datalogger.losses import Judged
     from nvscope.datalogger.plan import Planned
     from nvscope.datalogger.session_log import SessionLog
 
@@ -46,9 +45,14 @@ class _Sources(Group):
             args = [_LOG, *args]
         return super().parse_args(ctx, args)
 
-    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        name, command, rest = super().resolve_command(ctx, args)
-        return ("" if name == _LOG else name), command, rest
+
+class _Log(Command):
+    """What is done without a verb is called as the whole."""
+
+    def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
+        if parent is not None:
+            info_name, parent = parent.info_name, parent.parent
+        return super().make_context(info_name, args, parent, **extra)
 
 
 app = typer.Typer(rich_markup_mode=None, cls=_Sources)
@@ -60,7 +64,7 @@ def _verbs() -> None:
     """Record variables as a PLCnext DataLogger does."""
 
 
-@app.command(_LOG, cls=Command)
+@app.command(_LOG, cls=_Log)
 @with_live_options
 def datalog(
     live: LiveOptions,
@@ -146,7 +150,7 @@ def datalog(
 
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.progress import watching
-    from nvscope.datalogger.plan import Targets, check_files, plan
+    from nvscope.datalogger.plan import Targets, check_files, plan, remove_files
     from nvscope.whole_files import identity_of
 
     tell_of_flaws(plant.definition)
@@ -167,7 +171,9 @@ def datalog(
     read_from = (*paths, *(info.path for info in source.infos), *plant.inputs, *config)
     inputs = {identity for path in read_from if (identity := identity_of(path))}
     check_files(planned, lambda path: identity_of(path) in inputs, append=append, force=force)
-    logs = _logged(inquiry, source, planned, quiet=quiet, append=append, force=force, document_style=document_style)
+    if force:
+        remove_files(planned)
+    logs = _logged(inquiry, source, planned, quiet=quiet, append=append, document_style=document_style)
     if not quiet:
         _tell(logs)
     lost = any(log.counted.not_written for log in logs)
@@ -191,34 +197,25 @@ def _sessions(config: Sequence[str]) -> list[Session]:
 
 
 def _logged(
-    inquiry: Inquiry, source: Source, planned: Sequence[Planned], *,
-    quiet: bool, append: bool, force: bool, document_style: bool,
-) -> Sequence[SessionLog]:  # fmt: skip
-    """Log captures, which are read twice, or what comes live; whatever ends it, what was taken is written."""
-    from nvscope.datalogger.losses import Judged, Losses
+    inquiry: Inquiry, source: Source, planned: Sequence[Planned], *, quiet: bool, append: bool, document_style: bool
+) -> Sequence[SessionLog]:
+    """Log captures, or what comes live; whatever ends it, what was taken is written."""
+    from nvscope.cli.memory import keep_freed_memory
+    from nvscope.datalogger.judging import Judge, StateSoFar, WholeCapture
     from nvscope.datalogger.plan import data_log
 
-    layouts = inquiry.defined_layouts()
-    defined_ns = inquiry.project.definition.nominal_intervals_ns()
-    whole = inquiry.can_be_read_again
+    whole = not inquiry.read_once
     state = None
+    judge: Judge
     if whole:
-        losses = Losses({key for one in planned for key in one.keys})
-        found = inquiry.analyze(causes=False, others=[losses])
-        known = Judged.of(found.summary, defined_ns, found.infos, losses.filled)
-
-        def judge() -> Judged:
-            return known
+        keep_freed_memory()
+        judge = WholeCapture(inquiry, {key for one in planned for key in one.keys}, holds_drops=_hold_drops(source))
     else:
-        from nvscope.datalogger.live_judge import LiveJudge
-
         state = inquiry.state()
-        judge = LiveJudge(state, defined_ns)
-        known = Judged()
+        judge = StateSoFar(state, inquiry.project.definition.nominal_intervals_ns(), source)
     log = data_log(
-        planned, layouts, known.intervals_ns or defined_ns, judge, (lambda: ()) if whole else (lambda: source.infos),
-        append=append, force=force, durable=not whole, document_style=document_style,
-    )  # fmt: skip
+        planned, inquiry.defined_layouts(), judge, append=append, durable=not whole, document_style=document_style
+    )
     try:
         if whole:
             for _ in inquiry.run(source, [log]):
@@ -231,6 +228,14 @@ def _logged(
     finally:
         log.end()
     return log.sessions
+
+
+def _hold_drops(source: Source) -> bool:
+    """Return whether captures are of formats that say what was lost."""
+    from nvscope.capture.formats import FORMATS
+
+    holding = {known.name for known in FORMATS if known.holds_drops}
+    return any(info.format in holding for info in source.infos)
 
 
 def _tell_of_left_out(planned: Sequence[Planned]) -> None:

@@ -37,6 +37,10 @@ class Instants:
     time_ns: I64
     frame: I64
 
+    def take(self, rows: slice) -> Instants:
+        """Return some of them, which follow each other."""
+        return Instants(self.time_ns[rows], self.frame[rows])
+
 
 class Interval:
     """Instants in an interval, as packets come."""

@@ -5,20 +5,19 @@ from __future__ import annotations
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dissectors.batch import Bool
 from dissectors.datalogger.tables import CONSISTENT, COUNT_SUFFIX, TIMESTAMP
-from nvscope.capture.source import SourceInfo
 from nvscope.datalogger.configuration import Session
 from nvscope.datalogger.database import IN_MEMORY, Database, closed_files, closed_names, is_database, table_of
-from nvscope.datalogger.datalog import DataLog
+from nvscope.datalogger.datalog import DataLog, interval_of
 from nvscope.datalogger.instants import Cycles, Interval
+from nvscope.datalogger.judging import Judge
 from nvscope.datalogger.logged import Logged, Resolved, list_of_task, resolve, task_list
-from nvscope.datalogger.losses import Judged
 from nvscope.datalogger.session_log import Schedule, SessionLog
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.project_datalogger import DataLoggerSettings
@@ -161,62 +160,55 @@ def _with_tasks(planned: Planned, layouts: Layouts, settings: DataLoggerSettings
     return replace(planned, tasks=tuple(found), rest=rest if rest.any() else None)
 
 
-def check_files(planned: Sequence[Planned], inputs: Callable[[str], bool], *, append: bool, force: bool) -> None:
+def check_files(planned: Sequence[Planned], is_input: Callable[[str], bool], *, append: bool, force: bool) -> None:
     """Raise UsageError where there is something that may not be written: an input, a device, a file without leave."""
     for one in planned:
-        if not one.path:
-            continue
-        existing = _files_of(one)
-        for path in existing:
-            if inputs(path):
+        for path in _existing([one]):
+            if is_input(path):
                 raise UsageError(
                     "the file is an input, and is not written to", where=path, next_step="name another one"
                 )
+            if os.path.isdir(path):
+                raise UsageError(
+                    "is a directory", where=path, next_step="name a file in it, or the directory by --folder"
+                )
             if os.path.exists(path) and not os.path.isfile(path):
-                raise UsageError("this is no file", where=path, next_step="name another one")
-        for path in existing[1:] if os.path.lexists(one.path) else existing:
-            if not is_database(path):
+                raise UsageError("is no file", where=path, next_step="name one")
+            if not append and not force:
+                raise UsageError(
+                    "the file exists", where=path,
+                    next_step="--append goes on with it, --force takes its place; or name another one with -w",
+                )  # fmt: skip
+            if path != one.path and not is_database(path):
                 raise UsageError(
                     "the file has the name of a closed database, and is none", where=path,
                     next_step="take it away, or name another file with -w",
                 )  # fmt: skip
-        if existing and not append and not force:
-            raise UsageError(
-                "the file exists", where=existing[0],
-                next_step="--append goes on with it, --force takes its place; or name another one with -w",
-            )  # fmt: skip
 
 
-def take_away(planned: Sequence[Planned]) -> None:
-    """Remove the databases of sessions, with their closed files, which ``check_files`` has looked at."""
-    for one in planned:
-        for path in _files_of(one) if one.path else ():
-            try:
-                os.unlink(path)
-            except OSError as error:
-                raise CaptureError(
-                    f"the file cannot be replaced: {error.strerror}", where=path, next_step="check its folder"
-                ) from None
+def remove_files(planned: Sequence[Planned]) -> None:
+    """Remove the files that others take the place of, at which ``check_files`` has looked."""
+    for path in _existing(planned):
+        try:
+            os.unlink(path)
+        except OSError as error:
+            raise CaptureError(
+                f"the file cannot be replaced: {error.strerror}", where=path, next_step="check its folder"
+            ) from None
 
 
-def _files_of(planned: Planned) -> list[str]:
-    """Return the files of a session that are there."""
-    series = [path for _, path in closed_files(planned.path)]
-    return [path for path in (planned.path, *series) if os.path.lexists(path)]
+def _existing(planned: Sequence[Planned]) -> list[str]:
+    paths = [path for one in planned if one.path for path in (one.path, *(own for _, own in closed_files(one.path)))]
+    return [path for path in paths if os.path.lexists(path)]
 
 
 def data_log(
-    planned: Sequence[Planned], layouts: Layouts, intervals_ns: Mapping[ListKey, int], judge: Callable[[], Judged],
-    infos: Callable[[], Sequence[SourceInfo]], *, append: bool, force: bool, durable: bool, document_style: bool,
-) -> DataLog:  # fmt: skip
-    """Return what logs sessions, with their files open; ``intervals_ns`` are those of lists, as far as they are known.
-
-    ``force``: databases that are there are replaced.
+    planned: Sequence[Planned], layouts: Layouts, judge: Judge, *, append: bool, durable: bool, document_style: bool
+) -> DataLog:
+    """Return what logs sessions, with their files open.
 
     Raises CaptureError and UsageError where one of the files cannot be written; then none is left open.
     """
-    if force:
-        take_away(planned)
     telegrams = DefinedTelegrams(layouts, keys=sorted(set().union(*(one.keys for one in planned))))
     logs: list[SessionLog] = []
     try:
@@ -227,7 +219,7 @@ def data_log(
             database.open(append=append)
             logs.append(
                 SessionLog(
-                    one.session, one.logged, _schedules(one, telegrams, intervals_ns), telegrams.places, telegrams.keys,
+                    one.session, one.logged, _schedules(one, telegrams, judge), telegrams.places, telegrams.keys,
                     database, document_style=document_style, goes_on=goes_on,
                 )
             )  # fmt: skip
@@ -235,21 +227,24 @@ def data_log(
         for log in logs:
             log.end()
         raise
-    return DataLog(telegrams, logs, judge, infos)
+    return DataLog(telegrams, logs, judge)
 
 
-def _schedules(planned: Planned, telegrams: DefinedTelegrams, intervals_ns: Mapping[ListKey, int]) -> list[Schedule]:
+def _schedules(planned: Planned, telegrams: DefinedTelegrams, judge: Judge) -> list[Schedule]:
     if not planned.tasks:
         return [Schedule(Interval(planned.session.sampling_ns))]
-    found = [Schedule(_cycles(key, telegrams, intervals_ns), columns) for key, columns in planned.tasks]
+    found = [Schedule(_cycles(key, telegrams, judge), columns) for key, columns in planned.tasks]
     if planned.rest is not None:
         found.append(Schedule(Interval(planned.session.sampling_ns), planned.rest))
     return found
 
 
-def _cycles(key: ListKey, telegrams: DefinedTelegrams, intervals_ns: Mapping[ListKey, int]) -> Cycles:
+def _cycles(key: ListKey, telegrams: DefinedTelegrams, judge: Judge) -> Cycles:
     number = telegrams.keys.index(key)
     own: Collection[int] = [place for place, one in enumerate(telegrams.places) if one.number == number]
-    interval_ns = next((told for one, told in intervals_ns.items() if key in {one, one.on_any_channel} and told), None)
-    apart_ns = interval_ns // 2 if interval_ns else _APART_NS
-    return Cycles(sorted(own), [telegrams.places[place].layout.subindex for place in own], apart_ns)
+    subindexes = [telegrams.places[place].layout.subindex for place in own]
+    apart_ns = _APART_NS
+    if max(subindexes, default=0):
+        interval_ns = judge.least_ns.get(key) or interval_of(key, judge.judged().intervals_ns)
+        apart_ns = interval_ns // 2 if interval_ns else _APART_NS
+    return Cycles(sorted(own), subindexes, apart_ns)

@@ -28,6 +28,9 @@ from nvscope.engine.told import Told
 from nvscope.list_key import ListKey
 from nvscope.view.rows.defined import DefinedRows, Place
 
+_CELLS_AT_ONCE = 1 << 17
+"""So many values are looked at in one go: they stay near the processor."""
+
 _TRIES_AT_END = 3
 """Each waits as long as it does for any block (``Database``)."""
 
@@ -78,11 +81,13 @@ class SessionLog:
         self.counted = Counted()
         self._texts = Texts()
         self._samples = Samples(logged, places, keys, self._texts)
-        self._turns = Turns([one.instants for one in schedules], self._samples)
+        at_once = max(_CELLS_AT_ONCE // max(len(logged), 1), 1)
+        self._turns = Turns([one.instants for one in schedules], self._samples, at_once)
         every = np.ones(len(logged), np.bool_)
         self._taken = np.stack([every if one.columns is None else one.columns for one in schedules])
+        self._takes_all = bool(self._taken.all())
         self._sampled = np.array([isinstance(one.instants, Interval) for one in schedules], np.bool_)
-        self._counts = Counts(len(logged))
+        self._counts = Counts(len(logged), self._samples.dtype) if session.only_changes else None
         # With a task, no interval counts.
         self._ring = Ring(session.capacity, session.publish_ns if self._sampled.any() else None)
         self._changed = Changed(len(logged)) if session.only_changes else None
@@ -106,7 +111,7 @@ class SessionLog:
         self._samples.end()
         now_ns = told.until_ns
         if now_ns is not None:
-            self._publish(self._ring.take(Rows.none(len(self.logged)), now_ns))
+            self._publish(self._ring.take(Rows.none(), now_ns))
         if len(self._texts) > MOST_KEPT:
             self._forget_texts()
 
@@ -139,19 +144,22 @@ class SessionLog:
     def _sample(self, taken: Taken) -> None:
         """Make data sets of what was taken, as far as something is known."""
         consistent = self._consistent(taken.frame)
-        cells, known = taken.cells, taken.known
-        if not self._taken.all():
-            known = known & self._taken[taken.schedule]
-        time_ns, sampled = taken.time_ns, self._sampled[taken.schedule]
-        any_known = known.any(axis=1)
-        if not any_known.all():
+        time_ns, cells, known = taken.time_ns, taken.cells, taken.known
+        sampled = self._sampled[taken.schedule]
+        if not self._takes_all:
+            own = self._taken[taken.schedule]
+            known = own if known is None else known & own
+        if known is not None and not (any_known := known.any(axis=1)).all():
             if not any_known.any():
                 return
             # What was lost before anything is known, is lost in front of nothing.
             time_ns, consistent, sampled = time_ns[any_known], consistent[any_known], sampled[any_known]
             cells, known = cells[any_known], known[any_known]
         self.counted.samples += len(cells)
-        cells, counts = self._counts.take(cells, known)
+        if self._counts is None:
+            counts = np.empty((len(cells), 0), np.int64)
+        else:
+            cells, counts = self._counts.take(cells, known)
         before = self._ring.overwritten
         self._publish(self._ring.take(Rows(time_ns, consistent, cells, known, counts, sampled)))
         self.counted.overwritten += self._ring.overwritten - before
@@ -206,7 +214,7 @@ class SessionLog:
     def _write_block(self, block: Rows) -> None:
         if self._database.begins and self.session.only_changes:
             # A file can be read by itself: its first row has all that is known.
-            own = block.own.copy()
+            own = block.owned.copy()
             own[0] = block.counts[0] >= 0
             block = replace(block, own=own)
         self._database.write(self._columns.of(block), len(block))
@@ -222,6 +230,7 @@ class SessionLog:
         held = self._ring.held
         kept = [*self._waiting, *([] if held is None else [held])]
         columns = [rows.cells[:, place] for rows in kept for place in self._text_columns]
-        columns += [self._counts.cells[place : place + 1] for place in self._text_columns]
         columns += self._turns.cells(self._text_columns)
+        if self._counts is not None:
+            columns += [self._counts.cells[place : place + 1] for place in self._text_columns]
         self._texts.keep_only([*columns, *self._samples.text_cells()])

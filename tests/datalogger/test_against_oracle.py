@@ -10,9 +10,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from tests.datalogger.drawn_plants import Plant, drawn_plant
 from tests.datalogger.oracle import FORMATS, Recorder
 from tests.datalogger.oracle_losses import Doubt
-from tests.datalogger.drawn_plants import Plant, drawn_plant
 from tests.datalogger.recording import (
     Told,
     assert_table_is_as_controllers_have_it,
