@@ -339,6 +339,7 @@ class Files:
 
     def write(self, kept: Sequence[Sample]) -> dict[str, list[Row]]:
         """Write what a run has kept: its first row has all that is known, and nothing of what was before."""
+        session = self.session
         self.stored: dict[str, int] = {}
         self.is_first_of_file = self.is_first_of_run = True
         block: list[tuple[Value, ...]] = []
@@ -355,7 +356,9 @@ class Files:
                 block = []
         if block:
             self.store(block)
-        self.first_consistent = 0  # of the next run: nobody recorded what was before it
+        # Counters of 0 tell of a new beginning; without them, nothing else does.
+        going_on = bool(self.closed or self.rows())
+        self.first_consistent = int(not session.document_style and (session.changes_only or not going_on))
         return {**self.closed, "": self.rows()}
 
     def row(self, sample: Sample, *, lossy: bool) -> tuple[Value, ...] | None:
