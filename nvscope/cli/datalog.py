@@ -150,7 +150,7 @@ def datalog(
 
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.progress import watching
-    from nvscope.datalogger.plan import Targets, check_files, plan
+    from nvscope.datalogger.plan import Targets, check_files, plan, remove_files
     from nvscope.whole_files import identity_of
 
     tell_of_flaws(plant.definition)
@@ -171,7 +171,9 @@ def datalog(
     read_from = (*paths, *(info.path for info in source.infos), *plant.inputs, *config)
     inputs = {identity for path in read_from if (identity := identity_of(path))}
     check_files(planned, lambda path: identity_of(path) in inputs, append=append, force=force)
-    logs = _logged(inquiry, source, planned, quiet=quiet, append=append, force=force, document_style=document_style)
+    if force:
+        remove_files(planned)
+    logs = _logged(inquiry, source, planned, quiet=quiet, append=append, document_style=document_style)
     if not quiet:
         _tell(logs)
     lost = any(log.counted.not_written for log in logs)
@@ -195,9 +197,8 @@ def _sessions(config: Sequence[str]) -> list[Session]:
 
 
 def _logged(
-    inquiry: Inquiry, source: Source, planned: Sequence[Planned], *,
-    quiet: bool, append: bool, force: bool, document_style: bool,
-) -> Sequence[SessionLog]:  # fmt: skip
+    inquiry: Inquiry, source: Source, planned: Sequence[Planned], *, quiet: bool, append: bool, document_style: bool
+) -> Sequence[SessionLog]:
     """Log captures, or what comes live; whatever ends it, what was taken is written."""
     from nvscope.cli.memory import keep_freed_memory
     from nvscope.datalogger.judging import Judge, StateSoFar, WholeCapture
@@ -213,9 +214,8 @@ def _logged(
         state = inquiry.state()
         judge = StateSoFar(state, inquiry.project.definition.nominal_intervals_ns(), source)
     log = data_log(
-        planned, inquiry.defined_layouts(), judge, append=append, force=force, durable=not whole,
-        document_style=document_style,
-    )  # fmt: skip
+        planned, inquiry.defined_layouts(), judge, append=append, durable=not whole, document_style=document_style
+    )
     try:
         if whole:
             for _ in inquiry.run(source, [log]):

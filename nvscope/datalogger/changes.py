@@ -64,10 +64,10 @@ class Changed:
         """
         if not len(rows):
             return rows
-        # Between two rows of a task stand rows of others, which do not store what it has changed.
-        counts = rows.counts if rows.own is None else np.where(rows.own, rows.counts, -1)
-        stored = np.concatenate([self._counts[np.newaxis], counts])
+        stored = np.concatenate([self._counts[np.newaxis], rows.counts])
         if rows.own is not None:
+            # Between two rows of a task stand rows of others, which do not store what it has changed.
+            stored[1:][~rows.own] = -1
             stored = np.maximum.accumulate(stored)
         differs = rows.counts != stored[:-1]
         if rows.own is not None:

@@ -88,7 +88,8 @@ class Database:
     """The files of a session; ``path`` is the one that is written, ``rows`` how many were.
 
     ``durable``: each block is on the disk before the next one is taken, where it survives a power cut. ``begins`` tells
-    whether the next row is the first of a file, ``goes_on`` whether its table had rows when it was opened.
+    whether the next row is the first of a file, ``goes_on`` whether the table had rows when it was opened, or the
+    series closed files.
     """
 
     def __init__(self, session: Session, table: LogTable, path: str, *, durable: bool) -> None:
@@ -200,8 +201,9 @@ class Database:
                 "the file holds what is no DataLogger's, or no table of this session's variables", where=self.path,
                 next_step="log to another file, or take this one away",
             )  # fmt: skip
+        self.goes_on = bool(closed_files(self.path))
         if own in found:
-            self.goes_on = execute(f"SELECT count(*) FROM (SELECT 1 FROM main.{own} LIMIT 1)").fetchone()[0] > 0
+            self.goes_on |= execute(f"SELECT count(*) FROM (SELECT 1 FROM main.{own} LIMIT 1)").fetchone()[0] > 0
         else:
             execute(statement(self._table))
 

@@ -11,7 +11,7 @@ from dissectors.batch import I64, Bool
 from nvscope.capture.source import LostSpan
 from nvscope.datalogger.instants import HOLE_NS
 from nvscope.datalogger.judging import Judge
-from nvscope.datalogger.losses import STOPPED_INTERVALS, Drops, Losses, drops_behind
+from nvscope.datalogger.losses import STOPPED_INTERVALS, Drops, Losses
 from nvscope.datalogger.session_log import SessionLog
 from nvscope.engine.told import Told
 from nvscope.errors import CaptureError
@@ -36,7 +36,7 @@ class DataLog:
         self._judge = judge
         self._losses = Losses(telegrams.keys)
         self._stops = _Stops(telegrams, judge)
-        self._statistics = Drops(judge.lost)
+        self._captured = Drops(judge.lost)
         self._seen: dict[SessionLog, int] = {}
         self._last_ns = _NEVER
         self._drops: int | None = None
@@ -46,24 +46,23 @@ class DataLog:
         self._telegrams.observe(told)
         self._losses.observe(told)
         rows = self._telegrams.rows
-        before_ns = np.append(self._last_ns, told.packets.ts_ns)
-        self._last_ns = int(before_ns[-1])
-        places = [drops_behind(self._judge.lost, before_ns), _holes(before_ns)]
-        elsewhere = [place + told.first_frame for place in places]
-        dropped = self._statistics.behind(told.packets.ts_ns)
+        dropped = self._captured.behind(told.packets.ts_ns, told.first_frame)
         gaps = self._losses.behind(self._judge.judged()) if self._losses.gaps else {}
         stopped = self._stops.behind(rows)
+        before_ns = np.append(self._last_ns, told.packets.ts_ns)
+        self._last_ns = int(before_ns[-1])
+        holes = _holes(before_ns) + told.first_frame
         lost = self._lost_by_sources()
         losses = {}
         for session in self.sessions:
-            shown = [found[key] for found in (gaps, stopped) for key in found if key in session.keys]
-            missing = np.concatenate([*elsewhere, *shown])
-            seen = self._seen.get(session, _NEVER), *told.packets.ts_ns[missing - told.first_frame].tolist()
-            unseen = [place + told.first_frame for place, span in dropped if not _shows(span, seen)]
-            self._seen[session] = max(seen)
-            losses[session] = np.sort(np.append(missing, np.array(unseen, np.int64)))
+            frames = [found[key] for found in (gaps, stopped) for key in found if key in session.keys]
             if lost:
                 session.lose()
+            missing = np.sort(np.concatenate(frames)) if frames else np.empty(0, np.int64)
+            seen = self._seen.get(session, _NEVER), *told.packets.ts_ns[missing - told.first_frame].tolist()
+            unseen = [frame for frame, span in dropped if not _shows(span, seen)]
+            self._seen[session] = max(seen)
+            losses[session] = np.sort(np.concatenate([missing, np.array(unseen, np.int64), holes]))
         self._each(lambda session: session.take(told, rows, losses[session]))
         if told.is_deaf:
             self._stops.forget()
@@ -92,15 +91,15 @@ class DataLog:
         return before is not None and self._drops > before
 
 
-def _shows(span: LostSpan, seen: Sequence[int]) -> bool:
-    """Tell whether it has shown at some times that something was missing in a span of statistics."""
-    since_ns = _NEVER if span.since_ns is None else span.since_ns
-    return any(_NEVER < time_ns >= since_ns for time_ns in seen)
-
-
 def _holes(time_ns: I64) -> I64:
     """Return the places of packets in front of which nobody captured; the first time is of what was before them."""
     return np.flatnonzero((time_ns[:-1] > _NEVER) & (time_ns[1:] - time_ns[:-1] > HOLE_NS))
+
+
+def _shows(span: LostSpan, seen: Sequence[int]) -> bool:
+    """Tell whether Counters have shown at some times that something was missing in a span of statistics."""
+    since_ns = _NEVER if span.since_ns is None else span.since_ns
+    return not span.at_packet and any(_NEVER < time_ns >= since_ns for time_ns in seen)
 
 
 class _Stops:
@@ -136,13 +135,13 @@ class _Stops:
         if interval_ns is not None:
             if not interval_ns:
                 return np.zeros(len(time_ns), np.bool_)
-            late: Bool = known & (time_ns > before + STOPPED_INTERVALS * interval_ns)
+            late: Bool = known & (time_ns - before > min(STOPPED_INTERVALS * interval_ns, _LONGEST))
             if not late.any():
                 return late
         interval_ns = interval_of(key, self._judge.judged().intervals_ns)
         if not interval_ns:
             return np.zeros(len(time_ns), np.bool_)
-        return known & (time_ns > before + STOPPED_INTERVALS * interval_ns)
+        return known & (time_ns - before > min(STOPPED_INTERVALS * interval_ns, _LONGEST))
 
     def forget(self) -> None:
         """Let what comes next follow nothing: nobody captured for a while."""

@@ -113,8 +113,8 @@ def row_size(planned: Planned) -> int:
         else:
             cells[:, column] = (1 << 8 * one.type.size_bytes - 2) - 1
     counts = np.full(cells.shape, 1 << 16, np.int64)
-    flags = np.ones(_ROWS, np.bool_)
-    rows = Rows(np.zeros(_ROWS, np.int64), flags, cells, None, counts, flags)
+    every = np.ones(_ROWS, np.bool_)
+    rows = Rows(np.zeros(_ROWS, np.int64), every, cells, None, counts, every)
     columns = TableColumns(logged, texts, raw=session.raw, only_changes=session.only_changes, document_style=False).of(
         rows
     )

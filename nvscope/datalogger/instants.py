@@ -126,11 +126,6 @@ class Cycles:
         self._now_ns = _NEVER
 
     @property
-    def waits(self) -> bool:
-        """Whether a cycle has several telegrams, so that what follows tells whether it is over."""
-        return self._last > 0
-
-    @property
     def open_frames(self) -> list[int]:
         """The last frames of cycles that may go on."""
         return [frame for _, frame, _, _ in self._open.values()]

@@ -175,40 +175,34 @@ class Losses:
 
 
 class Drops:
-    """When packets were lost while capturing, as far as statistics tell, each of which is told once.
+    """When packets were lost while capturing, each of which is told once.
 
-    They tell of a span behind it: what is missing in that may have shown in Counters already.
+    A packet that says so is known by its time, wherever the clock was set. Statistics tell of a span behind it: what is
+    missing in that may have shown in Counters already.
     """
 
     def __init__(self, lost: Iterable[LostSpan]) -> None:
-        told = [(span.since_ns if span.until_ns is None else span.until_ns, span) for span in lost]
-        self._waiting = sorted(
-            ((when, span) for when, span in told if when is not None and not span.at_packet), key=itemgetter(0)
-        )
+        spans = list(lost)
+        self._at_packets = {span.until_ns: span for span in spans if span.at_packet and span.until_ns is not None}
+        told = [(span.since_ns if span.until_ns is None else span.until_ns, span) for span in spans]
+        waiting = [(when, span) for when, span in told if when is not None and when not in self._at_packets]
+        self._waiting = sorted(waiting, key=itemgetter(0))
 
-    def behind(self, time_ns: I64) -> list[tuple[int, LostSpan]]:
-        """Return the places of packets behind which others were lost, given the times of packets that follow."""
+    def behind(self, time_ns: I64, first_frame: int) -> list[tuple[int, LostSpan]]:
+        """Return the frames behind which packets were lost, given the times of frames that follow."""
         found = []
+        if self._at_packets:
+            when = np.array(sorted(self._at_packets), np.int64)
+            place = np.minimum(np.searchsorted(when, time_ns), len(when) - 1)
+            for row in np.flatnonzero(when[place] == time_ns).tolist():
+                own = self._at_packets.pop(int(time_ns[row]), None)
+                if own is not None:
+                    found.append((row + first_frame, own))
         while self._waiting and len(time_ns):
-            when, span = self._waiting[0]
-            after = np.flatnonzero(time_ns >= when if span.until_ns is None else time_ns > when)
+            when_ns, span = self._waiting[0]
+            after = np.flatnonzero(time_ns >= when_ns if span.until_ns is None else time_ns > when_ns)
             if not len(after):
                 break
             del self._waiting[0]
-            found.append((int(after[0]), span))
+            found.append((int(after[0]) + first_frame, span))
         return found
-
-
-def drops_behind(lost: Iterable[LostSpan], time_ns: I64) -> I64:
-    """Return the places of packets that say themselves that others were lost in front of them, rising.
-
-    The first time is of what was before them. Where the clock was set back, a time may come twice, and both may be
-    behind the loss.
-    """
-    when = np.array(sorted({span.until_ns for span in lost if span.at_packet and span.until_ns is not None}), np.int64)
-    if not len(when):
-        return when
-    passed = np.searchsorted(when, time_ns, "right")
-    is_one = passed > np.searchsorted(when, time_ns)
-    forth = passed[1:] > passed[:-1]
-    return np.flatnonzero(forth | (is_one[1:] & (time_ns[1:] < time_ns[:-1])))

@@ -160,62 +160,55 @@ def _with_tasks(planned: Planned, layouts: Layouts, settings: DataLoggerSettings
     return replace(planned, tasks=tuple(found), rest=rest if rest.any() else None)
 
 
-def check_files(planned: Sequence[Planned], inputs: Callable[[str], bool], *, append: bool, force: bool) -> None:
+def check_files(planned: Sequence[Planned], is_input: Callable[[str], bool], *, append: bool, force: bool) -> None:
     """Raise UsageError where there is something that may not be written: an input, a device, a file without leave."""
     for one in planned:
-        if not one.path:
-            continue
-        existing = _files_of(one)
-        for path in existing:
-            if inputs(path):
+        for path in _existing([one]):
+            if is_input(path):
                 raise UsageError(
                     "the file is an input, and is not written to", where=path, next_step="name another one"
                 )
+            if os.path.isdir(path):
+                raise UsageError(
+                    "is a directory", where=path, next_step="name a file in it, or the directory by --folder"
+                )
             if os.path.exists(path) and not os.path.isfile(path):
-                raise UsageError("this is no file", where=path, next_step="name another one")
-        for path in existing[1:] if os.path.lexists(one.path) else existing:
-            if not is_database(path):
+                raise UsageError("is no file", where=path, next_step="name one")
+            if not append and not force:
+                raise UsageError(
+                    "the file exists", where=path,
+                    next_step="--append goes on with it, --force takes its place; or name another one with -w",
+                )  # fmt: skip
+            if path != one.path and not is_database(path):
                 raise UsageError(
                     "the file has the name of a closed database, and is none", where=path,
                     next_step="take it away, or name another file with -w",
                 )  # fmt: skip
-        if existing and not append and not force:
-            raise UsageError(
-                "the file exists", where=path,
-                next_step="--append goes on with it, --force takes its place; or name another one with -w",
-            )  # fmt: skip
 
 
-def take_away(planned: Sequence[Planned]) -> None:
-    """Remove the databases of sessions, with their closed files, which ``check_files`` has looked at."""
-    for one in planned:
-        for path in _files_of(one) if one.path else ():
-            try:
-                os.unlink(path)
-            except OSError as error:
-                raise CaptureError(
-                    f"the file cannot be replaced: {error.strerror}", where=path, next_step="check its folder"
-                ) from None
+def remove_files(planned: Sequence[Planned]) -> None:
+    """Remove the files that others take the place of, at which ``check_files`` has looked."""
+    for path in _existing(planned):
+        try:
+            os.unlink(path)
+        except OSError as error:
+            raise CaptureError(
+                f"the file cannot be replaced: {error.strerror}", where=path, next_step="check its folder"
+            ) from None
 
 
-def _files_of(planned: Planned) -> list[str]:
-    """Return the files of a session that are there."""
-    series = [path for _, path in closed_files(planned.path)]
-    return [path for path in (planned.path, *series) if os.path.lexists(path)]
+def _existing(planned: Sequence[Planned]) -> list[str]:
+    paths = [path for one in planned if one.path for path in (one.path, *(own for _, own in closed_files(one.path)))]
+    return [path for path in paths if os.path.lexists(path)]
 
 
 def data_log(
-    planned: Sequence[Planned], layouts: Layouts, judge: Judge, *, append: bool, force: bool, durable: bool,
-    document_style: bool,
-) -> DataLog:  # fmt: skip
+    planned: Sequence[Planned], layouts: Layouts, judge: Judge, *, append: bool, durable: bool, document_style: bool
+) -> DataLog:
     """Return what logs sessions, with their files open.
-
-    ``force``: databases that are there are replaced.
 
     Raises CaptureError and UsageError where one of the files cannot be written; then none is left open.
     """
-    if force:
-        take_away(planned)
     telegrams = DefinedTelegrams(layouts, keys=sorted(set().union(*(one.keys for one in planned))))
     logs: list[SessionLog] = []
     try:

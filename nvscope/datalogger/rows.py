@@ -38,7 +38,7 @@ class Rows:
         own = None if self.own is None else self.own[rows]
         return Rows(
             self.time_ns[rows], self.consistent[rows], self.cells[rows], own, self.counts[rows], self.sampled[rows]
-        )  # fmt: skip
+        )
 
     @staticmethod
     def joined(parts: Sequence[Rows]) -> Rows:
@@ -61,5 +61,5 @@ class Rows:
     @staticmethod
     def none() -> Rows:
         """Return no rows, which cannot be joined with others."""
-        table, flags = np.empty((0, 0), np.int64), np.empty(0, np.bool_)
-        return Rows(np.empty(0, np.int64), flags, table, None, table, flags)
+        table = np.empty((0, 0), np.int64)
+        return Rows(np.empty(0, np.int64), np.empty(0, np.bool_), table, None, table, np.empty(0, np.bool_))

@@ -84,6 +84,7 @@ class SessionLog:
         self._turns = Turns([one.instants for one in schedules], self._samples, at_once)
         every = np.ones(len(logged), np.bool_)
         self._taken = np.stack([every if one.columns is None else one.columns for one in schedules])
+        self._takes_all = bool(self._taken.all())
         self._sampled = np.array([isinstance(one.instants, Interval) for one in schedules], np.bool_)
         self._counts = Counts(len(logged), self._samples.dtype) if session.only_changes else None
         # With a task, no interval counts.
@@ -144,11 +145,11 @@ class SessionLog:
     def _sample(self, taken: Taken) -> None:
         """Make data sets of what was taken, as far as something is known."""
         consistent = self._consistent(taken.frame)
-        cells, known = taken.cells, taken.known
-        if not self._taken.all():
+        time_ns, cells, known = taken.time_ns, taken.cells, taken.known
+        sampled = self._sampled[taken.schedule]
+        if not self._takes_all:
             own = self._taken[taken.schedule]
             known = own if known is None else known & own
-        time_ns, sampled = taken.time_ns, self._sampled[taken.schedule]
         if known is not None and not (any_known := known.any(axis=1)).all():
             if not any_known.any():
                 return
@@ -181,7 +182,7 @@ class SessionLog:
         if rows is None or not len(rows):
             return
         if not self._begun:
-            # What was before the first row, nobody recorded; of a new series there is nothing before it.
+            # Of what was before the first row, nobody recorded anything: nothing is lost in front of it.
             rows.consistent[0], self._begun = self._first_consistent, True
         if self._changed is not None:
             rows = self._changed.take(rows)
@@ -230,7 +231,7 @@ class SessionLog:
         held = self._ring.held
         kept = [*self._waiting, *([] if held is None else [held])]
         columns = [rows.cells[:, place] for rows in kept for place in self._text_columns]
+        columns += self._turns.cells(self._text_columns)
         if self._counts is not None:
             columns += [self._counts.cells[place : place + 1] for place in self._text_columns]
-        columns += self._turns.cells(self._text_columns)
         self._texts.keep_only([*columns, *self._samples.text_cells()])

@@ -47,7 +47,7 @@ class Packet:
 
 
 class Doubt(Exception):
-    """Whether something was lost hangs on a median that is not known exactly."""
+    """Whether something was lost hangs on what is not known exactly."""
 
 
 @dataclass
@@ -210,8 +210,10 @@ def losses(
         scope = counters.scope(name)
         for place, gap in counters.gaps[scope].items():
             stream = counters.streams[gap.stream]
-            if stream.node != name or gap.stream[2] not in intervals_ns or gap.missing <= 0 or not stream.varied:
+            if stream.node != name or gap.stream[2] not in intervals_ns or gap.missing <= 0:
                 continue
+            if not stream.varied:
+                raise Doubt("whether a stream counts that has shown one Counter alone")
             if stream.lost[scope] > stream.telegrams and stream.lost[scope] > 100:
                 raise Doubt("whether a sender counts at all")
             found.add(place)

@@ -16,7 +16,8 @@ from nvscope.datalogger.configuration_file import read_configuration
 from nvscope.datalogger.plan import Targets, plan
 from nvscope.definition.project_file import read_project
 from tests.datalogger.drawn_plants import Plant
-from tests.datalogger.oracle import Row, Session, as_it_is, create_table, rows_of
+from tests.datalogger.oracle import Row, Session
+from tests.datalogger.oracle_files import as_it_is, create_table, rows_of
 from tests.program import run_text
 
 Told = dict[str, list[tuple[tuple[str, Any], ...]]]
@@ -53,7 +54,7 @@ def record_in_batches(folder: Path, captures: Sequence[Path], plant: Plant, pack
     targets = Targets(str(folder / "log.db"), None)
     planned = plan([session], inquiry.defined_layouts(), project.datalogger, targets, partly=False)
     style = plant.session.document_style
-    _logged(inquiry, inquiry.open(), planned, quiet=True, append=False, force=False, document_style=style)
+    _logged(inquiry, inquiry.open(), planned, quiet=True, append=False, document_style=style)
 
 
 def told(rows: Mapping[str, Sequence[Row]]) -> Told:

@@ -11,7 +11,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tests.datalogger.drawn_plants import Plant, drawn_plant
-from tests.datalogger.oracle import FORMATS, Recorder
+from tests.datalogger.oracle import FORMATS
+from tests.datalogger.oracle_files import Recorder
 from tests.datalogger.oracle_losses import Doubt
 from tests.datalogger.recording import (
     Told,
@@ -36,7 +37,7 @@ def expected(plant: Plant, folder: Path) -> Told:
 
 
 @given(SEEDS)
-@examples(500)
+@examples(250)
 def test_rows_are_those_of_the_rules(seed: int) -> None:
     plant = drawn_plant(seed)
     with TemporaryDirectory() as name:
@@ -48,7 +49,7 @@ def test_rows_are_those_of_the_rules(seed: int) -> None:
 
 
 @given(SEEDS, st.sampled_from([1, 2, 7, 30]))
-@examples(150)
+@examples(100)
 def test_any_cut_into_batches_gives_the_same_rows(seed: int, packets: int) -> None:
     plant = drawn_plant(seed)
     plant.packets = plant.packets[:120]
@@ -60,7 +61,7 @@ def test_any_cut_into_batches_gives_the_same_rows(seed: int, packets: int) -> No
 
 
 @given(SEEDS)
-@examples(100)
+@examples(60)
 def test_captures_cut_into_files_give_the_same_rows(seed: int) -> None:
     plant = drawn_plant(seed)
     # Files are put in the order of their times.
@@ -73,7 +74,7 @@ def test_captures_cut_into_files_give_the_same_rows(seed: int) -> None:
 
 
 @given(SEEDS)
-@examples(100)
+@examples(60)
 def test_a_database_that_is_gone_on_with_has_the_rows_of_both(seed: int) -> None:
     plant = drawn_plant(seed)
     middle = len(plant.packets) // 2
@@ -93,7 +94,7 @@ def test_a_database_that_is_gone_on_with_has_the_rows_of_both(seed: int) -> None
 
 def test_plants_show_what_there_is_to_go_wrong() -> None:
     """The laws above are worth something only if what is drawn has everything in it."""
-    plants = [drawn_plant(seed) for seed in range(150)]
+    plants = [drawn_plant(seed) for seed in range(100)]
     sessions = [plant.session for plant in plants]
     for name in ("rollover", "changes_only", "iso", "document_style"):
         assert {getattr(session, name) for session in sessions} == {False, True}

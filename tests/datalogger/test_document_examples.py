@@ -6,9 +6,10 @@ import struct
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from tests.datalogger.drawn_plants import MS, START_NS, Plant
+from tests.datalogger.drawn_plants import START_NS, Plant
 from tests.datalogger.oracle import DefinedList, Session
 from tests.datalogger.oracle_losses import Packet
+from tests.datalogger.plant_faults import MS
 from tests.datalogger.recording import files_of, record
 
 TASK_10 = DefinedList("Task10ms", 1, (("VarA", "INT"), ("VarB", "INT")), 10 * MS)

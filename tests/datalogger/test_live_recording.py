@@ -13,9 +13,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.datalogger.drawn_plants import MS, START_NS, Plant, frame_of, write_pcap
+from tests.datalogger.drawn_plants import START_NS, Plant, frame_of, write_pcap
 from tests.datalogger.oracle import DefinedList, Session
 from tests.datalogger.oracle_losses import Packet
+from tests.datalogger.plant_faults import MS
 from tests.datalogger.recording import opened, rows_in, table_in
 from tests.program import COMMAND
 
