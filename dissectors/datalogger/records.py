@@ -39,6 +39,7 @@ _ONE_BYTE = 0x80
 
 _WORD_BYTES = 8
 
+
 def _tables() -> tuple[U8, U8, I64]:
     """Return, for types of one byte: form, bytes, and by how many bits a word is too long for the value."""
     form, size, shift = np.zeros(256, np.uint8), np.zeros(256, np.uint8), np.zeros(256, np.int64)
@@ -130,8 +131,9 @@ class Records:
                 form[whole] = Form.REAL
         return Cells(form, bits.view(np.uint64), start, stop)
 
-    def _size(self, column: int) -> I64 | I32 | U8:
-        return _SIZE[self._types[column]] if self._sizes is None else self._sizes[column]
+    def _size(self, column: int) -> I32 | U8:
+        size: I32 | U8 = _SIZE[self._types[column]] if self._sizes is None else self._sizes[column]
+        return size
 
     def _read(self, offset: I64, length: I64) -> None:
         stop = offset + length
@@ -187,7 +189,8 @@ class Records:
             types[column, rows[here[good]]] = kind[good]
             self._sizes[column, rows[here[good]]] = np.where(long, size, _SIZE[kind & 0x7F])[good]
             at[here] += used
-        return faulty | (at != stop)
+        faulty |= at != stop
+        return faulty
 
     def _find_values(self, stop: I64, faulty: Bool) -> None:
         """Find where the values of each column begin; what does not end with its record is faulty."""

@@ -10,7 +10,7 @@ Source: https://www.sqlite.org/fileformat2.html, sections 1.6 and 1.7.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,9 +46,15 @@ class LeafRows:
         return len(self.rowid)
 
     def take(self, rows: slice | Bool) -> LeafRows:
-        """Return some of the rows, in columns of their own."""
-        columns = (self.leaf, self.rowid, self.start, self.length, self.local)
-        return LeafRows(*(column[rows].copy() for column in columns), self.bad_leaf, self.bad_cells)
+        """Return some of the rows; where they start and end can be changed in them."""
+        return replace(
+            self,
+            leaf=self.leaf[rows],
+            rowid=self.rowid[rows],
+            start=self.start[rows].copy(),
+            length=self.length[rows].copy(),
+            local=self.local[rows],
+        )
 
     @property
     def goes_on(self) -> Bool:

@@ -99,7 +99,7 @@ class PageFile:
         found = np.ones(len(pages), np.bool_)
         # What lies together is read at once.
         begins = np.flatnonzero(np.diff(pages, prepend=-1) != 1).tolist()
-        view = memoryview(data)
+        view = data.data
         for first, behind in zip(begins, [*begins[1:], len(pages)], strict=True):
             part = view[first * self.page_bytes : behind * self.page_bytes]
             had = self._read_into(part, (int(pages[first]) - 1) * self.page_bytes)

@@ -34,12 +34,13 @@ _MAKING = frozenset(
 class StoredTable:
     """A table of a DataLogger and where its rows are.
 
-    ``real`` are the numbers of columns that hold real numbers. ``by_pages``: its rows can be read as they lie in the
-    file; else only SQLite knows what they are.
+    ``columns`` are its names, ``real`` the numbers of columns that hold real numbers. ``by_pages``: its rows can be
+    read as they lie in the file; else only SQLite knows what they are.
     """
 
     log: LogTable
     root: int
+    columns: tuple[str, ...]
     real: tuple[int, ...]
     by_pages: bool
 
@@ -94,9 +95,10 @@ def _table(name: str, root: int, sql: str, file: PageFile) -> StoredTable | None
     if log is None or any(hidden in _MADE_UP for *_, hidden in columns):
         return None
     real = tuple(number for number, (_, declared, *_) in enumerate(columns) if _is_real(declared))
+    names = tuple(column for column, *_ in columns)
     # The id stands for a column that is its alias, and a default for values that a row has not.
     plain = all(key == 0 and (default is None or default.upper() == "NULL") for _, _, default, key, _ in columns)
-    return StoredTable(log, root, real, plain and file.kind(root) not in _WITHOUT_ROWID)
+    return StoredTable(log, root, names, real, plain and file.kind(root) not in _WITHOUT_ROWID)
 
 
 _WITHOUT_ROWID = (2, 10)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dissectors.batch import I64, U8
+from dissectors.batch import I64, U8, Bool
 from dissectors.datalogger.records import Cells, Records
-from nvscope.capture.datalogger.damage import MOST_ROWS, Damage, Damages, Harm
+from nvscope.capture.datalogger.damage import MOST_ROWS, Damage, Harm
 from nvscope.capture.datalogger.leaf_rows import POINTER_BYTES, LeafRows, rows_of
 from nvscope.capture.datalogger.long_rows import MOST_ROW_BYTES, LongRows, put_together
 from nvscope.capture.datalogger.page_file import PageFile
@@ -37,6 +37,14 @@ class Rows:
     def data(self) -> U8:
         """The buffer that texts and blobs lie in."""
         return self.records.data
+
+    def is_empty(self, column: int) -> bool:
+        """Return whether a column is NULL in all rows."""
+        return self.records.is_empty(column)
+
+    def filled(self, column: int) -> Bool:
+        """Return where a column is not NULL."""
+        return self.records.filled(column)
 
     def cells(self, column: int, rows: I64 | None = None) -> Cells:
         """Return the values of a column, from 0, of all rows or of some."""
