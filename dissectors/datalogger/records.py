@@ -104,7 +104,7 @@ class Records:
         return len(self._body)
 
     def filled(self, column: int) -> Bool:
-        """Return where a column is not NULL."""
+        """Return where something is stored in a column: all that is not NULL, and floats that are no numbers."""
         filled: Bool = self._types[column] != _NULL
         return filled
 
@@ -121,6 +121,11 @@ class Records:
         stop = start + size
         # Big-endian, so that the value is in the upper bytes; the shift keeps its sign.
         bits = self._words[start].astype(np.int64) >> _SHIFT[types]
+        floats = types == _REAL
+        if floats.any():
+            # What is no number is NULL; SQLite never writes it.
+            floats &= np.isnan(bits.view(np.float64))
+            form[floats], bits[floats] = Form.NULL, 0
         short = (types == _NULL) | (types >= _ZERO)
         if short.any():
             bits[short] = types[short] == _ONE

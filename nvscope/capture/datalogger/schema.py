@@ -26,7 +26,10 @@ _TYPE, _NAME, _TABLE_OF, _ROOT, _SQL = range(5)
 _MOST_STEPS = 1_000_000
 _MADE_UP = {1, 2, 3}
 _MAKING = frozenset(
-    {sqlite3.SQLITE_CREATE_TABLE, sqlite3.SQLITE_INSERT, sqlite3.SQLITE_UPDATE, sqlite3.SQLITE_READ}
+    {
+        sqlite3.SQLITE_CREATE_TABLE, sqlite3.SQLITE_CREATE_INDEX, sqlite3.SQLITE_INSERT, sqlite3.SQLITE_UPDATE,
+        sqlite3.SQLITE_READ,
+    }
 )  # fmt: skip
 
 
