@@ -390,6 +390,11 @@ class Inquiry:
         return DisplayFilter(expression, self._fields(verdicts), verdicts)
 
     @property
+    def can_be_read_again(self) -> bool:
+        """Whether the captures can be read more than once."""
+        return not self._read_once
+
+    @property
     def _read_once(self) -> str:
         """What of the captures can be read only once, as told to a person; "" where all can be read again."""
         if STDIN in self.paths:

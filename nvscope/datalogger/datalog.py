@@ -1,0 +1,107 @@
+"""DataLog: an observer that logs sessions side by side, and knows what was lost in front of their rows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from dissectors.batch import I64
+from nvscope.capture.source import SourceInfo
+from nvscope.datalogger.losses import STOPPED_INTERVALS, Judged, Losses, drops_behind
+from nvscope.datalogger.session_log import SessionLog
+from nvscope.engine.told import Told
+from nvscope.list_key import ListKey
+from nvscope.view.rows.defined import DefinedRows, DefinedTelegrams
+
+_NEVER = -(1 << 63)
+
+
+class DataLog:
+    """Logs sessions whose variables are those of ``telegrams``.
+
+    ``judge`` says what is known of senders; it is asked when it matters. ``infos`` tells what sources say, where they
+    are live: what they lose is lost in front of the next row of each session.
+    """
+
+    by_stream: ClassVar[bool] = True
+
+    def __init__(
+        self, telegrams: DefinedTelegrams, sessions: Sequence[SessionLog], judge: Callable[[], Judged],
+        infos: Callable[[], Sequence[SourceInfo]] = tuple,
+    ) -> None:  # fmt: skip
+        self.sessions = sessions
+        self._telegrams = telegrams
+        self._judge = judge
+        self._infos = infos
+        self._losses = Losses(telegrams.keys)
+        self._stops = _Stops(telegrams)
+        self._drops: int | None = None
+
+    def observe(self, told: Told) -> None:
+        """Take a batch, which follows those observed so far."""
+        self._telegrams.observe(told)
+        self._losses.observe(told)
+        rows = self._telegrams.rows
+        judged = self._judge()
+        dropped = drops_behind(judged.lost, told.packets.ts_ns, np.arange(len(told)) + told.first_frame)
+        gaps = self._losses.behind(judged)
+        stopped = self._stops.behind(rows, judged.intervals_ns)
+        if told.is_deaf:
+            self._stops.forget()
+        lost = self._lost_by_sources()
+        for session in self.sessions:
+            frames = [dropped, *(found[key] for found in (gaps, stopped) for key in found if key in session.keys)]
+            if lost:
+                session.lose()
+            session.take(told, rows, np.sort(np.concatenate(frames)))
+
+    def end(self) -> None:
+        """Write all that is left, and close the files."""
+        for session in self.sessions:
+            session.end()
+
+    def _lost_by_sources(self) -> bool:
+        """Return whether sources have lost packets since the batch before."""
+        before, self._drops = self._drops, sum(info.drops or 0 for info in self._infos())
+        return before is not None and self._drops > before
+
+
+class _Stops:
+    """Finds the telegrams with which lists come back that had stopped."""
+
+    def __init__(self, telegrams: DefinedTelegrams) -> None:
+        self._keys = telegrams.keys
+        self._number = np.array([place.number for place in telegrams.places], np.int64)
+        self._last_ns = np.full(len(self._keys), _NEVER)
+
+    def behind(self, rows: DefinedRows, intervals_ns: Mapping[ListKey, int]) -> Mapping[ListKey, I64]:
+        """Return the frames, by list, behind which a list was silent for more than ten intervals."""
+        if not len(rows):
+            return {}
+        number = self._number[rows.place]
+        found: dict[ListKey, I64] = {}
+        for one in np.flatnonzero(np.bincount(number)).tolist():
+            own = np.flatnonzero(number == one)
+            time_ns = rows.ts_ns[own]
+            before = np.append(self._last_ns[one], time_ns[:-1])
+            self._last_ns[one] = time_ns[-1]
+            interval_ns = _interval_of(self._keys[one], intervals_ns)
+            if interval_ns:
+                late = (before > _NEVER) & (time_ns > before + STOPPED_INTERVALS * interval_ns)
+                if late.any():
+                    found[self._keys[one]] = rows.frame[own[late]]
+        return found
+
+    def forget(self) -> None:
+        """Let what comes next follow nothing: nobody captured for a while."""
+        self._last_ns[:] = _NEVER
+
+
+def _interval_of(key: ListKey, intervals_ns: Mapping[ListKey, int]) -> int | None:
+    """Return the interval of a list, of one that is defined for any channel the longest there is."""
+    if key in intervals_ns:
+        return intervals_ns[key]
+    found = [interval for one, interval in intervals_ns.items() if one.on_any_channel == key]
+    return max(found, default=None)
