@@ -9,7 +9,7 @@ import numpy as np
 
 from dissectors.batch import I64, U8, Bool
 from dissectors.datalogger.records import Cells, Records
-from nvscope.capture.datalogger.damage import MOST_ROWS, Damage, Harm
+from nvscope.capture.datalogger.damage import Damage, Harm
 from nvscope.capture.datalogger.leaf_rows import POINTER_BYTES, LeafRows, rows_of
 from nvscope.capture.datalogger.long_rows import MOST_ROW_BYTES, LongRows, put_together
 from nvscope.capture.datalogger.page_file import PageFile
@@ -146,4 +146,4 @@ def _with_long_rows(file: PageFile, tree: Tree, data: U8, leaves: Leaves, rows: 
 
 def _rows_lost(harm: Harm, leaves: Leaves, rows: LeafRows, lost: I64) -> Damage:
     page = int(leaves.page[rows.leaf[lost[0]]])
-    return Damage(harm, page, rows=tuple(rows.rowid[lost[:MOST_ROWS]].tolist()), row_count=len(lost))
+    return Damage(harm, page, rows=tuple(rows.rowid[lost].tolist()), row_count=len(lost))
