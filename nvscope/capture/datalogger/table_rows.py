@@ -15,7 +15,7 @@ from nvscope.capture.datalogger.long_rows import MOST_ROW_BYTES, LongRows, put_t
 from nvscope.capture.datalogger.page_file import PageFile
 from nvscope.capture.datalogger.tree import LEAST_ROWID, MOST_ROWID, Leaves, Tree
 
-_READ_BYTES = 1 << 20, 1 << 23
+_READ_BYTES = 1 << 20, 1 << 22
 """Bytes of leaves that are looked at together: the least, and the most where a page has few rows."""
 _ROWS = 16_000
 """So many rows are wanted at a time, and never more: numpy has its costs by the call, and memory its bound."""
