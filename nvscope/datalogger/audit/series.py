@@ -10,6 +10,7 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from nvscope.datalogger.database import closed_files
 
@@ -102,7 +103,7 @@ _MOST_MISSING = 1_000
 def _between(numbers: Sequence[int]) -> Iterator[int]:
     """Yield numbers that are not there, between those that are; not more than anybody could look for."""
     left = _MOST_MISSING
-    for one, following in zip(numbers, numbers[1:], strict=False):
+    for one, following in pairwise(numbers):
         for number in range(one + 1, min(following, one + 1 + left)):
             left -= 1
             yield number

@@ -108,8 +108,8 @@ class TableAudit:
                 self._decide(task)
         for figures, number in zip(self._values.figures, range(len(self.names)), strict=True):
             if self._judge is None:
-                task = self._of_task.get(self.tasks.of(number))
-                figures.unknown = (task.rows if task else self.rows) - figures.stored
+                own = self._of_task.get(self.tasks.of(number))
+                figures.unknown = (own.rows if own else self.rows) - figures.stored
         found: list[Finding] = []
         for path, notes in zip(self._files, self._notes, strict=True):
             found += notes.findings(path, self.table.name, self.names)
@@ -127,6 +127,11 @@ class TableAudit:
     def figures(self) -> list[Figures]:
         """The figures of each variable, in the order of the table."""
         return self._values.figures
+
+    @property
+    def task_count(self) -> int:
+        """How many tasks there are rows of, as far as can be told."""
+        return max(len(self._of_task), 1) if self.rows else 0
 
     @property
     def interval_ns(self) -> int | None:
@@ -210,10 +215,10 @@ class TableAudit:
             follows &= ~(local & was_local & hour & (length_ns < 0))
         current = len(self._files) - 1
         back = follows & (length_ns < 0)
-        if task.file != current and task.file >= 0:
-            if back[0]:
-                back[0] = False
-                self.overlaps[current] = max(self.overlaps.get(current, 0), int(-length_ns[0]))
+        if task.file != current and task.file >= 0 and back[0]:
+            # Files that overlap are told as such.
+            back[0] = False
+            self.overlaps[current] = max(self.overlaps.get(current, 0), int(-length_ns[0]))
         if back.any():
             places = np.flatnonzero(back)
             notes.of(topics.RUN_BACK).add(

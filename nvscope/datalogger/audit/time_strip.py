@@ -3,8 +3,9 @@ the same memory."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from enum import IntEnum
+from itertools import pairwise
 
 import numpy as np
 
@@ -34,6 +35,20 @@ MARKS: Mapping[Mark, tuple[str, str]] = {
     Mark.GAP: ("×", "rows missing, not told"),
 }
 """The character of each mark, and what it says."""
+
+NO_CHANGE = "─"
+"""What stands for ``NOTHING`` in a table of changes: no row says that nothing has changed."""
+
+
+def drawn(marks: Sequence[Mark], *, only_changes: bool) -> str:
+    """Return a strip as characters."""
+    nothing = NO_CHANGE if only_changes else MARKS[Mark.NOTHING][0]
+    return "".join(nothing if mark is Mark.NOTHING else MARKS[mark][0] for mark in marks)
+
+
+def legend(marks: Sequence[Mark]) -> list[str]:
+    """Return what the marks of a strip say, of those that do not speak for themselves."""
+    return [" ".join(MARKS[mark]) for mark in sorted(set(marks)) if mark > Mark.ROWS]
 
 
 class TimeStrip:
@@ -73,7 +88,7 @@ class TimeStrip:
             return []
         length = int(used[-1]) + 1
         bounds = [place * length // count for place in range(count + 1)] if length > count else list(range(length + 1))
-        told = [Mark(int(self._marks[first:last].max())) for first, last in zip(bounds, bounds[1:], strict=False)]
+        told = [Mark(int(self._marks[first:last].max())) for first, last in pairwise(bounds)]
         if length >= count:
             return told
         return [told[place * length // count] for place in range(count)]
