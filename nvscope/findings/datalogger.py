@@ -151,9 +151,9 @@ SERIES_BROKEN = FindingKind(
     "series-broken",
     Severity.ERROR,
     meaning=(
-        "Files of a series are missing, overlap in time, or are damaged: `x.db.0`, `x.db.1` … and `x.db` at the end are "
-        "one series. What such a file held is not in the audit, and values behind it begin unknown. That the oldest "
-        "files are gone is as configured (maxFiles), and no finding."
+        "Files of a series are missing, overlap in time, or are damaged: `x.db.0`, `x.db.1` … and at the end `x.db` "
+        "are one series. What such a file held is not in the audit, and values behind it begin unknown. That the "
+        "oldest files are gone is as configured (maxFiles), and no finding."
     ),
     causes=(
         "the file was copied while the logger wrote it, or a transfer broke off",

@@ -77,7 +77,14 @@ class ChangeJudge:
         self._lost = int(losses[-1])
         found: dict[int, dict[int, Zero]] = {row: {} for row in zero_rows.tolist()}
         for number, one in enumerate(own):
-            if one is not None and len(one.rows):
+            if one is None:
+                continue
+            if not len(one.rows):
+                rows = np.flatnonzero(one.valued)
+                if len(rows):
+                    cells = chunk.rows.cells(self._variables[number].column, rows)
+                    self._values.take(number, chunk, rows, cells)
+            else:
                 self._judge(number, one, chunk, zero, losses, found, notes)
         first_known = self._begun
         self._begun = True
@@ -121,7 +128,8 @@ class ChangeJudge:
         steps = np.where(known, steps_of(counts, before), 0)
         valued = own.valued[rows]
         same, value_known, is_null = self._values_at(number, variable, own, chunk, steps, known)
-        at_zero = zero[rows]
+        # One of 32 bits that begins again is at 0, too.
+        at_zero = zero[rows] & ~(known & (steps == 1))
         usual = known & ~at_zero
         explained = losses[rows] > lost_before
         if usual.any():

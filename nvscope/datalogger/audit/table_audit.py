@@ -182,7 +182,7 @@ class TableAudit:
         if self._form is None:
             self._form = _FORMS[Stamp(int(stamp[timed][0]))]
         if any(_FORMS[Stamp(one)] != self._form for one in present):
-            others = np.array([one in _FORMS and _FORMS[one] != self._form for one in Stamp])
+            others = np.array([one in _FORMS and one != Stamp.RAW_LOCAL and _FORMS[one] != self._form for one in Stamp])
             rows = np.flatnonzero(others[stamp])
             notes.of(topics.OTHER_FORM).add(chunk.rowid[rows], chunk.time_ns[rows], timed[rows])
         if Stamp.RAW_LOCAL in present:

@@ -38,8 +38,9 @@ def _missed(noted: Noted) -> str:
     return f"{changes} counted and not stored{places}."
 
 
-def _lost_too(noted: Noted) -> str:
-    return f"{count_of(noted.total, 'change')} lost where the logger says so."
+def _run_back(noted: Noted) -> str:
+    most = "" if noted.count == 1 else "up to "
+    return f"Timestamps run back {_times(noted)}, by {most}{duration(noted.most)}."
 
 
 LOST = Topic(LOSS_TOLD, _told)
@@ -57,9 +58,7 @@ RESTART = Topic(
     lambda noted: f"The logger started anew {_times(noted)}: a row with every value, and all counters at 0.",
     Severity.NOTE,
 )
-RUN_BACK = Topic(
-    CLOCK_SET, lambda noted: f"Timestamps run back {_times(noted)}, by {'' if noted.count == 1 else 'up to '}{duration(noted.most)}."
-)  # fmt: skip
+RUN_BACK = Topic(CLOCK_SET, _run_back)
 OTHER_FORM = Topic(
     MIXED_TIME, lambda noted: f"{count_of(noted.count, 'timestamp')} of another form than the first of the table."
 )  # fmt: skip
