@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dissectors.batch import I64, U8, Bool
+from dissectors.batch import I64, U8, U64, Bool
 
 PAGE_BYTES = 1 << 16
 """The largest page there is: no record that is written here is longer than one."""
@@ -36,18 +36,22 @@ _MOST_LEAVES = 4_000
 # Of each type of a record: how many bytes the value has. Types from 12 on are texts and blobs.
 _NULL, _REAL, _ZERO = 0, 7, 8
 _SIZES = np.array([0, 1, 2, 3, 4, 6, 8, 8, 0, 0], np.uint8)
+_FIRST_UNLIKE = 5  # types up to there have as many bytes
 # A signed integer is within so many bits without its sign; the type is how many of these bounds it is beyond.
 _BOUNDS = tuple((1 << bits) - 1 for bits in (7, 15, 23, 31, 47))
 _ROUND_SIZES = {0: 1, 1: 1, 2: 2, 3: 4, 4: 4, 6: 8, 8: 8}
 _TEXT, _FIRST_LONG_TEXT = 13, 58
 """The type of an empty text; from so many bytes on, the type takes two."""
 
+_SUMMED = 31
+_EVEN, _ONES = np.uint64(0x00FF00FF00FF00FF), np.uint64(0x0001000100010001)
+
 Matrix = npt.NDArray[Any]
 
 
 @dataclass(frozen=True, slots=True)
 class NumberColumns:
-    """Numbers of columns that follow each other: int64 or float64 of shape (n, columns), ``null`` where there is none.
+    """Numbers of columns that follow each other: signed or float64, (n, columns), ``null`` where there is none.
 
     ``null`` is None where none is. NaN is NULL, as SQLite has none.
     """
@@ -109,41 +113,58 @@ class Leaves:
 
 
 @dataclass(frozen=True, slots=True)
-class _Slots:
-    """Bytes that a row may have, in their order, (n, slots), and which of them it has."""
+class _Shaped:
+    """Columns with how they are written: the type of each value, (n, columns), and how many bytes each takes.
 
-    bytes: U8
-    kept: Bool
+    ``types`` are as wide as ``type_bytes`` says, in bytes of variable length where that is not 1. ``words`` are numbers
+    of which the last ``most`` bytes are written, at most; None of texts, which are ``text``.
+    """
+
+    types: Matrix
+    type_bytes: int
+    size: Matrix
+    most: int
+    words: Matrix | None = None
+    text: TextColumn | None = None
+
+    @property
+    def width(self) -> int:
+        """How many bytes the values may take in a row."""
+        return int(self.size.shape[1]) * self.most
 
 
 def leaves_of(blocks: Sequence[Block], rows: int) -> Leaves | None:
     """Return the pages of rows; None where one is too long for a page, or all are too many for one root."""
     if not rows:
         return Leaves([], [], 0)
-    types: list[_Slots] = []
-    bodies: list[_Slots] = []
-    for block in blocks:
-        own = _texts(block) if isinstance(block, TextColumn) else _numbers(block)
-        types.append(own[0])
-        bodies.append(own[1])
-    body_bytes = _lengths(bodies, rows)
-    type_bytes = _lengths(types, rows)
+    shaped = [_text(block) if isinstance(block, TextColumn) else _numbers(block) for block in blocks]
+    body_bytes, type_bytes = np.zeros(rows, np.int64), np.zeros(rows, np.int64)
+    for one in shaped:
+        body_bytes += _row_sums(one.size)
+        type_bytes += one.types.shape[1] if one.type_bytes == 1 else _varint_bytes(one.types[:, 0])
     # The header's length counts itself.
     header_bytes = type_bytes + 1 + (type_bytes + 1 > 127)
     record_bytes = header_bytes + body_bytes
     if int(record_bytes.max()) > _MOST_RECORD_BYTES:
         return None
-    head = [_varints(record_bytes), _varints(np.arange(1, rows + 1)), _varints(header_bytes)]
-    parts = [*head, *types, *bodies]
-    width = sum(part.bytes.shape[1] for part in parts)
-    slots, kept = np.empty((rows, width), np.uint8), np.empty((rows, width), np.bool_)
+    rowids = np.arange(1, rows + 1)
+    heads = [(number, _varint_width(number)) for number in (record_bytes, rowids, header_bytes)]
+    width = sum(size for _, size in heads)
+    width += sum(one.types.shape[1] * one.type_bytes + one.width for one in shaped)
+    slots, kept = np.empty((rows, width), np.uint8), np.ones((rows, width), np.bool_)
     at = 0
-    for part in parts:
-        stop = at + part.bytes.shape[1]
-        slots[:, at:stop], kept[:, at:stop] = part.bytes, part.kept
-        at = stop
+    for number, size in heads:
+        at = _put_varints(slots, kept, at, number, size)
+    for one in shaped:
+        if one.type_bytes == 1:
+            slots[:, at : at + one.types.shape[1]] = one.types
+            at += one.types.shape[1]
+        else:
+            at = _put_varints(slots, kept, at, one.types[:, 0], one.type_bytes)
+    for one in shaped:
+        at = _put_values(slots, kept, at, one)
     cells: U8 = slots[kept]
-    cell_bytes = record_bytes + sum(np.count_nonzero(part.kept, axis=1) for part in head[:2])
+    cell_bytes = record_bytes + _varint_bytes(record_bytes) + _varint_bytes(rowids)
     return _paged(cells, np.append(0, np.cumsum(cell_bytes)))
 
 
@@ -167,7 +188,7 @@ def _paged(cells: U8, at: I64) -> Leaves | None:
     return Leaves(pages, last, int(taken[-1])) if len(pages) <= _MOST_LEAVES else None
 
 
-def _numbers(block: NumberColumns) -> tuple[_Slots, _Slots]:
+def _numbers(block: NumberColumns) -> _Shaped:
     numbers, null = block.numbers, block.null
     if numbers.dtype.kind == "f":
         null = np.isnan(numbers) if null is None else null | np.isnan(numbers)
@@ -180,66 +201,119 @@ def _numbers(block: NumberColumns) -> tuple[_Slots, _Slots]:
         kind, words = _integer_types(numbers), numbers
     if null is not None:
         kind[null] = _NULL
-    size = _SIZES[kind]
-    most = int(size.max(initial=0))
-    round_size = _ROUND_SIZES[most]
-    body = np.ascontiguousarray(words.astype(f">i{round_size}")).view(np.uint8).reshape(*kind.shape, round_size)
-    body = body[:, :, round_size - most :]
-    kept = np.arange(most, dtype=np.uint8) >= (most - size)[:, :, np.newaxis]
-    rows = len(kind)
-    return (
-        _Slots(kind, np.ones(kind.shape, np.bool_)),
-        _Slots(body.reshape(rows, -1), kept.reshape(rows, -1)),
-    )
+    size = _sizes(kind)
+    return _Shaped(kind, 1, size, int(size.max(initial=0)), words)
+
+
+def _sizes(kind: U8) -> U8:
+    """Return how many bytes values of these types have."""
+    if int(kind.max(initial=0)) < _FIRST_UNLIKE:
+        return kind
+    if not ((kind >= _FIRST_UNLIKE) & (kind < _ZERO)).any():
+        # To look them up takes several times as long.
+        return kind * (kind < _ZERO)
+    return _SIZES[kind]
 
 
 def _integer_types(numbers: Matrix) -> U8:
     """Return the shortest type of each integer; 0 and 1 have types of their own."""
-    folded = numbers ^ (numbers >> 63)
+    # Without its sign, a number and the one that it is told from by it need as many bits.
+    folded = numbers ^ (numbers >> (8 * numbers.itemsize - 1))
     most = int(folded.max(initial=0))
     kind: U8 = np.ones(numbers.shape, np.uint8)
     for bound in _BOUNDS:
         if most > bound:
             kind += folded > bound
-    small = (numbers == 0) | (numbers == 1)
-    kind[small] = numbers[small].astype(np.uint8) + np.uint8(_ZERO)
+    small = (folded <= 1) & (numbers >= 0)
+    if small.any():
+        kind[small] = numbers[small].astype(np.uint8) + np.uint8(_ZERO)
     return kind
 
 
-def _texts(column: TextColumn) -> tuple[_Slots, _Slots]:
+def _text(column: TextColumn) -> _Shaped:
     length = column.stop - column.start
     if column.null is not None:
         length = np.where(column.null, 0, length)
-    most = int(length.max(initial=0))
-    place = np.arange(most)
-    kept: Bool = place < length[:, np.newaxis]
-    at = np.minimum(column.start[:, np.newaxis] + place, max(len(column.data) - 1, 0))
-    body: U8 = column.data[at] if len(column.data) else np.zeros(at.shape, np.uint8)
     kind = 2 * length + _TEXT
     if column.null is not None:
         kind = np.where(column.null, _NULL, kind)
-    return _varints(kind), _Slots(body, kept)
+    return _Shaped(
+        kind[:, np.newaxis], _varint_width(kind), length[:, np.newaxis], int(length.max(initial=0)), text=column
+    )
 
 
-def _varints(numbers: I64) -> _Slots:
-    """Return variable-length integers: seven bits a byte, the highest ones first; all but the last have bit 7 set."""
-    width = max(1, -(-int(numbers.max(initial=0)).bit_length() // 7))
-    slots, kept = np.empty((len(numbers), width), np.uint8), np.ones((len(numbers), width), np.bool_)
+def _put_values(slots: U8, kept: Bool, at: int, shaped: _Shaped) -> int:
+    """Write values from a slot on, and return the slot behind them."""
+    rows, (_, columns), most = len(slots), shaped.size.shape, shaped.most
+    stop = at + shaped.width
+    if shaped.text is not None:
+        data, start = shaped.text.data, shaped.text.start
+        if len(data) == rows * most and (shaped.size == most).all() and (np.diff(start) == most).all():
+            slots[:, at:stop] = data.reshape(rows, most)
+            return stop
+        within = np.arange(most)
+        kept[:, at:stop] = within < shaped.size
+        if len(data):
+            slots[:, at:stop] = data[np.minimum(start[:, np.newaxis] + within, len(data) - 1)]
+        return stop
+    if not most or shaped.words is None:
+        return stop
+    round_size = _ROUND_SIZES[most]
+    if most == round_size:
+        # Put into place while they are turned round.
+        strides = slots.strides[0], most
+        np.ndarray((rows, columns), f">i{most}", slots, at, strides)[...] = shaped.words
+    else:
+        whole = shaped.words.astype(f">i{round_size}", order="C").view(np.uint8).reshape(rows, columns, round_size)
+        slots[:, at:stop] = whole[:, :, round_size - most :].reshape(rows, -1)
+    for place in range(most):
+        np.greater_equal(shaped.size, most - place, out=kept[:, at + place : stop : most])
+    return stop
+
+
+def _put_varints(slots: U8, kept: Bool, at: int, numbers: I64, width: int) -> int:
+    """Write integers of variable length from a slot on, and return the slot behind them.
+
+    They are seven bits a byte, the highest ones first; all but the last byte have bit 7 set.
+    """
     for place in range(width):
         above = 7 * (width - 1 - place)
-        slots[:, place] = (numbers >> above & 0x7F) | (0x80 if above else 0)
+        slots[:, at + place] = (numbers >> above & 0x7F) | (0x80 if above else 0)
         if above:
-            kept[:, place] = numbers >= 1 << above
-    return _Slots(slots, kept)
+            kept[:, at + place] = numbers >= 1 << above
+    return at + width
+
+
+def _varint_width(numbers: I64) -> int:
+    return max(1, -(-int(numbers.max(initial=0)).bit_length() // 7))
+
+
+def _varint_bytes(numbers: I64) -> I64:
+    """Return how many bytes each integer takes."""
+    size = np.ones(len(numbers), np.int64)
+    for place in range(1, _varint_width(numbers)):
+        size += numbers >= 1 << 7 * place
+    return size
 
 
 def _varint(number: int) -> bytes:
-    slots = _varints(np.array([number]))
-    return slots.bytes[slots.kept].tobytes()
+    groups = [number >> 7 * place & 0x7F for place in range(max(1, -(-number.bit_length() // 7)))]
+    return bytes([*(group | 0x80 for group in groups[:0:-1]), groups[0]])
 
 
-def _lengths(parts: Sequence[_Slots], rows: int) -> I64:
-    total = np.zeros(rows, np.int64)
-    for part in parts:
-        total += np.count_nonzero(part.kept, axis=1)
+def _row_sums(size: Matrix) -> I64:
+    """Return the sums of the rows of small numbers, each at most 8."""
+    rows, columns = size.shape
+    total: I64
+    if size.dtype != np.uint8 or columns < 16:
+        total = size.sum(axis=1, dtype=np.int64)
+        return total
+    # Eight bytes at once are added up, as long as no sum needs a ninth bit.
+    whole = columns // 8 * 8
+    words: U64 = np.ndarray((rows, whole // 8), np.uint64, size, 0, (columns, 8))
+    total = size[:, whole:].sum(axis=1, dtype=np.int64)
+    for first in range(0, whole // 8, _SUMMED):
+        part = words[:, first : first + _SUMMED].sum(axis=1)
+        pairs = (part & _EVEN) + (part >> np.uint64(8) & _EVEN)
+        total += (pairs * _ONES >> np.uint64(48)).astype(np.int64)
     return total

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.capture.source import Source
     from nvscope.datalogger.configuration import Session
-    from nvscope.datalogger.losses import Judged
     from nvscope.datalogger.plan import Planned
     from nvscope.datalogger.session_log import SessionLog
 
@@ -190,32 +189,23 @@ def _sessions(config: Sequence[str]) -> list[Session]:
 def _logged(
     inquiry: Inquiry, planned: Sequence[Planned], *, quiet: bool, append: bool, document_style: bool
 ) -> tuple[Sequence[SessionLog], Source]:
-    """Log captures, which are read twice, or what comes live; whatever ends it, what was taken is written."""
-    from nvscope.datalogger.losses import Judged, Losses
+    """Log captures, or what comes live; whatever ends it, what was taken is written."""
+    from nvscope.cli.memory import keep_freed_memory
+    from nvscope.datalogger.judging import Judge, StateSoFar, WholeCapture
     from nvscope.datalogger.plan import data_log
 
-    layouts = inquiry.defined_layouts()
-    defined_ns = inquiry.project.definition.nominal_intervals_ns()
-    source = inquiry.open()
-    whole = inquiry.can_be_read_again
+    source, whole = inquiry.open(), inquiry.can_be_read_again
     state = None
+    judge: Judge
     if whole:
-        losses = Losses({key for one in planned for key in one.keys})
-        found = inquiry.analyze(causes=False, others=[losses])
-        known = Judged.of(found.summary, defined_ns, found.infos, losses.filled)
-
-        def judge() -> Judged:
-            return known
+        keep_freed_memory()
+        judge = WholeCapture(inquiry, {key for one in planned for key in one.keys}, holds_drops=_hold_drops(source))
     else:
-        from nvscope.datalogger.live_judge import LiveJudge
-
         state = inquiry.state()
-        judge = LiveJudge(state, defined_ns)
-        known = Judged()
+        judge = StateSoFar(state, inquiry.project.definition.nominal_intervals_ns(), source)
     log = data_log(
-        planned, layouts, known.intervals_ns or defined_ns, judge, (lambda: ()) if whole else (lambda: source.infos),
-        append=append, durable=not whole, document_style=document_style,
-    )  # fmt: skip
+        planned, inquiry.defined_layouts(), judge, append=append, durable=not whole, document_style=document_style
+    )
     try:
         if whole:
             for _ in inquiry.run(source, [log]):
@@ -228,6 +218,14 @@ def _logged(
     finally:
         log.end()
     return log.sessions, source
+
+
+def _hold_drops(source: Source) -> bool:
+    """Return whether captures are of formats that say what was lost."""
+    from nvscope.capture.formats import FORMATS
+
+    holding = {known.name for known in FORMATS if known.holds_drops}
+    return any(info.format in holding for info in source.infos)
 
 
 def _tell_of_left_out(planned: Sequence[Planned]) -> None:

@@ -10,37 +10,40 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from nvscope.datalogger.rows import Rows
+from nvscope.expression.typed_columns import Numbers
 
 
 class Counts:
     """Counts the changes of each variable: 0 for its first value, 1 more for each other value than the one before."""
 
-    def __init__(self, variables: int) -> None:
-        self._cells = np.zeros(variables, np.int64)
+    def __init__(self, variables: int, dtype: str) -> None:
+        self._cells: Numbers = np.zeros(variables, dtype)
         self._counts = np.full(variables, -1, np.int64)
 
-    def take(self, cells: I64, own: Bool) -> tuple[I64, I64]:
+    def take(self, cells: Numbers, own: Bool | None) -> tuple[Numbers, I64]:
         """Return the values of data sets, (n, v), and the counts behind each.
 
         Where a value is not its data set's own, the one before stands in its place.
         """
         rows = len(cells)
-        if not own.all():
+        if own is not None:
             above = np.where(own, np.arange(rows)[:, np.newaxis], -1)
             last = np.maximum.accumulate(above, axis=0)
             cells = np.where(last >= 0, np.take_along_axis(cells, np.maximum(last, 0), axis=0), self._cells)
             known_before = np.concatenate([(self._counts >= 0)[np.newaxis], (last[:-1] >= 0) | (self._counts >= 0)])
         else:
-            known_before = np.ones(own.shape, np.bool_)
+            known_before = np.ones(cells.shape, np.bool_)
             known_before[0] = self._counts >= 0
         before = np.concatenate([self._cells[np.newaxis], cells[:-1]])
-        changed = own & ((cells != before) | ~known_before)
+        changed = (cells != before) | ~known_before
+        if own is not None:
+            changed &= own
         counts = self._counts + np.cumsum(changed, axis=0)
         self._cells, self._counts = cells[-1].copy(), counts[-1].copy()
         return cells, counts
 
     @property
-    def cells(self) -> I64:
+    def cells(self) -> Numbers:
         """The last values, to be changed in place."""
         return self._cells
 
@@ -60,7 +63,9 @@ class Changed:
         if not len(rows):
             return rows
         before = np.concatenate([self._counts[np.newaxis], rows.counts[:-1]])
-        differs = rows.own & (rows.counts != before)
+        differs = rows.counts != before
+        if rows.own is not None:
+            differs &= rows.own
         kept = differs.any(axis=1)
         self._counts = rows.counts[-1].copy()
         losses = np.cumsum(~rows.consistent)

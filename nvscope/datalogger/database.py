@@ -153,7 +153,10 @@ class Database:
         # As controllers have them; both have to be said before the first table is made.
         execute("PRAGMA page_size = 4096")
         execute("PRAGMA auto_vacuum = FULL")
-        execute(f"PRAGMA synchronous = {'FULL' if self._durable else 'OFF'}")
+        if not self._durable:
+            # Nobody waits for a power cut, or looks at the file, while a capture is turned into it.
+            execute("PRAGMA synchronous = OFF")
+            execute("PRAGMA main.locking_mode = EXCLUSIVE")
         execute(f"ATTACH '{_IN_MEMORY}' AS {_IMAGE}")
 
     def _check(self, *, append: bool) -> None:
@@ -180,13 +183,11 @@ class Database:
 
     def _image(self, leaves: Leaves) -> bytes:
         """Return a database that holds some rows."""
-        first = len(self._template) // PAGE_BYTES + 1
-        image = bytearray(self._template)
-        root, pages = leaves.tree(first)
-        image[(self._root - 1) * PAGE_BYTES : self._root * PAGE_BYTES] = root
-        image += b"".join(pages)
-        image[_PAGES_AT : _PAGES_AT + 4] = (len(image) // PAGE_BYTES).to_bytes(4, "big")
-        return bytes(image)
+        template, known = self._template, len(self._template) // PAGE_BYTES
+        root, pages = leaves.tree(known + 1)
+        count = (known + len(pages)).to_bytes(4, "big")
+        front = template[_PAGES_AT + 4 : (self._root - 1) * PAGE_BYTES]
+        return b"".join([template[:_PAGES_AT], count, front, root, template[self._root * PAGE_BYTES :], *pages])
 
     def _undo(self) -> None:
         try:

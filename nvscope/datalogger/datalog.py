@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64
-from nvscope.capture.source import SourceInfo
-from nvscope.datalogger.losses import STOPPED_INTERVALS, Judged, Losses, drops_behind
+from dissectors.batch import I64, Bool
+from nvscope.datalogger.judging import Judge
+from nvscope.datalogger.losses import STOPPED_INTERVALS, Drops, Losses
 from nvscope.datalogger.session_log import SessionLog
 from nvscope.engine.told import Told
 from nvscope.list_key import ListKey
@@ -21,22 +21,19 @@ _NEVER = -(1 << 63)
 class DataLog:
     """Logs sessions whose variables are those of ``telegrams``.
 
-    ``judge`` says what is known of senders; it is asked when it matters. ``infos`` tells what sources say, where they
-    are live: what they lose is lost in front of the next row of each session.
+    ``judge`` says what is known of senders; it is asked when it matters. What live sources lose, is lost in front of
+    the next row of each session.
     """
 
     by_stream: ClassVar[bool] = True
 
-    def __init__(
-        self, telegrams: DefinedTelegrams, sessions: Sequence[SessionLog], judge: Callable[[], Judged],
-        infos: Callable[[], Sequence[SourceInfo]] = tuple,
-    ) -> None:  # fmt: skip
+    def __init__(self, telegrams: DefinedTelegrams, sessions: Sequence[SessionLog], judge: Judge) -> None:
         self.sessions = sessions
         self._telegrams = telegrams
         self._judge = judge
-        self._infos = infos
         self._losses = Losses(telegrams.keys)
-        self._stops = _Stops(telegrams)
+        self._stops = _Stops(telegrams, judge)
+        self._captured = Drops(judge.lost)
         self._drops: int | None = None
 
     def observe(self, told: Told) -> None:
@@ -44,10 +41,9 @@ class DataLog:
         self._telegrams.observe(told)
         self._losses.observe(told)
         rows = self._telegrams.rows
-        judged = self._judge()
-        dropped = drops_behind(judged.lost, told.packets.ts_ns, np.arange(len(told)) + told.first_frame)
-        gaps = self._losses.behind(judged)
-        stopped = self._stops.behind(rows, judged.intervals_ns)
+        dropped = self._captured.behind(told.packets.ts_ns, told.first_frame)
+        gaps = self._losses.behind(self._judge.judged()) if self._losses.gaps else {}
+        stopped = self._stops.behind(rows)
         if told.is_deaf:
             self._stops.forget()
         lost = self._lost_by_sources()
@@ -64,19 +60,21 @@ class DataLog:
 
     def _lost_by_sources(self) -> bool:
         """Return whether sources have lost packets since the batch before."""
-        before, self._drops = self._drops, sum(info.drops or 0 for info in self._infos())
+        before, self._drops = self._drops, sum(info.drops or 0 for info in self._judge.infos)
         return before is not None and self._drops > before
 
 
 class _Stops:
     """Finds the telegrams with which lists come back that had stopped."""
 
-    def __init__(self, telegrams: DefinedTelegrams) -> None:
+    def __init__(self, telegrams: DefinedTelegrams, judge: Judge) -> None:
         self._keys = telegrams.keys
+        self._judge = judge
+        self._least_ns = judge.least_ns
         self._number = np.array([place.number for place in telegrams.places], np.int64)
         self._last_ns = np.full(len(self._keys), _NEVER)
 
-    def behind(self, rows: DefinedRows, intervals_ns: Mapping[ListKey, int]) -> Mapping[ListKey, I64]:
+    def behind(self, rows: DefinedRows) -> Mapping[ListKey, I64]:
         """Return the frames, by list, behind which a list was silent for more than ten intervals."""
         if not len(rows):
             return {}
@@ -87,19 +85,32 @@ class _Stops:
             time_ns = rows.ts_ns[own]
             before = np.append(self._last_ns[one], time_ns[:-1])
             self._last_ns[one] = time_ns[-1]
-            interval_ns = _interval_of(self._keys[one], intervals_ns)
-            if interval_ns:
-                late = (before > _NEVER) & (time_ns > before + STOPPED_INTERVALS * interval_ns)
-                if late.any():
-                    found[self._keys[one]] = rows.frame[own[late]]
+            late = self._late(self._keys[one], before, time_ns)
+            if late.any():
+                found[self._keys[one]] = rows.frame[own[late]]
         return found
+
+    def _late(self, key: ListKey, before: I64, time_ns: I64) -> Bool:
+        """Return which telegrams come back after a stop; what is known of all of the list is asked for if it may be."""
+        interval_ns = self._least_ns.get(key)
+        known = before > _NEVER
+        if interval_ns is not None:
+            if not interval_ns:
+                return np.zeros(len(time_ns), np.bool_)
+            late: Bool = known & (time_ns > before + STOPPED_INTERVALS * interval_ns)
+            if not late.any():
+                return late
+        interval_ns = interval_of(key, self._judge.judged().intervals_ns)
+        if not interval_ns:
+            return np.zeros(len(time_ns), np.bool_)
+        return known & (time_ns > before + STOPPED_INTERVALS * interval_ns)
 
     def forget(self) -> None:
         """Let what comes next follow nothing: nobody captured for a while."""
         self._last_ns[:] = _NEVER
 
 
-def _interval_of(key: ListKey, intervals_ns: Mapping[ListKey, int]) -> int | None:
+def interval_of(key: ListKey, intervals_ns: Mapping[ListKey, int]) -> int | None:
     """Return the interval of a list, of one that is defined for any channel the longest there is."""
     if key in intervals_ns:
         return intervals_ns[key]

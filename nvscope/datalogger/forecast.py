@@ -108,12 +108,12 @@ def row_size(planned: Planned) -> int:
             half[:, one.type.size_bytes // 2 :] = 0
             cells[:, column] = texts.numbers(one.type, half)
         elif one.content is Content.REAL:
-            cells[:, column] = np.array([0.1]).view(np.int64)[0]
+            size = one.type.size_bytes
+            cells[:, column] = np.array([0.1], f"f{size}").view(f"i{size}")[0]
         else:
             cells[:, column] = (1 << 8 * one.type.size_bytes - 2) - 1
-    own = np.ones(cells.shape, np.bool_)
     counts = np.full(cells.shape, 1 << 16, np.int64)
-    rows = Rows(np.zeros(_ROWS, np.int64), np.ones(_ROWS, np.bool_), cells, own, counts)
+    rows = Rows(np.zeros(_ROWS, np.int64), np.ones(_ROWS, np.bool_), cells, None, counts)
     columns = TableColumns(logged, texts, raw=session.raw, only_changes=session.only_changes, document_style=False).of(
         rows
     )

@@ -41,6 +41,10 @@ class Instants:
     frame: I64
     begins: bool = False
 
+    def take(self, rows: slice) -> Instants:
+        """Return some of them, which follow each other."""
+        return Instants(self.time_ns[rows], self.frame[rows], self.begins and not rows.start)
+
 
 class Interval:
     """Instants in an interval, as packets come."""

@@ -157,16 +157,21 @@ class Losses:
                     self.filled.add((gap.walk, gap.frame))
 
 
-def drops_behind(lost: Iterable[LostSpan], time_ns: I64, frame: I64) -> I64:
-    """Return the frames behind which packets were lost while capturing, given the times of some frames; rising.
+class Drops:
+    """When packets were lost while capturing, each of which is told once."""
 
-    It is the first frame of which the source says that it came behind a loss, else the first one since that.
-    """
-    found = []
-    for span in lost:
-        when = span.until_ns if span.until_ns is not None else span.since_ns
-        if when is not None:
-            after = np.flatnonzero(time_ns >= when)
-            if len(after) and (not after[0] or time_ns[after[0] - 1] < when):
-                found.append(int(frame[after[0]]))
-    return np.array(sorted(set(found)), np.int64)
+    def __init__(self, lost: Iterable[LostSpan]) -> None:
+        # Where nobody says until when, it is the first packet since.
+        times = ((span.since_ns if span.until_ns is None else span.until_ns) for span in lost)
+        self._waiting = sorted(when for when in times if when is not None)
+
+    def behind(self, time_ns: I64, first_frame: int) -> I64:
+        """Return the frames behind which packets were lost, given the times of frames that follow; rising."""
+        found = set()
+        while self._waiting and len(time_ns):
+            after = np.flatnonzero(time_ns >= self._waiting[0])
+            if not len(after):
+                break
+            del self._waiting[0]
+            found.add(int(after[0]) + first_frame)
+        return np.array(sorted(found), np.int64)

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dissectors.batch import Bool
-from nvscope.capture.source import SourceInfo
 from nvscope.datalogger.configuration import Session
 from nvscope.datalogger.database import Database, closed_files, table_of
-from nvscope.datalogger.datalog import DataLog
+from nvscope.datalogger.datalog import DataLog, interval_of
 from nvscope.datalogger.instants import Cycles, Interval
+from nvscope.datalogger.judging import Judge
 from nvscope.datalogger.logged import Logged, Resolved, list_of_task, resolve, task_list
-from nvscope.datalogger.losses import Judged
 from nvscope.datalogger.session_log import Schedule, SessionLog
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.project_datalogger import DataLoggerSettings
@@ -157,10 +156,9 @@ def check_files(planned: Sequence[Planned], inputs: Callable[[str], bool], *, ap
 
 
 def data_log(
-    planned: Sequence[Planned], layouts: Layouts, intervals_ns: Mapping[ListKey, int], judge: Callable[[], Judged],
-    infos: Callable[[], Sequence[SourceInfo]], *, append: bool, durable: bool, document_style: bool,
-) -> DataLog:  # fmt: skip
-    """Return what logs sessions, with their files open; ``intervals_ns`` are those of lists, as far as they are known.
+    planned: Sequence[Planned], layouts: Layouts, judge: Judge, *, append: bool, durable: bool, document_style: bool
+) -> DataLog:
+    """Return what logs sessions, with their files open.
 
     Raises CaptureError and UsageError where one of the files cannot be written; then none is left open.
     """
@@ -174,7 +172,7 @@ def data_log(
             database.open(append=append)
             logs.append(
                 SessionLog(
-                    one.session, one.logged, _schedules(one, telegrams, intervals_ns), telegrams.places, telegrams.keys,
+                    one.session, one.logged, _schedules(one, telegrams, judge), telegrams.places, telegrams.keys,
                     database, document_style=document_style, goes_on=goes_on,
                 )
             )  # fmt: skip
@@ -182,21 +180,24 @@ def data_log(
         for log in logs:
             log.end()
         raise
-    return DataLog(telegrams, logs, judge, infos)
+    return DataLog(telegrams, logs, judge)
 
 
-def _schedules(planned: Planned, telegrams: DefinedTelegrams, intervals_ns: Mapping[ListKey, int]) -> list[Schedule]:
+def _schedules(planned: Planned, telegrams: DefinedTelegrams, judge: Judge) -> list[Schedule]:
     if not planned.tasks:
         return [Schedule(Interval(planned.session.sampling_ns))]
-    found = [Schedule(_cycles(key, telegrams, intervals_ns), columns) for key, columns in planned.tasks]
+    found = [Schedule(_cycles(key, telegrams, judge), columns) for key, columns in planned.tasks]
     if planned.rest is not None:
         found.append(Schedule(Interval(planned.session.sampling_ns), planned.rest))
     return found
 
 
-def _cycles(key: ListKey, telegrams: DefinedTelegrams, intervals_ns: Mapping[ListKey, int]) -> Cycles:
+def _cycles(key: ListKey, telegrams: DefinedTelegrams, judge: Judge) -> Cycles:
     number = telegrams.keys.index(key)
     own: Collection[int] = [place for place, one in enumerate(telegrams.places) if one.number == number]
-    interval_ns = next((told for one, told in intervals_ns.items() if key in {one, one.on_any_channel} and told), None)
-    apart_ns = interval_ns // 2 if interval_ns else _APART_NS
-    return Cycles(sorted(own), [telegrams.places[place].layout.subindex for place in own], apart_ns)
+    subindexes = [telegrams.places[place].layout.subindex for place in own]
+    apart_ns = _APART_NS
+    if max(subindexes, default=0):
+        interval_ns = judge.least_ns.get(key) or interval_of(key, judge.judged().intervals_ns)
+        apart_ns = interval_ns // 2 if interval_ns else _APART_NS
+    return Cycles(sorted(own), subindexes, apart_ns)

@@ -27,6 +27,9 @@ from nvscope.engine.told import Told
 from nvscope.list_key import ListKey
 from nvscope.view.rows.defined import DefinedRows, Place
 
+_CELLS_AT_ONCE = 1 << 17
+"""So many values are looked at in one go: they stay near the processor."""
+
 _BLOCKS_KEPT = 4
 """While another program holds the file, so many blocks wait for it; then the oldest rows are lost."""
 
@@ -75,7 +78,7 @@ class SessionLog:
         self._schedules = schedules
         self._texts = Texts()
         self._samples = Samples(logged, places, keys, self._texts)
-        self._counts = Counts(len(logged))
+        self._counts = Counts(len(logged), self._samples.dtype) if session.only_changes else None
         self._ring = Ring(session.capacity, None if _at_once(schedules) else session.publish_ns)
         self._changed = Changed(len(logged)) if session.only_changes else None
         self._columns = TableColumns(
@@ -84,6 +87,7 @@ class SessionLog:
         # What was before the first row, nobody recorded; of a new series there is nothing before it.
         self._first_consistent = not (document_style or goes_on)
         self._database = database
+        self._at_once = max(_CELLS_AT_ONCE // max(len(logged), 1), 1)
         self._waiting: list[Rows] = []
         self._losses = np.empty(0, np.int64)
         self._lost = False
@@ -94,11 +98,13 @@ class SessionLog:
         self._losses = np.concatenate([self._losses, losses])
         self._samples.begin(rows)
         for instants, own in self._instants(told, rows):
-            self._sample(instants, own)
+            for part in range(0, len(instants.frame), self._at_once):
+                rest = slice(part, part + self._at_once)
+                self._sample(instants.take(rest), own[rest] if own is not None and own.ndim == 2 else own)
         self._samples.end()
         now_ns = told.until_ns
         if now_ns is not None:
-            self._publish(self._ring.take(Rows.none(len(self.logged)), now_ns))
+            self._publish(self._ring.take(Rows.none(), now_ns))
         if len(self._texts) > MOST_KEPT:
             self._forget_texts()
 
@@ -149,10 +155,9 @@ class SessionLog:
     def _sample(self, instants: Instants, own: Bool | None) -> None:
         cells, known = self._samples.at(instants.frame)
         if own is not None:
-            known &= own
+            known = np.broadcast_to(own, cells.shape) if known is None else known & own
         consistent = self._consistent(instants)
-        any_known = known.any(axis=1)
-        if not any_known.all():
+        if known is not None and not (any_known := known.any(axis=1)).all():
             if not any_known.any():
                 return
             instants = Instants(instants.time_ns[any_known], instants.frame[any_known])
@@ -161,7 +166,10 @@ class SessionLog:
         if not self.counted.samples:
             consistent[0] = self._first_consistent
         self.counted.samples += len(cells)
-        cells, counts = self._counts.take(cells, known)
+        if self._counts is None:
+            counts = np.empty((len(cells), 0), np.int64)
+        else:
+            cells, counts = self._counts.take(cells, known)
         before = self._ring.overwritten
         self._publish(self._ring.take(Rows(instants.time_ns, consistent, cells, known, counts)))
         self.counted.overwritten += self._ring.overwritten - before
@@ -213,7 +221,7 @@ class SessionLog:
     def _write_block(self, block: Rows) -> None:
         if self._database.begins and self.session.only_changes:
             # A file can be read by itself: its first row has all that is known.
-            own = block.own.copy()
+            own = block.owned.copy()
             own[0] = block.counts[0] >= 0
             block = Rows(block.time_ns, block.consistent, block.cells, own, block.counts)
         self._database.write(self._columns.of(block), len(block))
@@ -229,7 +237,8 @@ class SessionLog:
         held = self._ring.held
         kept = [*self._waiting, *([] if held is None else [held])]
         columns = [rows.cells[:, place] for rows in kept for place in self._text_columns]
-        columns += [self._counts.cells[place : place + 1] for place in self._text_columns]
+        if self._counts is not None:
+            columns += [self._counts.cells[place : place + 1] for place in self._text_columns]
         self._texts.keep_only([*columns, *self._samples.text_cells()])
 
 

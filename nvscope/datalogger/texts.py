@@ -9,6 +9,7 @@ import numpy as np
 from dissectors.batch import I64, U8
 from dissectors.datalogger.leaves import TextColumn
 from nvscope.definition.variables import String
+from nvscope.expression.typed_columns import Numbers
 from nvscope.view.rows.utf8 import latin_column, utf16_column
 
 MOST_KEPT = 1 << 16
@@ -37,14 +38,14 @@ class Texts:
         told: I64 = np.array(numbers, np.int64)[np.cumsum(new) - 1]
         return told
 
-    def column(self, numbers: I64) -> TextColumn:
+    def column(self, numbers: Numbers) -> TextColumn:
         """Return texts as a column; a number that there is not is an empty text."""
         used = [self._texts[one] if 0 <= one < len(self._texts) else b"" for one in numbers.tolist()]
         stop = np.cumsum(np.array([len(text) for text in used], np.int64))
         length = np.array([len(text) for text in used], np.int64)
         return TextColumn(np.frombuffer(b"".join(used), np.uint8), stop - length, stop)
 
-    def keep_only(self, cells: list[I64]) -> None:
+    def keep_only(self, cells: list[Numbers]) -> None:
         """Forget all texts but those of some columns, whose numbers become others, in place."""
         texts, self._texts, self._numbers = self._texts, [], {}
         for column in cells:
