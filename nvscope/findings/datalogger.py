@@ -21,6 +21,7 @@ LOSS_TOLD = FindingKind(
         "Raise bufferCapacity or writeInterval, or log fewer variables, less often.",
         "Of files beyond 10 MB: lower deleteRatio, or roll over to another file (`rollover`).",
     ),
+    of_databases=True,
     judged=False,
 )
 LOSS_NOT_TOLD = FindingKind(
@@ -43,6 +44,7 @@ LOSS_NOT_TOLD = FindingKind(
         "Without --config the interval is the median of the table: name the configuration to judge by what was asked "
         "for.",
     ),
+    of_databases=True,
     judged=False,
 )
 CHANGES_MISSED = FindingKind(
@@ -62,6 +64,7 @@ CHANGES_MISSED = FindingKind(
         "Do not count or time changes of this variable around these rows.",
         "Raise bufferCapacity; write to a faster card, or into RAM.",
     ),
+    of_databases=True,
     judged=False,
 )
 COUNTER_CORRUPT = FindingKind(
@@ -82,6 +85,7 @@ COUNTER_CORRUPT = FindingKind(
         "Compare with the original file on the controller.",
         "Of restarts: compare with the controller's log of starts and downloads.",
     ),
+    of_databases=True,
     judged=False,
 )
 CLOCK_SET = FindingKind(
@@ -100,6 +104,7 @@ CLOCK_SET = FindingKind(
         "Synchronize the controller by NTP before logging starts.",
         "Order by rowid, not by Timestamp.",
     ),
+    of_databases=True,
     judged=False,
 )
 MIXED_TIME = FindingKind(
@@ -116,6 +121,7 @@ MIXED_TIME = FindingKind(
         "rows of several databases were put together",
     ),
     next_steps=("Begin a new file when tsfmt changes. Convert before you sort: nvscope reads both forms as UTC.",),
+    of_databases=True,
     judged=False,
 )
 DOCUMENT_STYLE = FindingKind(
@@ -129,6 +135,7 @@ DOCUMENT_STYLE = FindingKind(
     ),
     causes=("a program that writes as the document shows it", "`nvscope datalog --document-style`", "edited rows"),
     next_steps=("Look for changes by the value, or by a counter that differs from the one before.",),
+    of_databases=True,
     judged=False,
 )
 CHANGE_WITHOUT_CHANGE = FindingKind(
@@ -144,6 +151,7 @@ CHANGE_WITHOUT_CHANGE = FindingKind(
         "a program that stores every value in a table of changes",
     ),
     next_steps=("Compare neighbours where changes are counted.",),
+    of_databases=True,
     judged=False,
 )
 SERIES_BROKEN = FindingKind(
@@ -164,5 +172,6 @@ SERIES_BROKEN = FindingKind(
         "Copy the file again from the controller: closed files (with a number) do not change any more.",
         "What SQLite can still find: `sqlite3 FILE .recover`.",
     ),
+    of_databases=True,
     judged=False,
 )

@@ -15,7 +15,7 @@ from nvscope.capture.datalogger.damage import Damage, Damages
 from nvscope.capture.datalogger.database import LogDatabase, opened
 from nvscope.capture.datalogger.schema import StoredTable
 from nvscope.datalogger.audit.chunk import Chunk, chunk_of
-from nvscope.datalogger.audit.finding import MOST_FINDINGS, Finding
+from nvscope.datalogger.audit.finding import MOST_FINDINGS, MOST_ROWS, Finding
 from nvscope.datalogger.audit.series import Member, Series, series_of
 from nvscope.datalogger.audit.table_audit import TableAudit
 from nvscope.errors import NvscopeError
@@ -138,17 +138,14 @@ class _Reading:
                 told.notes += database.notes
                 self._read_tables(database, told)
         except OSError as error:
-            self._cannot(told, error.strerror or str(error), "")
+            self._cannot(told, error.strerror or str(error), "check the name and who may read it")
         except NvscopeError as error:
             self._cannot(told, error.what, error.next_step)
         changed = sqlite_file.state(member.path) != before
         if changed:
             told.notes.append("it was written while it was read: audit it again, or a copy of it")
         if told.status == "damaged" and not changed:
-            rows = tuple(row for damage in told.damages for row in damage.rows)[:10]
-            self._of_files.append(
-                Finding(SERIES_BROKEN, SERIES_BROKEN.severity, _in_words(told), told.path, count=told.faults, rows=rows)
-            )
+            self._of_files.append(_damaged(told))
 
     def _cannot(self, told: AuditedFile, what: str, next_step: str) -> None:
         told.status, told.what, told.next_step = "unreadable", what, next_step
@@ -213,14 +210,22 @@ class _Reading:
             self._stretches[key] += 1
 
 
+def _damaged(told: AuditedFile) -> Finding:
+    """Return what is said of a damaged file, with the rows that are lost if all of these have ids."""
+    lost = sum(damage.row_count for damage in told.damages)
+    named = lost and all(damage.row_count for damage in told.damages)
+    rows = tuple(row for damage in told.damages for row in damage.rows)[:MOST_ROWS] if named else ()
+    count = lost if named else told.faults
+    return Finding(SERIES_BROKEN, SERIES_BROKEN.severity, _in_words(told), told.path, count=count, rows=rows)
+
+
 def _in_words(told: AuditedFile) -> str:
-    first = str(told.damages[0]) if told.damages else ""
+    parts = [next((note for note in told.notes if note.startswith("cut short")), "damaged")]
+    if told.damages:
+        parts.append(str(told.damages[0]))
     more = f"; {units.count_of(told.faults, 'fault')} in all" if told.faults > 1 else ""
-    cut = next((note for note in told.notes if note.startswith("cut short")), "")
-    return (
-        f"{cut or 'Damaged'}{': ' if first else ''}{first}{more}."[:1].upper()
-        + f"{cut or 'Damaged'}{': ' if first else ''}{first}{more}."[1:]
-    )
+    sentence = f"{': '.join(parts)}{more}."
+    return sentence[0].upper() + sentence[1:]
 
 
 def _told_of(series: Series) -> list[str]:

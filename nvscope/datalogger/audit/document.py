@@ -8,6 +8,7 @@ from typing import Any
 from nvscope.datalogger.audit.audit import Audit, AuditedFile, AuditedTable
 from nvscope.datalogger.audit.finding import Finding
 from nvscope.datalogger.audit.values import Figures, Value
+from nvscope.version import head
 from nvscope.view.escape import visible
 
 SCHEMA = "nvscope.audit/1"
@@ -16,7 +17,7 @@ SCHEMA = "nvscope.audit/1"
 def document(audit: Audit) -> dict[str, Any]:
     """Return the document; times are texts of nanoseconds since 1970, as everywhere."""
     return {
-        "schema": SCHEMA,
+        **head(SCHEMA),
         "files": [_file(one) for one in audit.files],
         "tables": [_table(one) for one in audit.tables],
         "findings": [_finding(one) for one in audit.findings],
@@ -69,6 +70,7 @@ def _table(table: AuditedTable) -> dict[str, Any]:
         "missing_ns": audit.missing_ns,
         "gaps_told": audit.told,
         "gaps_not_told": audit.untold,
+        "gaps_unread": audit.unread,
         "restarts": audit.restarts,
         "variables": [
             _variable(one.name, one.declared, figures)

@@ -47,7 +47,7 @@ def lines(audit: Audit, width: int, *, wide: bool = False, every: bool = False) 
         yield from wrap([Cell(visible(told), tone)], width, _INDENT, 2 * _INDENT)
     for note in audit.notes:
         yield from wrap([Cell(visible(note), Tone.FAINT)], width, _INDENT, 2 * _INDENT)
-    for group in groups(audit.findings):
+    for group in groups(audit):
         yield []
         head = f"{group.kind.code} {group.kind.name}"
         yield [SYMBOLS[group.severity], Cell(" "), Cell(head, Tone.STRONG)]
@@ -100,7 +100,10 @@ def _strip(table: AuditedTable, width: int) -> Iterator[Line]:
     if not marks or audit.first_ns is None or audit.last_ns is None:
         return
     yield [Cell(" " * _INDENT), Cell(drawn(marks, only_changes=audit.table.only_changes))]
-    first, last = (units.clock_time(time_ns, utc=True, digits=0) for time_ns in (audit.first_ns, audit.last_ns))
+    ends = (audit.first_ns, audit.last_ns)
+    one_day = len({units.date(time_ns, utc=True) for time_ns in ends}) == 1
+    tell = units.clock_time if one_day else units.absolute_time
+    first, last = (tell(time_ns, utc=True, digits=0) for time_ns in ends)
     space = room - len(first) - len(last)
     if space > 0:
         yield [Cell(" " * _INDENT), Cell(first, Tone.FAINT), Cell(" " * space), Cell(last, Tone.FAINT)]

@@ -23,7 +23,7 @@ def markdown(audit: Audit) -> Iterator[str]:
     if told:
         yield ""
         yield from (f"- {markdown_safe(one)}" for one in told)
-    for group in groups(audit.findings):
+    for group in groups(audit):
         yield ""
         yield f"- **{group.severity.word} {group.kind.code} {group.kind.name}**"
         for finding in group.shown:

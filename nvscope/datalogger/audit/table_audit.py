@@ -25,6 +25,9 @@ _HOUR_NS = 3_600_000_000_000
 _MOST_MARKED = 10_000
 """So many gaps of a table are drawn one by one."""
 
+_UNTIMED = 1 << 32
+"""Added to the number of a stretch for each row in front that has no time."""
+
 _FORMS = {Stamp.ISO: "iso", Stamp.RAW_UTC: "raw", Stamp.RAW_UNSPECIFIED: "raw", Stamp.RAW_LOCAL: "raw"}
 
 
@@ -49,7 +52,7 @@ class TableAudit:
     def __init__(self, table: LogTable, encoding: str, asked_ns: int | None, known_ns: int | None = None) -> None:
         self.table = table
         self.names = tuple(one.name for one in table.variables)
-        self.rows = self.untimed = self.told = self.untold = self.missing_ns = self.restarts = 0
+        self.rows = self.untimed = self.told = self.untold = self.unread = self.missing_ns = self.restarts = 0
         self.first_ns: int | None = None
         self.last_ns: int | None = None
         self.strip = TimeStrip()
@@ -65,7 +68,7 @@ class TableAudit:
         self.overlaps: dict[int, int] = {}
         """By how much a file, by its number here, begins before the one before it ends."""
         self._begun = False
-        self._marked = 0
+        self._marked = self._untimed_before = 0
 
     def begin_file(self, path: str, encoding: str) -> None:
         """Say which file the next rows are of."""
@@ -194,7 +197,10 @@ class TableAudit:
         for gone, other in self.tasks.merged:
             self._join(gone, other)
         # A row without a time leaves open how long it was to the next one.
-        stretch = chunk.stretch if timed.all() else chunk.stretch + np.cumsum(~timed) * (1 << 40)
+        stretch = chunk.stretch + self._untimed_before * _UNTIMED
+        if not timed.all():
+            stretch += np.cumsum(~timed) * _UNTIMED
+            self._untimed_before = self.untimed
         for group, rows in groups:
             task = self._of_task.setdefault(group, _Task(self._new_intervals()))
             task.rows += len(chunk) if rows is None else len(rows)
@@ -234,6 +240,12 @@ class TableAudit:
                 self._decide(task, fix=True)
         else:
             self._note_uncovered(chunk, rows, before_ns, follows & (length_ns > 0))
+        if not follows.all():
+            before = np.concatenate([[task.stretch], of_stretch[:-1]])
+            unread = (before >= 0) & (before % _UNTIMED != of_stretch % _UNTIMED) & (length_ns > 0)
+            self.unread += int(np.count_nonzero(unread))
+            self.missing_ns += int(length_ns[unread].sum())
+            self._mark(Mark.UNREAD, before_ns[unread], time_ns[unread])
         task.time_ns, task.stretch = int(time_ns[-1]), int(of_stretch[-1])
         task.local, task.file = bool(local[-1]), current
 

@@ -23,7 +23,8 @@ class Mark(IntEnum):
     STARTED = 2
     TOLD = 3
     CLOCK_SET = 4
-    GAP = 5
+    UNREAD = 5
+    GAP = 6
 
 
 MARKS: Mapping[Mark, tuple[str, str]] = {
@@ -32,17 +33,19 @@ MARKS: Mapping[Mark, tuple[str, str]] = {
     Mark.STARTED: ("R", "started anew"),
     Mark.TOLD: ("▒", "loss told"),
     Mark.CLOCK_SET: ("!", "clock set"),
+    Mark.UNREAD: ("?", "cannot be read, or file missing"),
     Mark.GAP: ("×", "rows missing, not told"),
 }
 """The character of each mark, and what it says."""
 
 NO_CHANGE = "─"
-"""What stands for ``NOTHING`` in a table of changes: no row says that nothing has changed."""
+"""What stands for ``NOTHING`` in a table of changes, in which no row says that nothing has changed. Elsewhere it is
+between two rows, and what is missing there has a mark of its own."""
 
 
 def drawn(marks: Sequence[Mark], *, only_changes: bool) -> str:
     """Return a strip as characters."""
-    nothing = NO_CHANGE if only_changes else MARKS[Mark.NOTHING][0]
+    nothing = NO_CHANGE if only_changes else MARKS[Mark.ROWS][0]
     return "".join(nothing if mark is Mark.NOTHING else MARKS[mark][0] for mark in marks)
 
 

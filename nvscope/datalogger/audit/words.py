@@ -53,15 +53,16 @@ def coverage(table: AuditedTable) -> str:
     audit = table.audit
     if audit.covered is None:
         return ""
-    gaps = audit.told + audit.untold
+    gaps = audit.told + audit.untold + audit.unread
     share = units.percent(round(audit.covered * 1_000_000), 1_000_000)
     if gaps and share == "100 %":
         share = "nearly 100 %"
     if not gaps:
         what = "no loss is told" if audit.table.only_changes else "no gap"
         return f"{share} of the time covered: {what}"
-    told = f", {audit.told} of them told" if audit.told else ", none of them told"
-    missing = f"{units.duration(audit.missing_ns)} missing in {units.count_of(gaps, 'gap')}{told}"
+    kinds = ((audit.told, "told by the logger"), (audit.untold, "not told"), (audit.unread, "not readable"))
+    listed = ", ".join(f"{units.count(number)} {what}" for number, what in kinds if number)
+    missing = f"{units.duration(audit.missing_ns)} missing in {units.count_of(gaps, 'gap')} ({listed})"
     return f"{share} of the time covered: {missing}"
 
 
@@ -96,8 +97,10 @@ class Group:
         return f"and {units.count_of(places, 'place')} more in {where}; --json has all"
 
 
-def groups(findings: Sequence[Finding]) -> list[Group]:
-    """Return findings by their kind, the worst first."""
+def groups(audit: Audit) -> list[Group]:
+    """Return findings by their kind, the worst first; what is said of files that cannot be read is none of them."""
+    unreadable = {file.path for file in audit.files if file.status == "unreadable"}
+    findings = [one for one in audit.findings if one.file not in unreadable]
     found: dict[tuple[str, Severity], list[Finding]] = {}
     for one in findings:
         found.setdefault((one.kind.code, one.severity), []).append(one)
