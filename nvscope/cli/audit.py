@@ -44,6 +44,8 @@ def audit(
         raise UsageError("--json is for programs, --md for people", next_step="leave one of them out")
     if not files:
         raise UsageError("no database is named", next_step="nvscope audit FILE.db")
+    if "" in files:
+        raise UsageError("the name of a database is empty", next_step="leave it out, or name a file")
     asked_ns = _interval_ns(config)
 
     from nvscope.cli.read_progress import ReadProgress
