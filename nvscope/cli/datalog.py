@@ -45,9 +45,14 @@ class _Sources(Group):
             args = [_LOG, *args]
         return super().parse_args(ctx, args)
 
-    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        name, command, rest = super().resolve_command(ctx, args)
-        return ("" if name == _LOG else name), command, rest
+
+class _Log(Command):
+    """What is done without a verb is called as the whole."""
+
+    def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
+        if parent is not None:
+            info_name, parent = parent.info_name, parent.parent
+        return super().make_context(info_name, args, parent, **extra)
 
 
 app = typer.Typer(rich_markup_mode=None, cls=_Sources)
@@ -59,7 +64,7 @@ def _verbs() -> None:
     """Record variables as a PLCnext DataLogger does."""
 
 
-@app.command(_LOG, cls=Command)
+@app.command(_LOG, cls=_Log)
 @with_live_options
 def datalog(
     live: LiveOptions,
@@ -145,7 +150,7 @@ def datalog(
 
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.progress import watching
-    from nvscope.datalogger.plan import Targets, check_files, plan
+    from nvscope.datalogger.plan import Targets, check_files, plan, remove_files
     from nvscope.whole_files import identity_of
 
     tell_of_flaws(plant.definition)
@@ -163,7 +168,10 @@ def datalog(
         return
     inputs = {identity_of(path) for path in (*paths, *plant.inputs, *config)}
     check_files(planned, lambda path: identity_of(path) in inputs, append=append, force=force)
-    logs, source = _logged(inquiry, planned, quiet=quiet, append=append, document_style=document_style)
+    source = inquiry.open()
+    if force:
+        remove_files(planned)
+    logs = _logged(inquiry, source, planned, quiet=quiet, append=append, document_style=document_style)
     if not quiet:
         _tell(logs)
     lost = any(log.counted.not_written for log in logs)
@@ -187,14 +195,14 @@ def _sessions(config: Sequence[str]) -> list[Session]:
 
 
 def _logged(
-    inquiry: Inquiry, planned: Sequence[Planned], *, quiet: bool, append: bool, document_style: bool
-) -> tuple[Sequence[SessionLog], Source]:
+    inquiry: Inquiry, source: Source, planned: Sequence[Planned], *, quiet: bool, append: bool, document_style: bool
+) -> Sequence[SessionLog]:
     """Log captures, or what comes live; whatever ends it, what was taken is written."""
     from nvscope.cli.memory import keep_freed_memory
     from nvscope.datalogger.judging import Judge, StateSoFar, WholeCapture
     from nvscope.datalogger.plan import data_log
 
-    source, whole = inquiry.open(), inquiry.can_be_read_again
+    whole = inquiry.can_be_read_again
     state = None
     judge: Judge
     if whole:
@@ -217,7 +225,7 @@ def _logged(
                     progress()
     finally:
         log.end()
-    return log.sessions, source
+    return log.sessions
 
 
 def _hold_drops(source: Source) -> bool:

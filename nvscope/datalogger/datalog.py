@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.batch import I64, Bool
+from nvscope.capture.source import LostSpan
 from nvscope.datalogger.judging import Judge
 from nvscope.datalogger.losses import STOPPED_INTERVALS, Drops, Losses
 from nvscope.datalogger.session_log import SessionLog
@@ -34,6 +35,7 @@ class DataLog:
         self._losses = Losses(telegrams.keys)
         self._stops = _Stops(telegrams, judge)
         self._captured = Drops(judge.lost)
+        self._seen: dict[SessionLog, int] = {}
         self._drops: int | None = None
 
     def observe(self, told: Told) -> None:
@@ -48,10 +50,14 @@ class DataLog:
             self._stops.forget()
         lost = self._lost_by_sources()
         for session in self.sessions:
-            frames = [dropped, *(found[key] for found in (gaps, stopped) for key in found if key in session.keys)]
+            frames = [found[key] for found in (gaps, stopped) for key in found if key in session.keys]
             if lost:
                 session.lose()
-            session.take(told, rows, np.sort(np.concatenate(frames)))
+            missing = np.sort(np.concatenate(frames)) if frames else np.empty(0, np.int64)
+            seen = self._seen.get(session, _NEVER), *told.packets.ts_ns[missing - told.first_frame].tolist()
+            unseen = [frame for frame, span in dropped if not _shows(span, seen)]
+            self._seen[session] = max(seen)
+            session.take(told, rows, np.sort(np.append(missing, np.array(unseen, np.int64))))
 
     def end(self) -> None:
         """Write all that is left, and close the files."""
@@ -62,6 +68,12 @@ class DataLog:
         """Return whether sources have lost packets since the batch before."""
         before, self._drops = self._drops, sum(info.drops or 0 for info in self._judge.infos)
         return before is not None and self._drops > before
+
+
+def _shows(span: LostSpan, seen: Sequence[int]) -> bool:
+    """Tell whether Counters have shown at some times that something was missing in a span of statistics."""
+    since_ns = _NEVER if span.since_ns is None else span.since_ns
+    return not span.at_packet and any(_NEVER < time_ns >= since_ns for time_ns in seen)
 
 
 class _Stops:

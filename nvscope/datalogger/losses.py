@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
+from operator import itemgetter
 from typing import ClassVar
 
 import numpy as np
@@ -158,20 +159,23 @@ class Losses:
 
 
 class Drops:
-    """When packets were lost while capturing, each of which is told once."""
+    """When packets were lost while capturing, each of which is told once.
+
+    Statistics tell of a span behind it: what is missing in that may have shown in Counters already.
+    """
 
     def __init__(self, lost: Iterable[LostSpan]) -> None:
-        # Where nobody says until when, it is the first packet since.
-        times = ((span.since_ns if span.until_ns is None else span.until_ns) for span in lost)
-        self._waiting = sorted(when for when in times if when is not None)
+        told = [(span.since_ns if span.until_ns is None else span.until_ns, span) for span in lost]
+        self._waiting = sorted(((when, span) for when, span in told if when is not None), key=itemgetter(0))
 
-    def behind(self, time_ns: I64, first_frame: int) -> I64:
-        """Return the frames behind which packets were lost, given the times of frames that follow; rising."""
-        found = set()
+    def behind(self, time_ns: I64, first_frame: int) -> list[tuple[int, LostSpan]]:
+        """Return the frames behind which packets were lost, given the times of frames that follow."""
+        found = []
         while self._waiting and len(time_ns):
-            after = np.flatnonzero(time_ns >= self._waiting[0])
+            when, span = self._waiting[0]
+            after = np.flatnonzero(time_ns >= when if span.at_packet or span.until_ns is None else time_ns > when)
             if not len(after):
                 break
             del self._waiting[0]
-            found.add(int(after[0]) + first_frame)
-        return np.array(sorted(found), np.int64)
+            found.append((int(after[0]) + first_frame, span))
+        return found

@@ -131,28 +131,29 @@ def _with_tasks(planned: Planned, layouts: Layouts, settings: DataLoggerSettings
     return replace(planned, tasks=tuple(found), rest=rest if rest.any() else None)
 
 
-def check_files(planned: Sequence[Planned], inputs: Callable[[str], bool], *, append: bool, force: bool) -> None:
-    """Raise UsageError where a file exists that may not be written, or is an input; take away what may be replaced."""
-    for one in planned:
-        if not one.path:
-            continue
-        series = [path for _, path in closed_files(one.path)]
-        existing = [path for path in (one.path, *series) if os.path.lexists(path)]
-        for path in existing:
-            if inputs(path):
-                raise UsageError(
-                    "the file is an input, and is not written to", where=path, next_step="name another one"
-                )
-        if existing and not append and not force:
+def check_files(planned: Sequence[Planned], is_input: Callable[[str], bool], *, append: bool, force: bool) -> None:
+    """Raise UsageError where a file exists that may not be written, or is an input."""
+    for path in _existing(planned):
+        if is_input(path):
+            raise UsageError("the file is an input, and is not written to", where=path, next_step="name another one")
+        if os.path.isdir(path):
+            raise UsageError("is a directory", where=path, next_step="name a file in it, or the directory by --folder")
+        if not append and not force:
             raise UsageError(
-                "the file exists", where=existing[0],
+                "the file exists", where=path,
                 next_step="--append goes on with it, --force takes its place; or name another one with -w",
             )  # fmt: skip
-    if force:
-        for one in planned:
-            for path in (one.path, *(path for _, path in closed_files(one.path))) if one.path else ():
-                if os.path.lexists(path):
-                    os.unlink(path)
+
+
+def remove_files(planned: Sequence[Planned]) -> None:
+    """Remove the files that others take the place of."""
+    for path in _existing(planned):
+        os.unlink(path)
+
+
+def _existing(planned: Sequence[Planned]) -> list[str]:
+    paths = [path for one in planned if one.path for path in (one.path, *(own for _, own in closed_files(one.path)))]
+    return [path for path in paths if os.path.lexists(path)]
 
 
 def data_log(

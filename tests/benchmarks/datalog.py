@@ -52,7 +52,8 @@ def generate(path: Path, samples: int, kind: str) -> None:
 def definition(path: Path) -> None:
     """Write the definition of the list."""
     path.write_text(
-        f"<GVL><Declarations><![CDATA[VAR_GLOBAL\n aValue : ARRAY [0..{VARIABLES - 1}] OF INT;\nEND_VAR]]></Declarations>"
+        f"<GVL><Declarations><![CDATA[VAR_GLOBAL\n aValue : ARRAY [0..{VARIABLES - 1}] OF INT;\nEND_VAR]]>"
+        "</Declarations>"
         f'<NetvarSettings Protocol="UDP"><ListIdentifier>{LIST_ID}</ListIdentifier><Pack>True</Pack>'
         "<Checksum>False</Checksum><Acknowledge>False</Acknowledge><CyclicTransmission>True</CyclicTransmission>"
         "<TransmissionOnChange>False</TransmissionOnChange><TransmissionOnEvent>False</TransmissionOnEvent>"
@@ -74,7 +75,7 @@ def configuration(path: Path, kind: str) -> None:
 def rows_of(path: Path) -> tuple[int, list[tuple[object, ...]]]:
     """Return how many rows a database has, and the last ones in the order of the names."""
     database = sqlite3.connect(path)
-    table, columns = database.execute("SELECT name, sql FROM sqlite_master").fetchone()
+    (table,) = database.execute("SELECT name FROM sqlite_master").fetchone()
     names = [name for _, name, *_ in database.execute(f"PRAGMA table_info({table})")]
     order = ", ".join(f'"{name}"' for name in sorted(names))
     count = database.execute(f"SELECT count(*) FROM {table}").fetchone()[0]
