@@ -15,6 +15,10 @@ from dissectors.batch import I64, Bool
 GAP_INTERVALS = 3, 2
 """A gap is longer than so many intervals: three halves."""
 
+_REGULAR_SHARE = 3
+_ALIKE_SHARE = 4
+"""Rows come regularly where a third of the intervals differ from the median by no more than a quarter of it."""
+
 _MOST_KEPT = 200_000
 _MOST_VALUES = 1 << 18
 _PERHAPS = 11, 10
@@ -62,6 +66,7 @@ class Intervals:
         self._kept_count = 0
         self._most_floor_ns = 0
         self._fixed_ns: int | None = None
+        self._given_up = False
         self.count = 0
 
     @property
@@ -72,11 +77,22 @@ class Intervals:
         place = np.searchsorted(np.cumsum(self._counts), (self.count + 1) // 2)
         return int(self._values[place])
 
+    @property
+    def is_regular(self) -> bool:
+        """Whether there is a usual interval at all: telegrams that are sent on events have none."""
+        median_ns = self.median_ns
+        if median_ns is None:
+            return False
+        alike = np.abs(self._values - median_ns) * _ALIKE_SHARE <= median_ns
+        return int(self._counts[alike].sum()) * _REGULAR_SHARE >= self.count
+
     def take(self, gaps: Gaps) -> None:
         """Take the intervals between rows, all of which are longer than nothing, as what may be gaps."""
         if not len(gaps):
             return
         self._count(gaps.length_ns)
+        if self._given_up:
+            return
         floor_ns = self._floor_ns()
         self._most_floor_ns = max(self._most_floor_ns, floor_ns)
         long = gaps.length_ns > floor_ns
@@ -97,12 +113,13 @@ class Intervals:
         """Return the interval that rows are judged by; ``alone``: the table has no other task.
 
         The configuration does not say how long the cycle of each task is: of several, none is sampled more often.
+        Without a configuration, rows that come irregularly are not judged.
         """
         if self._fixed_ns is not None:
             return self._fixed_ns
         median_ns = self.median_ns
         if self._asked_ns is None or median_ns is None:
-            return median_ns
+            return median_ns if self.is_regular else None
         return self._asked_ns if alone else max(self._asked_ns, median_ns)
 
     def gaps(self, interval_ns: int) -> Gaps:
@@ -113,7 +130,11 @@ class Intervals:
 
     def is_incomplete(self, interval_ns: int) -> bool:
         """Return whether gaps may have passed when the interval seemed to be longer."""
-        return self._most_floor_ns > limit_ns(interval_ns)
+        return self._given_up or self._most_floor_ns > limit_ns(interval_ns)
+
+    def give_up(self) -> None:
+        """Keep nothing of what may be a gap: there is no interval to judge it by."""
+        self._kept, self._kept_count, self._given_up = [], 0, True
 
     def fix(self, interval_ns: int) -> None:
         """Have all that follows judged by an interval that is known now."""

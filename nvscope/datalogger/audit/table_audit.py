@@ -276,6 +276,7 @@ class TableAudit:
         """Note what turned out to be a gap."""
         interval_ns = self._interval_ns(task)
         if interval_ns is None:
+            task.intervals.give_up()
             return
         if fix:
             task.intervals.fix(interval_ns)

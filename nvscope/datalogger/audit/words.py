@@ -43,6 +43,8 @@ def about(table: AuditedTable) -> list[str]:
     parts.append("changes only" if audit.table.only_changes else "every value")
     if audit.interval_ns is not None:
         parts.append(f"every {units.duration(audit.interval_ns)}")
+    elif not audit.table.only_changes and audit.rows > 2:
+        parts.append("at no regular interval")
     if audit.task_count > 1:
         parts.append(units.count_of(audit.task_count, "task"))
     return parts
@@ -58,7 +60,7 @@ def coverage(table: AuditedTable) -> str:
     if gaps and share == "100 %":
         share = "nearly 100 %"
     if not gaps:
-        what = "no loss is told" if audit.table.only_changes else "no gap"
+        what = "no gap" if audit.interval_ns is not None else "no loss is told"
         return f"{share} of the time covered: {what}"
     kinds = ((audit.told, "told by the logger"), (audit.untold, "not told"), (audit.unread, "not readable"))
     listed = ", ".join(f"{units.count(number)} {what}" for number, what in kinds if number)

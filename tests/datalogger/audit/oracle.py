@@ -49,7 +49,10 @@ def _times(rows: list[tuple[Any, ...]], found: dict[Key, list[int]], *, changes:
     found["NV955", "warning", None] += [rowid for rowid, _, step in steps if step < 0]
     forward = [step for _, _, step in steps if step > 0]
     if not changes and forward:
-        limit = median_low(forward) * 3 // 2
+        median = median_low(forward)
+        if 3 * sum(4 * abs(step - median) <= median for step in forward) < len(forward):
+            return
+        limit = median * 3 // 2
         found["NV952", "error", None] += [rowid for rowid, told, step in steps if step > limit and told != 0]
 
 

@@ -116,6 +116,8 @@ HEALTHY = (
     Case("a value that comes later than the others", True,
          lambda: [Row(0, {"a": 1}, {"a": 0}), Row(250, {"a": 2}, {"a": 1}), Row(500, {"b": 2.5}, {"b": 0}),
                   Row(750, {"a": 3, "b": 3.5}, {"a": 2, "b": 1})]),
+    Case("telegrams that are sent on events", False,
+         lambda: [Row((n * n * 37) % 9_001 + n * 9_001, {"a": n}) for n in range(60)]),
     Case("jitter of less than half an interval", False,
          lambda: [replace(row, at_ms=row.at_ms + [0, 60, -60][n % 3]) for n, row in enumerate(every_value())]),
 )  # fmt: skip
