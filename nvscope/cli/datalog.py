@@ -202,7 +202,7 @@ def _logged(
     from nvscope.datalogger.judging import Judge, StateSoFar, WholeCapture
     from nvscope.datalogger.plan import data_log
 
-    whole = inquiry.can_be_read_again
+    whole = not inquiry.read_once
     state = None
     judge: Judge
     if whole:
