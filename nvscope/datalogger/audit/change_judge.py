@@ -13,6 +13,7 @@ from nvscope.datalogger.audit.chunk import Chunk
 from nvscope.datalogger.audit.counts import counts_of, steps_of
 from nvscope.datalogger.audit.finding import Notes, Topic
 from nvscope.datalogger.audit.restarts import Start, Zero, ZeroRow
+from nvscope.datalogger.audit.sums import total
 from nvscope.datalogger.audit.values import Values
 
 _REAL_WORDS = ("REAL", "FLOA", "DOUB")
@@ -137,7 +138,7 @@ class ChangeJudge:
             if jumped.any():
                 amount = steps - 1
                 _note(notes, topics.MISSED, number, chunk, rows[jumped & ~explained], amount[jumped & ~explained])
-                notes.of(topics.LOST).total += int(amount[jumped & explained].sum())
+                notes.of(topics.LOST).total += total(amount[jumped & explained])
             back = usual & (steps < 0)
             if back.any():
                 _note(notes, topics.BACK, number, chunk, rows[back])

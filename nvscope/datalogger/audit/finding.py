@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-
 from dissectors.batch import I64, Bool
+from nvscope.datalogger.audit.sums import total
 from nvscope.findings.kind import FindingKind, Severity
 
 MOST_ROWS = 10
@@ -62,8 +61,7 @@ class Noted:
             self.first_ns = int(known[0]) if self.first_ns is None else self.first_ns
             self.last_ns = int(known[-1])
         if amount is not None and len(amount):
-            # Counters of damaged files may claim anything.
-            self.total += sum(amount.tolist()) if len(amount) < 100 else int(amount.astype(np.float64).sum())
+            self.total += total(amount)
             self.most = max(self.most, int(amount.max()))
 
 

@@ -19,6 +19,9 @@ _REGULAR_SHARE = 3
 _ALIKE_SHARE = 4
 """Rows come regularly where a third of the intervals differ from the median by no more than a quarter of it."""
 
+_WAITING = 50_000
+"""So many intervals at least are counted together."""
+
 _MOST_KEPT = 200_000
 _MOST_VALUES = 1 << 18
 _PERHAPS = 11, 10
@@ -62,6 +65,9 @@ class Intervals:
         self._asked_ns = asked_ns
         self._values: I64 = np.zeros(0, np.int64)
         self._counts: I64 = np.zeros(0, np.int64)
+        self._waiting: list[I64] = []
+        self._waiting_count = 0
+        self._floor_ns: int | None = None
         self._kept: list[Gaps] = []
         self._kept_count = 0
         self._most_floor_ns = 0
@@ -72,6 +78,7 @@ class Intervals:
     @property
     def median_ns(self) -> int | None:
         """The usual interval so far."""
+        self._merge_waiting()
         if not self.count:
             return None
         place = np.searchsorted(np.cumsum(self._counts), (self.count + 1) // 2)
@@ -83,6 +90,7 @@ class Intervals:
         median_ns = self.median_ns
         if median_ns is None:
             return False
+        self._merge_waiting()
         alike = np.abs(self._values - median_ns) * _ALIKE_SHARE <= median_ns
         return int(self._counts[alike].sum()) * _REGULAR_SHARE >= self.count
 
@@ -90,10 +98,15 @@ class Intervals:
         """Take the intervals between rows, all of which are longer than nothing, as what may be gaps."""
         if not len(gaps):
             return
-        self._count(gaps.length_ns)
+        self.count += len(gaps)
+        self._waiting.append(gaps.length_ns)
+        self._waiting_count += len(gaps)
+        if self._floor_ns is None or self._waiting_count > max(_WAITING, len(self._values)):
+            self._merge_waiting()
+            self._floor_ns = self._floor()
         if self._given_up:
             return
-        floor_ns = self._floor_ns()
+        floor_ns = self._floor_ns
         self._most_floor_ns = max(self._most_floor_ns, floor_ns)
         long = gaps.length_ns > floor_ns
         if long.any():
@@ -104,7 +117,9 @@ class Intervals:
 
     def join(self, other: Intervals) -> None:
         """Take what another one was told: both turned out to be one task."""
-        self._merge(other._values, other._counts, other.count)
+        other._merge_waiting()
+        self._merge(other._values, other._counts)
+        self.count += other.count
         self._kept += other._kept
         self._kept_count += other._kept_count
         self._most_floor_ns = max(self._most_floor_ns, other._most_floor_ns)
@@ -138,14 +153,14 @@ class Intervals:
 
     def fix(self, interval_ns: int) -> None:
         """Have all that follows judged by an interval that is known now."""
-        self._fixed_ns = interval_ns
+        self._fixed_ns, self._floor_ns = interval_ns, limit_ns(interval_ns)
 
     @property
     def is_full(self) -> bool:
         """Whether so much may be a gap that it has to be decided now."""
         return self._kept_count > _MOST_KEPT
 
-    def _floor_ns(self) -> int:
+    def _floor(self) -> int:
         if self._fixed_ns is not None:
             return limit_ns(self._fixed_ns)
         floors = [limit_ns(self._asked_ns)] if self._asked_ns is not None else []
@@ -155,18 +170,17 @@ class Intervals:
 
     def _tidy(self) -> None:
         kept = Gaps.joined(self._kept)
-        floor_ns = self._floor_ns()
+        floor_ns = self._floor()
         self._kept = [kept.take(kept.length_ns > floor_ns)]
         self._kept_count = len(self._kept[0])
 
-    def _count(self, length_ns: I64) -> None:
-        values, counts = np.unique(length_ns, return_counts=True)
-        self._merge(values, counts, len(length_ns))
+    def _merge_waiting(self) -> None:
+        if self._waiting:
+            values, counts = np.unique(np.concatenate(self._waiting), return_counts=True)
+            self._waiting, self._waiting_count = [], 0
+            self._merge(values, counts)
 
-    def _merge(self, values: I64, counts: I64, total: int) -> None:
-        if total == 0:
-            return
-        self.count += total
+    def _merge(self, values: I64, counts: I64) -> None:
         both, which = np.unique(np.concatenate([self._values, values]), return_inverse=True)
         summed = np.bincount(which, np.concatenate([self._counts, counts]).astype(np.float64)).astype(np.int64)
         if len(both) > _MOST_VALUES:

@@ -15,6 +15,7 @@ from nvscope.datalogger.audit.change_judge import ChangeJudge
 from nvscope.datalogger.audit.chunk import Chunk
 from nvscope.datalogger.audit.finding import Finding, Notes
 from nvscope.datalogger.audit.intervals import Gaps, Intervals
+from nvscope.datalogger.audit.sums import total
 from nvscope.datalogger.audit.tasks import Tasks
 from nvscope.datalogger.audit.time_strip import Mark, TimeStrip
 from nvscope.datalogger.audit.values import Figures, Values
@@ -161,7 +162,7 @@ class TableAudit:
         if self.first_ns is None or self.last_ns is None or self.last_ns <= self.first_ns:
             return None
         span_ns = (self.last_ns - self.first_ns) * max(len(self._of_task), 1)
-        return max(0.0, 1 - self.missing_ns / span_ns)
+        return min(max(0.0, 1 - self.missing_ns / span_ns), 1.0)
 
     def _look_at_times(self, chunk: Chunk, timed: Bool, notes: Notes) -> None:
         stamp = chunk.times.stamp
@@ -244,7 +245,7 @@ class TableAudit:
             before = np.concatenate([[task.stretch], of_stretch[:-1]])
             unread = (before >= 0) & (before % _UNTIMED != of_stretch % _UNTIMED) & (length_ns > 0)
             self.unread += int(np.count_nonzero(unread))
-            self.missing_ns += int(length_ns[unread].sum())
+            self.missing_ns += total(length_ns[unread])
             self._mark(Mark.UNREAD, before_ns[unread], time_ns[unread])
         task.time_ns, task.stretch = int(time_ns[-1]), int(of_stretch[-1])
         task.local, task.file = bool(local[-1]), current
@@ -256,7 +257,7 @@ class TableAudit:
             return
         time_ns = chunk.time_ns[rows[places]]
         self.told += len(places)
-        self.missing_ns += int((time_ns - before_ns[places]).sum())
+        self.missing_ns += total(time_ns - before_ns[places])
         self._mark(Mark.TOLD, before_ns[places], time_ns)
 
     def _note_lost(self, chunk: Chunk, rows: I64, timed: Bool, notes: Notes) -> None:
@@ -281,7 +282,7 @@ class TableAudit:
         if fix:
             task.intervals.fix(interval_ns)
         gaps = task.intervals.gaps(interval_ns)
-        self.missing_ns += int((gaps.length_ns - interval_ns).sum())
+        self.missing_ns += total(gaps.length_ns - interval_ns)
         untold = gaps.take(~gaps.told)
         told = gaps.take(gaps.told)
         self.told += len(told)

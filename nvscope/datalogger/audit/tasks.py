@@ -15,7 +15,10 @@ from dissectors.datalogger.tables import LogTable
 from nvscope.datalogger.audit.chunk import Chunk
 
 _MOST_SHAPES = 2_000
-"""So many sets of columns of a chunk are looked at; in tables of changes, nearly each row has its own."""
+"""So many sets of columns are looked at together; in tables of changes, nearly each row has its own."""
+
+_MOST_JOINED = 500
+"""So many sets of these may tell that variables belong together."""
 
 
 class Tasks:
@@ -60,25 +63,24 @@ class Tasks:
         shapes, first, which = np.unique(shape, return_index=True, return_inverse=True)
         groups = np.full(len(shapes), -1, np.int64)
         for start in range(0, len(shapes), _MOST_SHAPES):
-            # Columns of some rows of each shape; what is beyond that is put where its first variable is.
             some = first[start : start + _MOST_SHAPES]
             own = np.array([chunk.rows.filled(self._columns[number])[some] for number in filled])
-            if not start:
-                for place in range(len(some)):
-                    self._join([filled[at] for at in np.flatnonzero(own[:, place]).tolist()])
-            else:
-                self._seen.update(filled[at] for at in np.flatnonzero(own.any(axis=1)).tolist())
+            self._seen.update(filled[at] for at in np.flatnonzero(own.any(axis=1)).tolist())
             any_of = own.any(axis=0)
+            known = np.array([self.of(number) for number in filled])[:, np.newaxis]
+            mixed = np.where(own, known, len(self._group)).min(axis=0) < np.where(own, known, -1).max(axis=0)
+            for place in np.flatnonzero(mixed)[:_MOST_JOINED].tolist():
+                self._join([filled[at] for at in np.flatnonzero(own[:, place]).tolist()])
             named = np.array([self.of(number) for number in filled])[own.argmax(axis=0)]
             groups[start : start + len(some)] = np.where(any_of, named, -1)
         groups = np.array([self.of(group) if group >= 0 else -1 for group in groups.tolist()], np.int64)
         of_row = groups[which]
-        known = [group for group in dict.fromkeys(groups.tolist()) if group >= 0]
-        if len(known) <= 1:
-            yield (known[0] if known else 0), None
+        present = [group for group in dict.fromkeys(groups.tolist()) if group >= 0]
+        if len(present) <= 1:
+            yield (present[0] if present else 0), None
             return
         # Of a row without any value nobody knows whose it is: it may be a sample of each.
-        for group in known:
+        for group in present:
             yield group, np.flatnonzero((of_row == group) | (of_row < 0))
 
     def _is_one(self, filled: list[int]) -> bool:

@@ -20,7 +20,7 @@ def verdict(audit: Audit) -> tuple[Severity | None, str]:
     """Return how bad it is, and whether the databases can be trusted, in a sentence; None: nothing could be read."""
     if audit.is_unreadable:
         files = "the file" if len(audit.files) == 1 else f"any of {units.count_of(len(audit.files), 'file')}"
-        return None, f"Nothing of {files} can be read" if audit.files else "No file was named"
+        return None, f"Nothing of {files} can be read" if audit.files else "No database was found"
     counts = {severity: len(audit.of(severity)) for severity in Severity}
     told = [units.count_of(counts[one], one.word) for one in sorted(Severity, reverse=True) if counts[one]]
     listed = f": {', '.join(told)}" if told else ""
