@@ -130,7 +130,7 @@ class ChangeJudge:
         valued = own.valued[rows]
         same, value_known, is_null = self._values_at(number, variable, own, chunk, steps, known)
         # One of 32 bits that begins again is at 0, too.
-        at_zero = zero[rows] & ~(known & (steps == 1))
+        at_zero = zero[rows] & ~(known & (steps == 1) & (before > 0))
         usual = known & ~at_zero
         explained = losses[rows] > lost_before
         if usual.any():
@@ -167,6 +167,8 @@ class ChangeJudge:
                 says = Zero.UNKNOWN
             elif steps[place] < 0:
                 says = Zero.BACK
+            elif steps[place] > 0:
+                says = Zero.COUNTED
             elif valued[place] and value_known[place] and not same[place]:
                 says = Zero.STUCK
             else:
@@ -264,7 +266,7 @@ class ChangeJudge:
             if row.lost and start.was_known and not row.begins_file:
                 notes.of(topics.LOST).add(*_of(row))
             for number, says in row.variables.items():
-                if says is not Zero.UNKNOWN and not (row.begins_file and says is Zero.EQUAL):
+                if says in of_zero and not (row.begins_file and says is Zero.EQUAL):
                     notes.of(of_zero[says], number).add(*_of(row))
 
 

@@ -15,6 +15,7 @@ class Zero(Enum):
     """What a counter of 0 says, by what was known of the variable before."""
 
     UNKNOWN = "unknown"
+    COUNTED = "counted"
     BACK = "back"
     STUCK = "stuck"
     EQUAL = "equal"

@@ -109,7 +109,7 @@ class _Changes:
         if step < 0 and 0 < step + _WRAP <= 1_000:
             step += _WRAP
         had, before = name in self.value, self.value.get(name)
-        says = "unknown" if not known else "back" if step < 0 else "equal"
+        says = "unknown" if not known else "back" if step < 0 else "counted" if step > 0 else "equal"
         if value is not None and had and value != before and known and step == 0:
             says = "stuck"
         alike = value is not None and had and value == before and not (name in self.real and value == 0)
