@@ -92,6 +92,8 @@ class ChangeJudge:
         if not first_known:
             self._seen_beginning = bool(zero[0])
         self._look_for_restarts(chunk, own, zero, found, notes)
+        for number, one in enumerate(own):
+            self._ever[number] |= one is not None and len(one.rows) > 0
 
     def end(self, notes: Notes) -> None:
         """Judge what is still open when all rows were read."""
@@ -176,7 +178,7 @@ class ChangeJudge:
             found[int(rows[place])][number] = says
         self._count[number], self._stretch[number] = counts[-1], stretch[-1]
         self._losses[number] = losses[rows[-1]]
-        self._in_file[number] = self._ever[number] = True
+        self._in_file[number] = True
 
     def _values_at(
         self, number: int, variable: LoggedVariable, own: _Stored, chunk: Chunk, steps: I64, known: Bool
@@ -225,7 +227,7 @@ class ChangeJudge:
                 )
             )  # fmt: skip
             row_before = row
-            if self._is_whole(self._start):
+            if self._is_whole(self._start, own, row):
                 self._tell_start(self._start, notes)
                 self._start = None
         if self._start is not None and self._goes_on(own, zero, row_before, len(chunk)):
@@ -242,10 +244,14 @@ class ChangeJudge:
                 return True
         return False
 
-    def _is_whole(self, start: Start) -> bool:
-        """Return whether every variable has started; of one that never was stored, nobody waits for it."""
+    def _is_whole(self, start: Start, own: list[_Stored | None], row: int) -> bool:
+        """Return whether every variable has started, up to a row; of one that never was stored, nobody waits for it."""
         missing = [number for number in range(len(self._variables)) if number not in start.variables]
-        return not missing or (self._seen_beginning and not any(self._ever[number] for number in missing))
+        if not missing:
+            return True
+        if not self._seen_beginning or self._ever[missing].any():
+            return False
+        return not any((one := own[number]) is not None and (one.rows < row).any() for number in missing)
 
     def _tell_start(self, start: Start, notes: Notes) -> None:
         if not start.was_known:

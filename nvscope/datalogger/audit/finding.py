@@ -98,6 +98,7 @@ class Notes:
             for (topic, variable), noted in self._noted.items() if noted.count
         ]  # fmt: skip
         self._noted.clear()
+        places: dict[str | None, int] = {name: place for place, name in enumerate(names)}
         return sorted(
-            found, key=lambda one: (one.kind.code, -one.severity, names.index(one.variable or names[0]) if names else 0)
-        )
+            found, key=lambda one: (one.kind.code, -one.severity, places.get(one.variable, -1), one.message)
+        )  # fmt: skip
