@@ -30,6 +30,8 @@ class _Stored:
     rows: I64
     counts: I64
     valued: Bool
+    alone: Bool
+    """Where there is a value without a counter."""
 
 
 class ChangeJudge:
@@ -42,6 +44,7 @@ class ChangeJudge:
         self._count = np.zeros(count, np.int64)
         self._stretch = np.full(count, _UNKNOWN, np.int64)
         self._losses = np.zeros(count, np.int64)
+        self._alone = np.zeros(count, np.int64)
         self._in_file = np.zeros(count, np.bool_)
         self._ever = np.zeros(count, np.bool_)
         self._lost = 0
@@ -49,6 +52,11 @@ class ChangeJudge:
         self._begun = False
         self._seen_beginning = False
         self.restarts: list[ZeroRow] = []
+
+    def forget(self) -> None:
+        """Let nothing be concluded from the rows so far."""
+        self._stretch[:] = _UNKNOWN
+        self._start = None
 
     def begin_file(self) -> None:
         """Say that a file ends here, and that another one of the series begins."""
@@ -81,6 +89,7 @@ class ChangeJudge:
             if one is None:
                 continue
             if not len(one.rows):
+                self._alone[number] += np.count_nonzero(one.alone)
                 rows = np.flatnonzero(one.valued)
                 if len(rows):
                     cells = chunk.rows.cells(self._variables[number].column, rows)
@@ -116,7 +125,7 @@ class ChangeJudge:
         alone = valued & ~counted
         if alone.any():
             _note(notes, topics.HALF, number, chunk, np.flatnonzero(alone))
-        return _Stored(rows, counts, valued)
+        return _Stored(rows, counts, valued, alone)
 
     def _judge(
         self, number: int, own: _Stored, chunk: Chunk, zero: Bool, losses: I64, found: dict[int, dict[int, Zero]],
@@ -129,6 +138,12 @@ class ChangeJudge:
         known = stretch == np.concatenate([self._stretch[number : number + 1], stretch[:-1]])
         lost_before = np.concatenate([self._losses[number : number + 1], losses[rows[:-1]]])
         steps = np.where(known, steps_of(counts, before), 0)
+        if self._alone[number] or own.alone.any():
+            # A value without its counter is a change that was stored.
+            alone = self._alone[number] + np.cumsum(own.alone)
+            between = np.diff(alone[rows], prepend=0)
+            steps = np.where((steps > 1) & (between > 0), np.maximum(steps - between, 1), steps)
+            self._alone[number] = alone[-1] - alone[rows[-1]]
         valued = own.valued[rows]
         same, value_known, is_null = self._values_at(number, variable, own, chunk, steps, known)
         # One of 32 bits that begins again is at 0, too.
@@ -191,9 +206,9 @@ class ChangeJudge:
             cells = chunk.rows.cells(variable.column, rows)
             same, value_known = self._values.take(number, chunk, rows, cells)
             return self._without_zeros(same, is_real, cells.bits), value_known, is_real
-        if is_real:
-            none = own.rows[~own.valued[own.rows] & ((steps != 0) | ~known)]
-            rows = np.union1d(rows, none)
+        # A change to what is not there: a number that is none, or a value that somebody took away.
+        none = own.rows[~own.valued[own.rows] & ((steps != 0) | ~known)]
+        rows = np.union1d(rows, none)
         same_at, known_at = np.zeros(len(chunk), np.bool_), np.zeros(len(chunk), np.bool_)
         if len(rows):
             cells = chunk.rows.cells(variable.column, rows)

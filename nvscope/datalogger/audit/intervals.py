@@ -6,6 +6,7 @@ much; then the interval is what it was up to there.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,30 +33,42 @@ _PERHAPS = 11, 10
 class Gaps:
     """Rows that come later than they should: how long after the one before, when that was, and of which file.
 
-    ``told``: the logger says that data was lost before them.
+    ``number`` counts the rows of the task. ``told``: the logger says that data was lost before them.
     """
 
     length_ns: I64
     before_ns: I64
     rowid: I64
+    number: I64
     file: I64
     told: Bool
 
     def __len__(self) -> int:
         return len(self.length_ns)
 
-    def take(self, rows: Bool) -> Gaps:
+    def take(self, rows: Bool | I64) -> Gaps:
         """Return some of them."""
-        return Gaps(self.length_ns[rows], self.before_ns[rows], self.rowid[rows], self.file[rows], self.told[rows])
+        return Gaps(*(getattr(self, name)[rows] for name in _COLUMNS))
 
     @staticmethod
     def joined(parts: list[Gaps]) -> Gaps:
         """Return several as one."""
         if not parts:
             none = np.zeros(0, np.int64)
-            return Gaps(none, none, none, none, np.zeros(0, np.bool_))
-        columns = ("length_ns", "before_ns", "rowid", "file", "told")
-        return Gaps(*(np.concatenate([getattr(part, name) for part in parts]) for name in columns))
+            return Gaps(none, none, none, none, none, np.zeros(0, np.bool_))
+        return Gaps(*(np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS))
+
+
+_COLUMNS = ("length_ns", "before_ns", "rowid", "number", "file", "told")
+
+
+@dataclass(frozen=True, slots=True)
+class SetBack:
+    """A row before which the clock was set back: its number, the time of the row before, and its own."""
+
+    number: int
+    before_ns: int
+    time_ns: int
 
 
 class Intervals:
@@ -194,3 +207,32 @@ class Intervals:
 def limit_ns(interval_ns: int) -> int:
     """Return how long after a row the next one may come."""
     return interval_ns * GAP_INTERVALS[0] // GAP_INTERVALS[1]
+
+
+def without_clock_sets(gaps: Gaps, set_back: Sequence[SetBack], interval_ns: int) -> Gaps:
+    """Return gaps without those that are none, since the clock was set forward and back, or back and forward.
+
+    Then the time from the row before to the row behind both is that of the rows between them: none is missing.
+    """
+    if not len(gaps) or not set_back:
+        return gaps
+    order = np.argsort(gaps.number, kind="stable")
+    gaps = gaps.take(order)
+    kept = np.ones(len(gaps), np.bool_)
+    for one in set_back:
+        place = int(np.searchsorted(gaps.number, one.number))
+        if place:
+            rows = one.number - int(gaps.number[place - 1]) + 1
+            if _fits(one.time_ns - int(gaps.before_ns[place - 1]), rows, interval_ns):
+                kept[place - 1] = False
+        if place < len(gaps):
+            rows = int(gaps.number[place]) - one.number + 1
+            time_ns = int(gaps.before_ns[place]) + int(gaps.length_ns[place])
+            if _fits(time_ns - one.before_ns, rows, interval_ns):
+                kept[place] = False
+    return gaps.take(kept)
+
+
+def _fits(length_ns: int, rows: int, interval_ns: int) -> bool:
+    """Return whether so many rows fill a time, of which the interval is known to a twentieth."""
+    return 0 < length_ns <= rows * interval_ns * 21 // 20 + interval_ns // 2

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from nvscope.datalogger.audit import topics
 from nvscope.datalogger.audit.change_judge import ChangeJudge
 from nvscope.datalogger.audit.chunk import Chunk
 from nvscope.datalogger.audit.finding import Finding, Notes
-from nvscope.datalogger.audit.intervals import Gaps, Intervals
+from nvscope.datalogger.audit.intervals import Gaps, Intervals, SetBack, without_clock_sets
 from nvscope.datalogger.audit.sums import total
 from nvscope.datalogger.audit.tasks import Tasks
 from nvscope.datalogger.audit.time_strip import Mark, TimeStrip
@@ -38,10 +38,12 @@ class _Task:
 
     intervals: Intervals
     rows: int = 0
+    timed_rows: int = 0
     time_ns: int = 0
     stretch: int = -1
     local: bool = False
     file: int = -1
+    set_back: list[SetBack] = field(default_factory=list)
 
 
 class TableAudit:
@@ -88,6 +90,11 @@ class TableAudit:
         known = self._values.stretches.copy()
         self._look_at_times(chunk, timed, notes)
         self._look_at_intervals(chunk, timed, notes)
+        if chunk.begins_file and len(self._files) - 1 in self.overlaps and self._judge is not None:
+            # What a file repeats of the one before is no change.
+            self._judge.forget()
+            self._values.forget()
+            known = self._values.stretches.copy()
         if self._judge is not None:
             self._judge.take(chunk, notes)
             for start in self._judge.restarts:
@@ -220,7 +227,8 @@ class TableAudit:
             was_local = np.concatenate([[task.local], local[:-1]])
             hour = np.abs(np.abs(length_ns) - _HOUR_NS) < _HOUR_NS // 60
             follows &= ~(local & was_local & hour & (length_ns < 0))
-        current = len(self._files) - 1
+        current, first = len(self._files) - 1, task.timed_rows
+        task.timed_rows += len(rows)
         back = follows & (length_ns < 0)
         if task.file != current and task.file >= 0 and back[0]:
             # Files that overlap are told as such.
@@ -231,11 +239,13 @@ class TableAudit:
             notes.of(topics.RUN_BACK).add(
                 chunk.rowid[rows[places]], time_ns[places], np.ones(len(places), np.bool_), -length_ns[places]
             )
-            for place in places[:_MOST_MARKED].tolist():
+            for place in places[: _MOST_MARKED - len(task.set_back)].tolist():
+                task.set_back.append(SetBack(first + place, int(before_ns[place]), int(time_ns[place])))
                 self.strip.mark(Mark.CLOCK_SET, int(time_ns[place]), int(time_ns[place]))
         if self._judge is None:
             forward = follows & (length_ns > 0)
-            gaps = Gaps(length_ns, before_ns, chunk.rowid[rows], np.full(len(rows), current), chunk.lost[rows])
+            number = first + np.arange(len(rows))
+            gaps = Gaps(length_ns, before_ns, chunk.rowid[rows], number, np.full(len(rows), current), chunk.lost[rows])
             task.intervals.take(gaps if forward.all() else gaps.take(forward))
             if task.intervals.is_full:
                 self._decide(task, fix=True)
@@ -281,7 +291,7 @@ class TableAudit:
             return
         if fix:
             task.intervals.fix(interval_ns)
-        gaps = task.intervals.gaps(interval_ns)
+        gaps = without_clock_sets(task.intervals.gaps(interval_ns), task.set_back, interval_ns)
         self.missing_ns += total(gaps.length_ns - interval_ns)
         untold = gaps.take(~gaps.told)
         told = gaps.take(gaps.told)
@@ -308,6 +318,8 @@ class TableAudit:
         kept = self._of_task.setdefault(other, _Task(self._new_intervals()))
         kept.intervals.join(task.intervals)
         kept.rows += task.rows
+        kept.timed_rows += task.timed_rows
+        kept.set_back += task.set_back
         if (task.file, task.time_ns) > (kept.file, kept.time_ns):
             kept.time_ns, kept.stretch, kept.local, kept.file = task.time_ns, task.stretch, task.local, task.file
 

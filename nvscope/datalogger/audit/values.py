@@ -43,6 +43,10 @@ class Values:
         """The stretch in which each was known last."""
         self._encoding = encoding
 
+    def forget(self) -> None:
+        """Let no value be known any more."""
+        self.stretches[:] = _UNKNOWN
+
     def use(self, encoding: str) -> None:
         """Take texts to be encoded so from now on."""
         self._encoding = encoding

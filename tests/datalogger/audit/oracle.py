@@ -53,7 +53,25 @@ def _times(rows: list[tuple[Any, ...]], found: dict[Key, list[int]], *, changes:
         if 3 * sum(4 * abs(step - median) <= median for step in forward) < len(forward):
             return
         limit = median * 3 // 2
-        found["NV952", "error", None] += [rowid for rowid, told, step in steps if step > limit and told != 0]
+        times = [_ns(row[1]) for row in rows]
+        for number, (rowid, told, step) in enumerate(steps, 1):
+            if step > limit and told != 0 and not _is_clock(number, times, limit, median):
+                found["NV952", "error", None].append(rowid)
+
+
+def _is_clock(number: int, times: list[int], limit: int, median: int) -> bool:
+    """Return whether the clock was set, if not before this row, then back again: no row is missing between the two."""
+    gaps = [at for at in range(1, len(times)) if times[at] - times[at - 1] > limit]
+    for back in (at for at in range(1, len(times)) if times[at] < times[at - 1]):
+        before = [at for at in gaps if at < back]
+        behind = [at for at in gaps if at > back]
+        for first, last in [(before[-1], back)] * (before[-1:] == [number]) + [(back, number)] * (
+            behind[:1] == [number]
+        ):
+            length, count = times[last] - times[first - 1], last - first + 1
+            if 0 < length <= count * median * 21 // 20 + median // 2:
+                return True
+    return False
 
 
 class _Changes:
@@ -65,6 +83,7 @@ class _Changes:
         self.value: dict[str, Any] = {}
         self.lost_at: dict[str, int] = {}
         self.stored: set[str] = set()
+        self.alone: dict[str, int] = defaultdict(int)
         self.losses = 0
         self.start: list[tuple[int, bool, dict[str, str]]] = []
         self.seen_beginning = False
@@ -98,6 +117,7 @@ class _Changes:
                 if value is not None:
                     self.tell("NV957", "note", name, rowid)
                     self.value[name] = value
+                    self.alone[name] += 1
                 continue
             says[name] = self.judge_cell(name, value, count, rowid, zero=zero)
         if zero:
@@ -108,6 +128,9 @@ class _Changes:
         step = count - self.count[name] if known else 0
         if step < 0 and 0 < step + _WRAP <= 1_000:
             step += _WRAP
+        if step > 1 and self.alone[name]:
+            step = max(step - self.alone[name], 1)
+        self.alone[name] = 0
         had, before = name in self.value, self.value.get(name)
         says = "unknown" if not known else "back" if step < 0 else "counted" if step > 0 else "equal"
         if value is not None and had and value != before and known and step == 0:
@@ -127,7 +150,7 @@ class _Changes:
         if value is None:
             if name not in self.real or (known and step == 0 and not zero):
                 self.tell("NV957", "note", name, rowid)
-            elif not known or step != 0:
+            if not known or step != 0:
                 self.value[name] = None
         else:
             self.value[name] = value

@@ -86,6 +86,12 @@ def with_nan() -> list[Row]:
     return with_cells(rows, 12, {"b": None}, {})
 
 
+def hour_off(hours: int) -> list[Row]:
+    """Return rows of a clock that is wrong for a while."""
+    rows = every_value()
+    return [*rows[:15], *later(rows[15:30], hours * 3_600_000), *rows[30:]]
+
+
 def wrapped() -> list[Row]:
     rows = [Row(0, {"a": 1}, {"a": (1 << 32) - 3})]
     return rows + [Row(n * INTERVAL_MS, {"a": n + 1}, {"a": ((1 << 32) - 3 + n) % (1 << 32)}) for n in range(1, 9)]
@@ -157,6 +163,21 @@ PLANTED = (
          (("NV955", "warning", None, (21,)),)),
     Case("NV955 of changes", True, lambda: altered(only_changes(), 20, at_ms=100),
          (("NV955", "warning", None, (21,)),)),
+    Case("NV955 of one row", False, lambda: altered(every_value(), 20, at_ms=100),
+         (("NV955", "warning", None, (21,)),)),
+    Case("NV955 of some rows", False,
+         lambda: hour_off(-1), (("NV955", "warning", None, (16,)),)),
+    Case("NV955 forward and back", False, lambda: altered(every_value(), 20, at_ms=90_000),
+         (("NV955", "warning", None, (22,)),)),
+    Case("NV955 forward, some rows, and back", False,
+         lambda: hour_off(1), (("NV955", "warning", None, (31,)),)),
+    Case("NV952 and NV955", False,
+         lambda: without(hour_off(-1), 22),
+         (("NV952", "error", None, (23, 30)), ("NV955", "warning", None, (16,)))),
+    Case("NV957 a counter taken away", True, lambda: with_cells(only_changes(), 14, {}, {"c": None}),
+         (("NV957", "note", "c", (15,)),)),
+    Case("NV957 a value taken away", True, lambda: with_cells(only_changes(), 14, {"c": None}, {}),
+         (("NV957", "note", "c", (15,)),)),
     Case("NV957 counter alone", True, lambda: with_cells(only_changes(), 9, {}, {"c": 1}),
          (("NV957", "note", "c", (10,)),)),
     Case("NV957 value alone", True, lambda: with_cells(only_changes(), 9, {"c": 1}, {}),

@@ -89,6 +89,16 @@ def test_a_damaged_member_is_told_and_nothing_that_follows_from_it(tmp_path: Pat
 
 
 @pytest.mark.parametrize("changes", [False, True])
+def test_rows_that_are_in_two_files_are_told(tmp_path: Path, changes: bool) -> None:
+    rows = only_changes(60) if changes else every_value(60)
+    write(tmp_path / "x.db.0", rows[:30], DECLARED, changes=changes)
+    write(tmp_path / "x.db", rows[25:], DECLARED, changes=changes)
+    assert found(tmp_path / "x.db") == [("NV959", "x.db")]
+    write(tmp_path / "x.db", rows[:30], DECLARED, changes=changes)
+    assert found(tmp_path / "x.db") == [("NV959", "x.db")]
+
+
+@pytest.mark.parametrize("changes", [False, True])
 def test_files_that_overlap_are_told(tmp_path: Path, changes: bool) -> None:
     rows = only_changes(60) if changes else every_value(60)
     write(tmp_path / "x.db.0", rows[:30], DECLARED, changes=changes)
