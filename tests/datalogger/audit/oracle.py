@@ -63,11 +63,12 @@ def _is_clock(number: int, times: list[int], limit: int, median: int) -> bool:
     """Return whether the clock was set, if not before this row, then back again: no row is missing between the two."""
     gaps = [at for at in range(1, len(times)) if times[at] - times[at - 1] > limit]
     for back in (at for at in range(1, len(times)) if times[at] < times[at - 1]):
-        before = [at for at in gaps if at < back]
-        behind = [at for at in gaps if at > back]
-        for first, last in [(before[-1], back)] * (before[-1:] == [number]) + [(back, number)] * (
-            behind[:1] == [number]
-        ):
+        pairs = []
+        if [at for at in gaps if at < back][-1:] == [number]:
+            pairs.append((number, back))
+        if [at for at in gaps if at > back][:1] == [number]:
+            pairs.append((back, number))
+        for first, last in pairs:
             length, count = times[last] - times[first - 1], last - first + 1
             if 0 < length <= count * median * 21 // 20 + median // 2:
                 return True
