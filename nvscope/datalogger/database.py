@@ -74,7 +74,7 @@ class Database:
     """The files of a session; ``path`` is the one that is written, ``rows`` how many were.
 
     ``durable``: each block is on the disk before the next one is taken, where it survives a power cut. ``begins`` tells
-    whether the next row is the first of a file.
+    whether the next row is the first of a file, ``goes_on`` whether its table had rows when it was opened.
     """
 
     def __init__(self, session: Session, table: LogTable, path: str, *, durable: bool) -> None:
@@ -84,6 +84,7 @@ class Database:
         self.closed: list[str] = []
         self.removed: list[str] = []
         self.begins = True
+        self.goes_on = False
         self._session = session
         self._table = table
         self._durable = durable
@@ -160,26 +161,33 @@ class Database:
         execute(f"ATTACH '{_IN_MEMORY}' AS {_IMAGE}")
 
     def _check(self, *, append: bool) -> None:
-        """Raise UsageError where an existing file cannot be gone on with."""
-        names = [
-            name for (name,) in self._connection.execute("SELECT name FROM main.sqlite_master WHERE type = 'table'")
-        ]
+        """Take an existing file to go on with, and make its table where it has only others of a DataLogger.
+
+        So controllers do whose configuration has changed. Raises UsageError where it cannot be gone on with.
+        """
         if not append:
             self.close()
             raise UsageError(
                 "the file exists", where=self.path,
                 next_step="--append goes on with it, --force takes its place; or name another one",
             )  # fmt: skip
-        own = None
-        if self._table.name in names:
-            columns = self._connection.execute(f"PRAGMA main.table_info({quoted(self._table.name)})")
-            own = recognise(self._table.name, [(name, kind) for _, name, kind, *_ in columns])
-        if own != self._table:
+        execute = self._connection.execute
+        names = [name for (name,) in execute("SELECT name FROM main.sqlite_master WHERE type = 'table'")]
+        found = {}
+        for name in names:
+            columns = execute(f"PRAGMA main.table_info({quoted(name)})")
+            found[name] = recognise(name, [(column, kind) for _, column, kind, *_ in columns])
+        own = self._table.name
+        if None in found.values() or found.get(own, self._table) != self._table:
             self.close()
             raise UsageError(
-                "the file holds no table of this session's variables", where=self.path,
+                "the file holds what is no DataLogger's, or no table of this session's variables", where=self.path,
                 next_step="log to another file, or take this one away",
             )  # fmt: skip
+        if own in found:
+            self.goes_on = execute(f"SELECT count(*) FROM (SELECT 1 FROM main.{own} LIMIT 1)").fetchone()[0] > 0
+        else:
+            execute(statement(self._table))
 
     def _image(self, leaves: Leaves) -> bytes:
         """Return a database that holds some rows."""

@@ -168,13 +168,12 @@ def data_log(
     try:
         for one in planned:
             path = one.path or ":memory:"
-            goes_on = append and os.path.exists(path)
             database = Database(one.session, table_of(one.session, one.logged), path, durable=durable)
             database.open(append=append)
             logs.append(
                 SessionLog(
                     one.session, one.logged, _schedules(one, telegrams, judge), telegrams.places, telegrams.keys,
-                    database, document_style=document_style, goes_on=goes_on,
+                    database, document_style=document_style,
                 )
             )  # fmt: skip
     except BaseException:

@@ -63,13 +63,12 @@ class Counted:
 class SessionLog:
     """Logs the variables of one session.
 
-    ``keys`` are the lists of the places, by number. Rows begin when a value is known. ``goes_on``: the file has rows
-    already.
+    ``keys`` are the lists of the places, by number. Rows begin when a value is known.
     """
 
     def __init__(
         self, session: Session, logged: Sequence[Logged], schedules: Sequence[Schedule], places: Sequence[Place],
-        keys: Sequence[ListKey], database: Database, *, document_style: bool = False, goes_on: bool = False,
+        keys: Sequence[ListKey], database: Database, *, document_style: bool = False,
     ) -> None:  # fmt: skip
         self.session = session
         self.logged = logged
@@ -84,8 +83,9 @@ class SessionLog:
         self._columns = TableColumns(
             logged, self._texts, raw=session.raw, only_changes=session.only_changes, document_style=document_style
         )
-        # What was before the first row, nobody recorded; of a new series there is nothing before it.
-        self._first_consistent = not (document_style or goes_on)
+        # A row with all values and counters of 0 tells of a new beginning, as those of controllers do. Without
+        # counters, nothing else would tell that nobody recorded.
+        self._first_consistent = not document_style and (session.only_changes or not database.goes_on)
         self._database = database
         self._at_once = max(_CELLS_AT_ONCE // max(len(logged), 1), 1)
         self._waiting: list[Rows] = []

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import shutil
+import sqlite3
 import subprocess
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -106,11 +108,36 @@ def test_a_database_is_gone_on_with(here: Path) -> None:
     assert [row[1:2] + row[3:] for row in rows[:100]] == [row[1:2] + row[3:] for row in rows[100:]]
 
 
-def test_another_table_is_not_gone_on_with(here: Path) -> None:
+def test_a_new_beginning_of_changes_is_a_row_with_all_values(here: Path) -> None:
+    """As in the database of a controller that was off for a night."""
+    sink = 'storeChangesOnly="true"'
+    (here / "c.xml").write_text(configuration(["a/dwFirst"], 'taskContext="list1"', sink), encoding="utf-8")
+    assert logged(here).returncode == 0
+    assert logged(here, "--append").returncode == 0
+    rows = rows_of(here / "log.db")
+    assert [row[0] for row in rows if not row[2]] == []
+    assert [row[4] for row in rows[98:103]] == [98, 99, 0, 1, 2]
+
+
+def test_other_variables_are_another_table(here: Path) -> None:
     assert logged(here).returncode == 0
     (here / "c.xml").write_text(configuration(["a/dwSecond"], 'taskContext="list2"'), encoding="utf-8")
+    assert logged(here, "--append").returncode == 0
+    with closing(sqlite3.connect(here / "log.db")) as database:
+        tables = [name for (name,) in database.execute("SELECT name FROM sqlite_master ORDER BY rowid")]
+        counts = [
+            database.execute(f"SELECT count(*), min(ConsistentDataSeries) FROM {table}").fetchone() for table in tables
+        ]
+    assert counts == [(100, 1), (100, 1)]
+
+
+def test_what_is_no_datalogger_is_not_gone_on_with(here: Path) -> None:
+    with closing(sqlite3.connect(here / "log.db")) as database:
+        database.execute("CREATE TABLE messages (ts REAL)")
+    before = (here / "log.db").read_bytes()
     done = logged(here, "--append")
-    assert (done.returncode, "the file holds no table of this session's variables" in done.stderr) == (2, True)
+    assert (done.returncode, "the file holds what is no DataLogger's" in done.stderr) == (2, True)
+    assert (here / "log.db").read_bytes() == before
     shutil.copy(CAPTURES / "peers" / "peers.pcap", here / "log.db")
     done = logged(here, "--append")
     assert (done.returncode, "log.db: the file is no SQLite database" in done.stderr) == (5, True)
