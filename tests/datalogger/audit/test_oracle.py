@@ -111,3 +111,19 @@ def test_nothing_hangs_on_how_many_rows_are_read_at_a_time(
     assert by_kind(parts) == by_kind(whole)
     assert figures(parts) == figures(whole)
     assert [one.message for one in parts.findings] == [one.message for one in whole.findings]
+
+
+def test_a_counter_that_is_0_is_no_restart_where_others_count_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rows = only_changes(8)
+    rows.append(Row(4_000, {"a": 50}, {"a": 0}))
+    rows += [Row(4_000 + 250 * n, {"a": 50 + n, "b": 70 + n}, {"a": n, "b": 3 + n}) for n in range(1, 8)]
+    rows.append(Row(9_000, {"b": 9.0, "c": 1}, {"b": 0, "c": 0}))
+    write(tmp_path / "x.db", rows, DECLARED, changes=True)
+    for at_a_time in (100, 9, 4, 1):
+        monkeypatch.setattr(table_rows, "_ROWS", at_a_time)
+        found = by_kind(audited([str(tmp_path / "x.db")]))
+        assert found == {
+            ("NV954", "error", "a"): [9], ("NV954", "error", "b"): [17], ("NV954", "error", "c"): [17],
+        }, at_a_time  # fmt: skip
