@@ -44,6 +44,17 @@ def open_source(
     return Timeline(files, batch_packets=batch_packets, renamed=renamed)
 
 
+def files_of(paths: Sequence[str]) -> list[str]:
+    """Return the paths of the files that captures are read from: of a directory, of all capture files in it."""
+    found: list[str] = []
+    for path in paths:
+        if path != STDIN and os.path.isdir(path):
+            found += [info.path for one in _open_directory(path, ReadingSizes()) for info in one.infos]
+        else:
+            found.append(path)
+    return found
+
+
 def _open_directory(directory: str, sizes: ReadingSizes) -> list[CaptureFile]:
     try:
         names = sorted(entry.name for entry in Path(directory).iterdir() if entry.is_file())

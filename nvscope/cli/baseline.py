@@ -74,6 +74,7 @@ def baseline(
     asked = asked_range(from_time, to_time, utc=utc)
 
     from nvscope.analysis.inquiry import Inquiry
+    from nvscope.capture.open import files_of
     from nvscope.check.learning import learn
     from nvscope.check.learnt_file import text
     from nvscope.cli.progress import watching
@@ -82,7 +83,7 @@ def baseline(
     from nvscope.whole_files import Existing, WholeFiles
 
     inquiry = Inquiry(paths, plant, port_rules(decode), watch=watching(quiet=quiet), asked=asked)
-    files = WholeFiles([*paths, *plant.inputs], force=force)
+    files = WholeFiles([*files_of(paths), *plant.inputs], force=force)
     try:
         out = files.open(write, Existing.KEPT).file
         with flaws_told_first(plant.definition):

@@ -38,6 +38,7 @@ def write_files(
     inquiry: Inquiry, found: Checked, wanted: Wanted, rules: Sequence[str], *, fail_on: str, force: bool
 ) -> None:  # fmt: skip
     """Write what is wanted, all of it or nothing, onto no input."""
+    from nvscope.capture.open import files_of
     from nvscope.check.junit import junit
     from nvscope.check.sarif import sarif
     from nvscope.report import json
@@ -45,7 +46,7 @@ def write_files(
 
     inconclusive_fails = fail_on == "inconclusive"
     failing = ("error", "warning") if fail_on == "warning" else ("error",)
-    files = WholeFiles([*inquiry.paths, *rules, *inquiry.project.inputs], force=force)
+    files = WholeFiles([*files_of(inquiry.paths), *rules, *inquiry.project.inputs], force=force)
     try:
         if wanted.junit is not None:
             content = junit(found, inconclusive_fails=inconclusive_fails, failing=failing)

@@ -78,6 +78,20 @@ def test_no_output_is_written_onto_an_input(tmp_path: Path) -> None:
         assert (done.returncode, path.read_bytes() == before) == (2, True)
 
 
+@pytest.mark.parametrize("option", ["--junit", "--sarif"])
+def test_no_output_is_written_onto_a_capture_of_a_directory(option: str, tmp_path: Path) -> None:
+    capture, rules = sent(tmp_path, STEADY), ruled(tmp_path, 'check = "loss"')
+    folder = tmp_path / "captures"
+    folder.mkdir()
+    own = folder / capture.name
+    own.write_bytes(capture.read_bytes())
+    done = run_text("check", folder, "--rules", rules, option, own, "--force")
+    assert (done.returncode, own.read_bytes() == capture.read_bytes()) == (2, True), done.stderr
+    # What a run before wrote beside them is no capture.
+    for _ in range(2):
+        assert run_text("check", folder, "--rules", rules, option, folder / "told").returncode == 0
+
+
 def test_what_stands_in_files_cannot_break_out(tmp_path: Path) -> None:
     """Neither of XML, of an annotation nor of Markdown; and it is no control character anywhere."""
     capture, rules = sent(tmp_path, LOSSY), tmp_path / "x.rules.toml"
