@@ -166,9 +166,11 @@ def datalog(
         for line in forecast(planned, plant.definition.nominal_intervals_ns()):
             echo(line)
         return
-    inputs = {identity_of(path) for path in (*paths, *plant.inputs, *config)}
-    check_files(planned, lambda path: identity_of(path) in inputs, append=append, force=force)
     source = inquiry.open()
+    # Of a directory, these are the captures in it.
+    read_from = (*paths, *(info.path for info in source.infos), *plant.inputs, *config)
+    inputs = {identity for path in read_from if (identity := identity_of(path))}
+    check_files(planned, lambda path: identity_of(path) in inputs, append=append, force=force)
     if force:
         remove_files(planned)
     logs = _logged(inquiry, source, planned, quiet=quiet, append=append, document_style=document_style)

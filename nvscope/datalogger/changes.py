@@ -6,6 +6,8 @@ those behind it, by which an audit sees that changes were missed.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from dissectors.batch import I64, Bool
@@ -62,15 +64,19 @@ class Changed:
         """
         if not len(rows):
             return rows
-        before = np.concatenate([self._counts[np.newaxis], rows.counts[:-1]])
-        differs = rows.counts != before
+        stored = np.concatenate([self._counts[np.newaxis], rows.counts])
+        if rows.own is not None:
+            # Between two rows of a task stand rows of others, which do not store what it has changed.
+            stored[1:][~rows.own] = -1
+            stored = np.maximum.accumulate(stored)
+        differs = rows.counts != stored[:-1]
         if rows.own is not None:
             differs &= rows.own
         kept = differs.any(axis=1)
-        self._counts = rows.counts[-1].copy()
+        self._counts = stored[-1].copy()
         losses = np.cumsum(~rows.consistent)
         until = losses[kept]
         before_first = -1 if self._lost else 0
         consistent = until == np.append(before_first, until[:-1])
         self._lost = bool(losses[-1] > (until[-1] if len(until) else before_first))
-        return Rows(rows.time_ns[kept], consistent, rows.cells[kept], differs[kept], rows.counts[kept])
+        return replace(rows.take(kept), consistent=consistent, own=differs[kept])

@@ -11,7 +11,7 @@ import os
 import re
 import sqlite3
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +33,8 @@ from nvscope.errors import CaptureError, UsageError
 _PAGES_AT, _IMAGE = 28, "image"
 _BUSY_S = 5.0
 _NUMBERED = re.compile(r"\.(\d{1,18})\Z")
-_IN_MEMORY = ":memory:"
+IN_MEMORY = ":memory:"
+_SQLITE = b"SQLite format 3\0"
 
 
 class DatabaseLocked(Exception):
@@ -56,25 +57,39 @@ def table_of(session: Session, logged: Sequence[Logged]) -> LogTable:
 
 def closed_files(path: str) -> list[tuple[int, str]]:
     """Return the closed files of a series, with their numbers, the oldest first."""
-    folder, name = os.path.split(path)
-    found = []
+    folder = os.path.dirname(path)
     try:
         entries = os.listdir(folder or ".")
     except OSError:
         return []
-    for entry in entries:
-        if entry.startswith(f"{name}."):
-            number = _NUMBERED.fullmatch(entry[len(name) :])
-            if number:
-                found.append((int(number[1]), os.path.join(folder, entry)))
+    return closed_names(path, [os.path.join(folder, entry) for entry in entries])
+
+
+def closed_names(path: str, others: Iterable[str]) -> list[tuple[int, str]]:
+    """Return which of some paths in one form closed files of a database could have, with their numbers, rising."""
+    found = []
+    for other in others:
+        number = _NUMBERED.fullmatch(other[len(path) :]) if other.startswith(path) else None
+        if number:
+            found.append((int(number[1]), other))
     return sorted(found)
+
+
+def is_database(path: str) -> bool:
+    """Tell whether a file begins as SQLite files do."""
+    try:
+        with open(path, "rb") as file:
+            return file.read(len(_SQLITE)) == _SQLITE
+    except OSError:
+        return False
 
 
 class Database:
     """The files of a session; ``path`` is the one that is written, ``rows`` how many were.
 
     ``durable``: each block is on the disk before the next one is taken, where it survives a power cut. ``begins`` tells
-    whether the next row is the first of a file, ``goes_on`` whether its table had rows when it was opened.
+    whether the next row is the first of a file, ``goes_on`` whether the table had rows when it was opened, or the
+    series closed files.
     """
 
     def __init__(self, session: Session, table: LogTable, path: str, *, durable: bool) -> None:
@@ -97,7 +112,7 @@ class Database:
 
         Raises UsageError where that holds another table, and CaptureError where it cannot be written.
         """
-        exists = self.path != _IN_MEMORY and os.path.exists(self.path)
+        exists = self.path != IN_MEMORY and os.path.exists(self.path)
         try:
             self._connect()
             if exists:
@@ -143,13 +158,15 @@ class Database:
     @property
     def size_bytes(self) -> int:
         """How large the file is."""
-        if self.path == _IN_MEMORY:
+        if self.path == IN_MEMORY:
             pages = self._connection.execute("PRAGMA page_count").fetchone()[0]
             return int(pages * self._connection.execute("PRAGMA page_size").fetchone()[0])
         return os.path.getsize(self.path)
 
     def _connect(self) -> None:
-        self._connection = sqlite3.connect(self.path, isolation_level=None, timeout=_BUSY_S, check_same_thread=False)
+        # By its whole path: some names mean something else to SQLite.
+        path = self.path if self.path == IN_MEMORY else os.path.abspath(self.path)
+        self._connection = sqlite3.connect(path, isolation_level=None, timeout=_BUSY_S, check_same_thread=False)
         execute = self._connection.execute
         # As controllers have them; both have to be said before the first table is made.
         execute("PRAGMA page_size = 4096")
@@ -158,7 +175,7 @@ class Database:
             # Nobody waits for a power cut, or looks at the file, while a capture is turned into it.
             execute("PRAGMA synchronous = OFF")
             execute("PRAGMA main.locking_mode = EXCLUSIVE")
-        execute(f"ATTACH '{_IN_MEMORY}' AS {_IMAGE}")
+        execute(f"ATTACH '{IN_MEMORY}' AS {_IMAGE}")
 
     def _check(self, *, append: bool) -> None:
         """Take an existing file to go on with, and make its table where it has only others of a DataLogger.
@@ -184,8 +201,9 @@ class Database:
                 "the file holds what is no DataLogger's, or no table of this session's variables", where=self.path,
                 next_step="log to another file, or take this one away",
             )  # fmt: skip
+        self.goes_on = bool(closed_files(self.path))
         if own in found:
-            self.goes_on = execute(f"SELECT count(*) FROM (SELECT 1 FROM main.{own} LIMIT 1)").fetchone()[0] > 0
+            self.goes_on |= execute(f"SELECT count(*) FROM (SELECT 1 FROM main.{own} LIMIT 1)").fetchone()[0] > 0
         else:
             execute(statement(self._table))
 
@@ -209,7 +227,7 @@ class Database:
         most = self._session.max_bytes
         if most is None or self.size_bytes < most:
             return
-        if self._session.files == 1 or self.path == _IN_MEMORY:
+        if self._session.files == 1 or self.path == IN_MEMORY:
             self._delete_oldest(most)
         else:
             self._roll_over()
@@ -274,7 +292,7 @@ class Database:
 
 def _template(table: LogTable) -> tuple[bytes, int]:
     """Return a database in memory with an empty table, and the page of its root."""
-    connection = sqlite3.connect(_IN_MEMORY, isolation_level=None)
+    connection = sqlite3.connect(IN_MEMORY, isolation_level=None)
     try:
         connection.execute(f"PRAGMA page_size = {PAGE_BYTES}")
         connection.execute(statement(table))

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
 
 from dissectors.batch import I64, Bool
 from nvscope.capture.source import LostSpan
+from nvscope.datalogger.instants import HOLE_NS
 from nvscope.datalogger.judging import Judge
 from nvscope.datalogger.losses import STOPPED_INTERVALS, Drops, Losses
 from nvscope.datalogger.session_log import SessionLog
 from nvscope.engine.told import Told
+from nvscope.errors import CaptureError
 from nvscope.list_key import ListKey
 from nvscope.view.rows.defined import DefinedRows, DefinedTelegrams
 
-_NEVER = -(1 << 63)
+_NEVER, _LONGEST = -(1 << 63), (1 << 63) - 1
 
 
 class DataLog:
@@ -36,6 +38,7 @@ class DataLog:
         self._stops = _Stops(telegrams, judge)
         self._captured = Drops(judge.lost)
         self._seen: dict[SessionLog, int] = {}
+        self._last_ns = _NEVER
         self._drops: int | None = None
 
     def observe(self, told: Told) -> None:
@@ -46,9 +49,11 @@ class DataLog:
         dropped = self._captured.behind(told.packets.ts_ns, told.first_frame)
         gaps = self._losses.behind(self._judge.judged()) if self._losses.gaps else {}
         stopped = self._stops.behind(rows)
-        if told.is_deaf:
-            self._stops.forget()
+        before_ns = np.append(self._last_ns, told.packets.ts_ns)
+        self._last_ns = int(before_ns[-1])
+        holes = _holes(before_ns) + told.first_frame
         lost = self._lost_by_sources()
+        losses = {}
         for session in self.sessions:
             frames = [found[key] for found in (gaps, stopped) for key in found if key in session.keys]
             if lost:
@@ -57,17 +62,38 @@ class DataLog:
             seen = self._seen.get(session, _NEVER), *told.packets.ts_ns[missing - told.first_frame].tolist()
             unseen = [frame for frame, span in dropped if not _shows(span, seen)]
             self._seen[session] = max(seen)
-            session.take(told, rows, np.sort(np.append(missing, np.array(unseen, np.int64))))
+            losses[session] = np.sort(np.concatenate([missing, np.array(unseen, np.int64), holes]))
+        self._each(lambda session: session.take(told, rows, losses[session]))
+        if told.is_deaf:
+            self._stops.forget()
+            self._last_ns = _NEVER
+            for session in self.sessions:
+                session.lose()
 
     def end(self) -> None:
         """Write all that is left, and close the files."""
+        self._each(SessionLog.end)
+
+    def _each(self, do: Callable[[SessionLog], None]) -> None:
+        """Do something to each session, also to those behind one that cannot be written; its error is raised then."""
+        failed: CaptureError | None = None
         for session in self.sessions:
-            session.end()
+            try:
+                do(session)
+            except CaptureError as error:
+                failed = failed or error
+        if failed:
+            raise failed
 
     def _lost_by_sources(self) -> bool:
         """Return whether sources have lost packets since the batch before."""
         before, self._drops = self._drops, sum(info.drops or 0 for info in self._judge.infos)
         return before is not None and self._drops > before
+
+
+def _holes(time_ns: I64) -> I64:
+    """Return the places of packets in front of which nobody captured; the first time is of what was before them."""
+    return np.flatnonzero((time_ns[:-1] > _NEVER) & (time_ns[1:] - time_ns[:-1] > HOLE_NS))
 
 
 def _shows(span: LostSpan, seen: Sequence[int]) -> bool:
@@ -109,13 +135,13 @@ class _Stops:
         if interval_ns is not None:
             if not interval_ns:
                 return np.zeros(len(time_ns), np.bool_)
-            late: Bool = known & (time_ns > before + STOPPED_INTERVALS * interval_ns)
+            late: Bool = known & (time_ns - before > min(STOPPED_INTERVALS * interval_ns, _LONGEST))
             if not late.any():
                 return late
         interval_ns = interval_of(key, self._judge.judged().intervals_ns)
         if not interval_ns:
             return np.zeros(len(time_ns), np.bool_)
-        return known & (time_ns > before + STOPPED_INTERVALS * interval_ns)
+        return known & (time_ns - before > min(STOPPED_INTERVALS * interval_ns, _LONGEST))
 
     def forget(self) -> None:
         """Let what comes next follow nothing: nobody captured for a while."""

@@ -113,7 +113,8 @@ def row_size(planned: Planned) -> int:
         else:
             cells[:, column] = (1 << 8 * one.type.size_bytes - 2) - 1
     counts = np.full(cells.shape, 1 << 16, np.int64)
-    rows = Rows(np.zeros(_ROWS, np.int64), np.ones(_ROWS, np.bool_), cells, None, counts)
+    every = np.ones(_ROWS, np.bool_)
+    rows = Rows(np.zeros(_ROWS, np.int64), every, cells, None, counts, every)
     columns = TableColumns(logged, texts, raw=session.raw, only_changes=session.only_changes, document_style=False).of(
         rows
     )

@@ -32,18 +32,14 @@ _NEVER = -(1 << 63)
 
 @dataclass(frozen=True, slots=True)
 class Instants:
-    """Moments, and the frames behind which they are; int64 (n,), frames rising.
-
-    ``begins``: in front of the first of them nobody captured for a while.
-    """
+    """Moments, and the frames behind which they are; int64 (n,), frames rising."""
 
     time_ns: I64
     frame: I64
-    begins: bool = False
 
     def take(self, rows: slice) -> Instants:
         """Return some of them, which follow each other."""
-        return Instants(self.time_ns[rows], self.frame[rows], self.begins and not rows.start)
+        return Instants(self.time_ns[rows], self.frame[rows])
 
 
 class Interval:
@@ -54,7 +50,6 @@ class Interval:
         self._now_ns = _NEVER
         self._next_ns: int | None = None
         self._frame = 0
-        self._begins = False
 
     def take(self, told: Told, _: DefinedRows) -> Iterator[Instants]:
         """Yield the instants that are over with a batch."""
@@ -66,16 +61,19 @@ class Interval:
             yield from self._until(now[:stop], told.first_frame + first)
             first += stop
             if first < len(ts_ns):
-                set_back = ts_ns[first] < self._now_ns
-                yield from self._closed(unseen=not set_back)
+                yield from self.end()
         if told.until_ns is not None and self._next_ns is not None and told.until_ns > self._now_ns:
             yield from self._until(np.array([told.until_ns]), self._frame + 1, packets=0)
         if told.is_deaf:
-            yield from self._closed(unseen=True)
+            yield from self.end()
 
     def end(self) -> Iterator[Instants]:
-        """Yield the instants up to the last packet: nothing follows it."""
-        yield from self._closed(unseen=False)
+        """Yield the instants up to the last packet, and wait for another one to begin anew."""
+        if self._next_ns is None:
+            return
+        last = np.array([self._now_ns])
+        yield from self._between(self._now_ns + 1, last, self._frame)
+        self._next_ns, self._now_ns = None, _NEVER
 
     def _breaks(self, ts_ns: I64, now: I64) -> int:
         """Return how many of some packets come before the clock is set, or nobody captures for a while."""
@@ -109,24 +107,15 @@ class Interval:
             time_ns = self._next_ns + self._interval_ns * np.arange(count)
             frame = first_frame + np.searchsorted(now, time_ns, "right") - 1
             self._next_ns += self._interval_ns * count
-            yield Instants(time_ns, frame, self._begins)
-            self._begins = False
-
-    def _closed(self, *, unseen: bool) -> Iterator[Instants]:
-        """Yield the instants up to the last time, and wait for a packet to begin anew; ``unseen``: nobody captures."""
-        if self._next_ns is None:
-            return
-        last = np.array([self._now_ns])
-        yield from self._between(self._now_ns + 1, last, self._frame)
-        self._next_ns, self._now_ns = None, _NEVER
-        self._begins |= unseen
+            yield Instants(time_ns, frame)
 
 
 class Cycles:
     """Instants behind the cycles of a list, as its telegrams come.
 
     ``places`` are those of the list, with their SubIndexes in ``subindexes``; a cycle is over with the last of these,
-    with a SubIndex that does not follow, or with one that comes later than ``apart_ns`` behind the one before.
+    with a SubIndex that does not follow, or with one that comes later than ``apart_ns`` behind the one before; and
+    where the clock was set back.
     """
 
     def __init__(self, places: Sequence[int], subindexes: Sequence[int], apart_ns: int) -> None:
@@ -134,33 +123,60 @@ class Cycles:
         self._last = max(subindexes, default=0)
         self._apart_ns = apart_ns
         self._open: dict[int, tuple[int, int, int, int]] = {}
-        self._begins = False
+        self._now_ns = _NEVER
+
+    @property
+    def open_frames(self) -> list[int]:
+        """The last frames of cycles that may go on."""
+        return [frame for _, frame, _, _ in self._open.values()]
 
     def take(self, told: Told, rows: DefinedRows) -> Iterator[Instants]:
-        """Yield the instants of the cycles that are over with a batch."""
+        """Yield the instants of the cycles that are over with a batch; within one of them, frames rise."""
         place = np.searchsorted(self._places, rows.place)
         own = np.flatnonzero(
             (place < len(self._places)) & (self._places[np.minimum(place, len(self._places) - 1)] == rows.place)
         )
-        if len(own):
-            if self._last == 0:
-                yield self._told(rows.ts_ns[own], rows.frame[own])
-            else:
-                yield from self._cut(rows, own)
+        if self._last == 0:
+            if len(own):
+                yield Instants(rows.ts_ns[own], rows.frame[own])
+            return
+        ts_ns, first = told.packets.ts_ns, 0
+        while first < len(ts_ns):
+            stop = first + self._until_set_back(ts_ns[first:])
+            bounds = np.searchsorted(rows.frame[own], [told.first_frame + first, told.first_frame + stop])
+            if bounds[0] < bounds[1]:
+                yield from self._cut(rows, own[bounds[0] : bounds[1]])
+            if stop < len(ts_ns):
+                yield from self.end()
+            first = stop
+        if told.until_ns is not None:
+            self._now_ns = max(self._now_ns, told.until_ns)
+        # Packets that are out of order are late by no more than that.
+        latest_ns = self._now_ns - self._apart_ns - SET_BACK_NS
+        yield from self._closed([sender for sender, one in self._open.items() if one[2] < latest_ns])
         if told.is_deaf:
             yield from self.end()
-            self._begins = True
 
     def end(self) -> Iterator[Instants]:
         """Yield the instants of the cycles that are open."""
-        waiting = sorted(self._open.values(), key=lambda one: one[1])
-        self._open.clear()
-        if waiting:
-            yield self._told(np.array([one[0] for one in waiting]), np.array([one[1] for one in waiting]))
+        yield from self._closed(list(self._open))
+        self._now_ns = _NEVER
 
-    def _told(self, time_ns: I64, frame: I64) -> Instants:
-        begins, self._begins = self._begins, False
-        return Instants(time_ns, frame, begins)
+    def _closed(self, senders: Sequence[int]) -> Iterator[Instants]:
+        """Yield the instants of the open cycles of some senders."""
+        over = sorted((self._open.pop(sender) for sender in senders), key=lambda one: one[1])
+        if over:
+            yield Instants(np.array([one[0] for one in over]), np.array([one[1] for one in over]))
+
+    def _until_set_back(self, ts_ns: I64) -> int:
+        """Return how many of some packets come before the clock is set back, and take their time."""
+        now = np.maximum.accumulate(np.maximum(ts_ns, self._now_ns))
+        before = np.append(self._now_ns, now[:-1])
+        back = np.flatnonzero((before > _NEVER) & (ts_ns < before - SET_BACK_NS))
+        stop = int(back[0]) if len(back) else len(ts_ns)
+        if stop:
+            self._now_ns = int(now[stop - 1])
+        return stop
 
     def _cut(self, rows: DefinedRows, own: I64) -> Iterator[Instants]:
         """Cut the telegrams of each sender into cycles: the last frame of each that is over, and when it began."""
@@ -172,7 +188,7 @@ class Cycles:
         time_ns, frame = (np.concatenate([one[column] for one in found]) for column in (0, 1))
         order = np.argsort(frame, kind="stable")
         if len(order):
-            yield self._told(time_ns[order], frame[order])
+            yield Instants(time_ns[order], frame[order])
 
     def _of_sender(self, number: int, subindex: I64, time_ns: I64, frame: I64) -> tuple[I64, I64]:
         if number in self._open:

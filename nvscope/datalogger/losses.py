@@ -6,6 +6,7 @@ capture tells, and is therefore read twice. Live, what is known by then has to d
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from operator import itemgetter
@@ -21,8 +22,7 @@ from nvscope.list_key import ListKey
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.loss import Loss
 from nvscope.tracker.node_steps import NodeSteps
-from nvscope.tracker.open_gaps import OpenGaps
-from nvscope.tracker.steps import Step, Steps
+from nvscope.tracker.steps import WINDOW, Step, Steps
 from nvscope.tracker.summary import Summary
 
 STOPPED_INTERVALS = 10
@@ -71,11 +71,16 @@ class Judged:
 
 @dataclass(slots=True)
 class _Gap:
-    """A gap in front of a frame, and how many telegrams are still missing in it."""
+    """A gap in front of a frame and its ``counter``; of ``count`` telegrams, some may still be missing."""
 
-    walk: int
     frame: int
+    counter: int
+    count: int
     missing: int
+
+    def holds(self, counter: int) -> bool:
+        """Tell whether it was this telegram, by its Counter, that was missing in it, among others."""
+        return 1 <= (self.counter - counter) % (1 << 16) <= self.count
 
 
 class Losses:
@@ -91,7 +96,7 @@ class Losses:
         self._keys = frozenset(keys)
         self._loss = Loss()
         self._wanted = np.zeros(0, np.bool_)
-        self._open: OpenGaps[_Gap] = OpenGaps()
+        self._open: dict[tuple[int, int], deque[_Gap]] = {}
         self._streams: dict[int, _Stream] = {}
         self.gaps: list[tuple[int, int, _Stream]] = []
         self.filled: set[tuple[int, int]] = set()
@@ -133,13 +138,20 @@ class Losses:
 
     def _note(self, told: Told, rows: DataRows, steps: Steps | NodeSteps, walk: int) -> None:
         gaps, late = steps.at(Step.GAP), steps.at(Step.OVERTAKEN)
-        gaps, late = gaps[self._wanted[rows.stream[gaps]]], late[self._wanted[rows.stream[late]]]
+        counts = self._wanted
+        if walk != Scope.STREAM:
+            # A node's Counter runs through all that it sends: a late telegram of any list may fill a gap of these.
+            node = told.keys.node_of(np.arange(len(counts)))
+            senders = np.zeros(int(node.max(initial=-1)) + 1, np.bool_)
+            senders[node[counts]] = True
+            counts = senders[node]
+        gaps, late = gaps[counts[rows.stream[gaps]]], late[counts[rows.stream[late]]]
         if not len(gaps) and not len(late):
             return
         missing = steps.distance_at(gaps).astype(np.int64) - 1
         place = np.concatenate([gaps, late])
-        frame = rows.packet[place] + told.first_frame
-        missing = np.concatenate([missing, np.full(len(late), -1)])
+        frame, counter = rows.packet[place] + told.first_frame, rows.counter[place]
+        missing = np.concatenate([missing, np.zeros(len(late), np.int64)])
         for row in np.argsort(frame, kind="stable").tolist():
             number, own, count = int(rows.stream[place[row]]), int(frame[row]), int(missing[row])
             if number not in self._streams:
@@ -147,33 +159,48 @@ class Losses:
                 self._streams[number] = key.list, key.subindex, key.sender
             # What is missing in the Counter of a node may come late in any of its streams.
             of_node = walk != Scope.STREAM
-            where = (0, int(told.keys.node_of(np.array([number]))[0]) if of_node else number, 0, walk)
-            if count > 0:
-                self.gaps.append((walk, own, self._streams[number]))
-                self._open.add(where, count, _Gap(walk, own, count))
+            where = walk, int(told.keys.node_of(np.array([number]))[0]) if of_node else number
+            # Each gap misses one telegram at least, and none is waited for that is further behind than the window.
+            waiting = self._open.setdefault(where, deque(maxlen=WINDOW))
+            if count:
+                if self._wanted[number]:
+                    self.gaps.append((walk, own, self._streams[number]))
+                waiting.append(_Gap(own, int(counter[row]), count, count))
                 continue
-            for back, gap in self._open.take_back(where, 1):
-                gap.missing -= back
+            gap = next((one for one in reversed(waiting) if one.holds(int(counter[row]))), None)
+            if gap is not None:
+                gap.missing -= 1
                 if not gap.missing:
-                    self.filled.add((gap.walk, gap.frame))
+                    self.filled.add((walk, gap.frame))
 
 
 class Drops:
     """When packets were lost while capturing, each of which is told once.
 
-    Statistics tell of a span behind it: what is missing in that may have shown in Counters already.
+    A packet that says so is known by its time, wherever the clock was set. Statistics tell of a span behind it: what is
+    missing in that may have shown in Counters already.
     """
 
     def __init__(self, lost: Iterable[LostSpan]) -> None:
-        told = [(span.since_ns if span.until_ns is None else span.until_ns, span) for span in lost]
-        self._waiting = sorted(((when, span) for when, span in told if when is not None), key=itemgetter(0))
+        spans = list(lost)
+        self._at_packets = {span.until_ns: span for span in spans if span.at_packet and span.until_ns is not None}
+        told = [(span.since_ns if span.until_ns is None else span.until_ns, span) for span in spans]
+        waiting = [(when, span) for when, span in told if when is not None and when not in self._at_packets]
+        self._waiting = sorted(waiting, key=itemgetter(0))
 
     def behind(self, time_ns: I64, first_frame: int) -> list[tuple[int, LostSpan]]:
         """Return the frames behind which packets were lost, given the times of frames that follow."""
         found = []
+        if self._at_packets:
+            when = np.array(sorted(self._at_packets), np.int64)
+            place = np.minimum(np.searchsorted(when, time_ns), len(when) - 1)
+            for row in np.flatnonzero(when[place] == time_ns).tolist():
+                own = self._at_packets.pop(int(time_ns[row]), None)
+                if own is not None:
+                    found.append((row + first_frame, own))
         while self._waiting and len(time_ns):
-            when, span = self._waiting[0]
-            after = np.flatnonzero(time_ns >= when if span.at_packet or span.until_ns is None else time_ns > when)
+            when_ns, span = self._waiting[0]
+            after = np.flatnonzero(time_ns >= when_ns if span.until_ns is None else time_ns > when_ns)
             if not len(after):
                 break
             del self._waiting[0]

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import os
 import re
+from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dissectors.batch import Bool
+from dissectors.datalogger.tables import CONSISTENT, COUNT_SUFFIX, TIMESTAMP
 from nvscope.datalogger.configuration import Session
-from nvscope.datalogger.database import Database, closed_files, table_of
+from nvscope.datalogger.database import IN_MEMORY, Database, closed_files, closed_names, is_database, table_of
 from nvscope.datalogger.datalog import DataLog, interval_of
 from nvscope.datalogger.instants import Cycles, Interval
 from nvscope.datalogger.judging import Judge
@@ -20,7 +22,7 @@ from nvscope.datalogger.session_log import Schedule, SessionLog
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.project_datalogger import DataLoggerSettings
 from nvscope.definition.selection import names_of_lists
-from nvscope.errors import ConfigurationError, UsageError
+from nvscope.errors import CaptureError, ConfigurationError, UsageError
 from nvscope.list_key import ListKey
 from nvscope.view.rows.defined import DefinedTelegrams
 
@@ -60,9 +62,13 @@ class Targets:
         if session.volatile and self.path is None:
             return ""
         if self.path is not None:
-            return self.path
-        name = re.split(r"[/\\]", session.path)[-1]
-        return os.path.join(self.folder, name) if self.folder is not None else session.path
+            path = self.path
+        elif self.folder is not None:
+            path = os.path.join(self.folder, re.split(r"[/\\]", session.path)[-1])
+        else:
+            path = session.path
+        # What means memory to SQLite is a file here.
+        return os.path.join(os.curdir, path) if path == IN_MEMORY else path
 
 
 def plan(
@@ -72,19 +78,42 @@ def plan(
 
     ``partly``: variables that no list has are left out, as a controller does. Raises ConfigurationError, with file and
     line, for the first that cannot be found otherwise, and where nothing is left; UsageError where two sessions have
-    one name, or one file.
+    one name, or one file, and where a column has two meanings.
     """
     planned = []
     for session in sessions:
         found = resolve(session, layouts, settings)
         if found.left_out and (not partly or not found.logged):
             raise _first(found)
+        _check_columns(session, found.logged)
         planned.append(
             _with_tasks(Planned(session, found.logged, found.left_out, targets.of(session)), layouts, settings)
         )
     _check_different(planned, "name", [one.session.name for one in planned])
-    _check_different(planned, "file", [os.path.abspath(one.path) if one.path else "" for one in planned])
+    files = [os.path.realpath(one.path) if one.path else "" for one in planned]
+    _check_different(planned, "file", files)
+    for one, file in zip(planned, files, strict=True):
+        taken = {path for _, path in closed_names(file, files)} if one.path and one.session.files != 1 else ()
+        for other, path in zip(planned, files, strict=True):
+            if path in taken:
+                raise UsageError(
+                    f"a full file of the session {one.session.name} may have the name {path}",
+                    where=str(other.session.position), next_step="write this one to a file of another name",
+                )  # fmt: skip
     return planned
+
+
+def _check_columns(session: Session, logged: Sequence[Logged]) -> None:
+    """Raise ConfigurationError where a variable is called like another column of its table, in any case of letters."""
+    names = [name for one in logged for name in (one.uri, *([one.uri + COUNT_SUFFIX] if session.only_changes else ()))]
+    times = Counter(name.lower() for name in (TIMESTAMP, CONSISTENT, *names))
+    uris = {one.uri for one in logged}
+    for variable in session.variables:
+        if variable.uri in uris and times[variable.uri.lower()] > 1:
+            raise ConfigurationError(
+                f"Variable, attribute name: '{variable.uri}' is what another column of the database is called",
+                where=str(variable.position), next_step="Call it as the controller does: Arp.Plc.Eclr/NAME.",
+            )  # fmt: skip
 
 
 def _check_different(planned: Sequence[Planned], what: str, told: Sequence[str]) -> None:
@@ -132,23 +161,40 @@ def _with_tasks(planned: Planned, layouts: Layouts, settings: DataLoggerSettings
 
 
 def check_files(planned: Sequence[Planned], is_input: Callable[[str], bool], *, append: bool, force: bool) -> None:
-    """Raise UsageError where a file exists that may not be written, or is an input."""
-    for path in _existing(planned):
-        if is_input(path):
-            raise UsageError("the file is an input, and is not written to", where=path, next_step="name another one")
-        if os.path.isdir(path):
-            raise UsageError("is a directory", where=path, next_step="name a file in it, or the directory by --folder")
-        if not append and not force:
-            raise UsageError(
-                "the file exists", where=path,
-                next_step="--append goes on with it, --force takes its place; or name another one with -w",
-            )  # fmt: skip
+    """Raise UsageError where there is something that may not be written: an input, a device, a file without leave."""
+    for one in planned:
+        for path in _existing([one]):
+            if is_input(path):
+                raise UsageError(
+                    "the file is an input, and is not written to", where=path, next_step="name another one"
+                )
+            if os.path.isdir(path):
+                raise UsageError(
+                    "is a directory", where=path, next_step="name a file in it, or the directory by --folder"
+                )
+            if os.path.exists(path) and not os.path.isfile(path):
+                raise UsageError("is no file", where=path, next_step="name one")
+            if not append and not force:
+                raise UsageError(
+                    "the file exists", where=path,
+                    next_step="--append goes on with it, --force takes its place; or name another one with -w",
+                )  # fmt: skip
+            if path != one.path and not is_database(path):
+                raise UsageError(
+                    "the file has the name of a closed database, and is none", where=path,
+                    next_step="take it away, or name another file with -w",
+                )  # fmt: skip
 
 
 def remove_files(planned: Sequence[Planned]) -> None:
-    """Remove the files that others take the place of."""
+    """Remove the files that others take the place of, at which ``check_files`` has looked."""
     for path in _existing(planned):
-        os.unlink(path)
+        try:
+            os.unlink(path)
+        except OSError as error:
+            raise CaptureError(
+                f"the file cannot be replaced: {error.strerror}", where=path, next_step="check its folder"
+            ) from None
 
 
 def _existing(planned: Sequence[Planned]) -> list[str]:
@@ -167,7 +213,7 @@ def data_log(
     logs: list[SessionLog] = []
     try:
         for one in planned:
-            path = one.path or ":memory:"
+            path = one.path or IN_MEMORY
             database = Database(one.session, table_of(one.session, one.logged), path, durable=durable)
             database.open(append=append)
             logs.append(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from nvscope.datalogger.rows import Rows
@@ -10,8 +12,9 @@ from nvscope.datalogger.rows import Rows
 class Ring:
     """A buffer of so many data sets that is emptied every ``publish_ns``, at multiples of it since 1970.
 
-    Of what is taken in between, the oldest are overwritten; the row behind them is not consistent. ``overwritten`` is
-    how many were lost. Without ``publish_ns``, each data set is passed on at once.
+    Of what is sampled in between, the oldest are overwritten; the row behind them is not consistent. What cycles made
+    is not overwritten: it waits for those in front of it. ``overwritten`` is how many were lost. Without
+    ``publish_ns``, each data set is passed on at once.
     """
 
     def __init__(self, capacity: int, publish_ns: int | None) -> None:
@@ -27,32 +30,30 @@ class Ring:
             return rows if len(rows) else None
         if self._held is not None:
             rows = Rows.joined([self._held, rows]) if len(rows) else self._held
-        if not len(rows):
-            return None
+        sampled = np.flatnonzero(rows.sampled)
+        if not len(sampled):
+            return rows if len(rows) else None
         # A data set is published with the next publishing behind it, or with that at its time.
-        group = -(-rows.time_ns // self._publish_ns)
+        group = -(-rows.time_ns[sampled] // self._publish_ns)
         begins = np.flatnonzero(np.append(True, group[1:] != group[:-1]))
-        stop = np.append(begins[1:], len(rows))
+        stop = np.append(begins[1:], len(sampled))
         first_kept = np.maximum(stop - self._capacity, begins)
-        number = np.repeat(np.arange(len(begins)), stop - begins)
-        kept = np.arange(len(rows)) >= first_kept[number]
+        kept = np.ones(len(rows), np.bool_)
+        kept[sampled[np.arange(len(sampled)) < np.repeat(first_kept, stop - begins)]] = False
         consistent = rows.consistent.copy()
         # What was lost in front of an overwritten row, was lost in front of the first that is kept.
         overwrites = first_kept > begins
-        consistent[first_kept[overwrites]] = False
+        consistent[sampled[first_kept[overwrites]]] = False
         if self._lost:
-            consistent[first_kept[0]] = False
+            consistent[sampled[first_kept[0]]] = False
+        rows = replace(rows, consistent=consistent)
         is_open = now_ns is None or -(-now_ns // self._publish_ns) <= int(group[-1])
-        published = int(begins[-1]) if is_open else len(rows)
+        published = int(sampled[begins[-1]]) if is_open else len(rows)
         self.overwritten += int(np.count_nonzero(~kept))
         self._lost = bool(overwrites[-1] or (self._lost and len(begins) == 1)) and is_open
-        held = rows.take(slice(int(first_kept[-1]), len(rows))) if is_open else None
-        self._held = held
-        out = kept[:published]
-        if not out.any():
-            return None
-        found = rows.take(slice(0, published)).take(out)
-        return Rows(found.time_ns, consistent[:published][out], found.cells, found.own, found.counts)
+        self._held = rows.take(slice(published, None)).take(kept[published:]) if is_open else None
+        out = rows.take(slice(0, published)).take(kept[:published])
+        return out if len(out) else None
 
     @property
     def held(self) -> Rows | None:
@@ -66,7 +67,7 @@ class Ring:
             return None
         if self._lost:
             consistent = rows.consistent.copy()
-            consistent[0] = False
-            rows = Rows(rows.time_ns, consistent, rows.cells, rows.own, rows.counts)
+            consistent[np.argmax(rows.sampled)] = False
+            rows = replace(rows, consistent=consistent)
         self._lost = False
         return rows

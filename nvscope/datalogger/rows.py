@@ -19,7 +19,8 @@ class Rows:
     (n, v) are the values, also those that have not changed: integers, the bits of reals, or numbers of ``Texts``, as
     signed integers of as few bytes as all of them need. ``own`` (n, v) tells which values belong to the data set:
     those of another task do not, nor what nobody knows; None where all do. ``counts`` (n, v), int64, is how often a
-    value had changed by then, -1 before it is known; (n, 0) where nobody counts.
+    value had changed by then, -1 before it is known; (n, 0) where nobody counts. ``sampled`` (n,) is False where a
+    cycle of a list made the data set: no interval counts for it.
     """
 
     time_ns: I64
@@ -27,6 +28,7 @@ class Rows:
     cells: Numbers
     own: Bool | None
     counts: I64
+    sampled: Bool
 
     def __len__(self) -> int:
         return len(self.time_ns)
@@ -34,19 +36,22 @@ class Rows:
     def take(self, rows: I64 | Bool | slice) -> Rows:
         """Return some of the rows."""
         own = None if self.own is None else self.own[rows]
-        return Rows(self.time_ns[rows], self.consistent[rows], self.cells[rows], own, self.counts[rows])
+        return Rows(
+            self.time_ns[rows], self.consistent[rows], self.cells[rows], own, self.counts[rows], self.sampled[rows]
+        )
 
     @staticmethod
     def joined(parts: Sequence[Rows]) -> Rows:
         """Return rows one part behind the other; there is one part at least."""
         if len(parts) == 1:
             return parts[0]
-        time_ns, consistent, cells, counts = (
+        time_ns, consistent, cells, counts, sampled = (
             np.concatenate([getattr(part, name) for part in parts])
-            for name in ("time_ns", "consistent", "cells", "counts")
+            for name in ("time_ns", "consistent", "cells", "counts", "sampled")
         )
         whole = all(part.own is None for part in parts)
-        return Rows(time_ns, consistent, cells, None if whole else np.concatenate([one.owned for one in parts]), counts)
+        own = None if whole else np.concatenate([one.owned for one in parts])
+        return Rows(time_ns, consistent, cells, own, counts, sampled)
 
     @property
     def owned(self) -> Bool:
@@ -57,4 +62,4 @@ class Rows:
     def none() -> Rows:
         """Return no rows, which cannot be joined with others."""
         table = np.empty((0, 0), np.int64)
-        return Rows(np.empty(0, np.int64), np.empty(0, np.bool_), table, None, table)
+        return Rows(np.empty(0, np.int64), np.empty(0, np.bool_), table, None, table, np.empty(0, np.bool_))

@@ -7,8 +7,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,18 +17,22 @@ from nvscope.datalogger.changes import Changed, Counts
 from nvscope.datalogger.columns import TableColumns
 from nvscope.datalogger.configuration import Session
 from nvscope.datalogger.database import Database, DatabaseLocked
-from nvscope.datalogger.instants import Cycles, Instants, Interval
+from nvscope.datalogger.instants import Cycles, Interval
 from nvscope.datalogger.logged import Content, Logged
 from nvscope.datalogger.ring import Ring
 from nvscope.datalogger.rows import Rows
 from nvscope.datalogger.samples import Samples
 from nvscope.datalogger.texts import MOST_KEPT, Texts
+from nvscope.datalogger.turns import Taken, Turns
 from nvscope.engine.told import Told
 from nvscope.list_key import ListKey
 from nvscope.view.rows.defined import DefinedRows, Place
 
 _CELLS_AT_ONCE = 1 << 17
 """So many values are looked at in one go: they stay near the processor."""
+
+_TRIES_AT_END = 3
+"""Each waits as long as it does for any block (``Database``)."""
 
 _BLOCKS_KEPT = 4
 """While another program holds the file, so many blocks wait for it; then the oldest rows are lost."""
@@ -74,11 +78,17 @@ class SessionLog:
         self.logged = logged
         self.keys = frozenset(one.key for one in logged)
         self.counted = Counted()
-        self._schedules = schedules
         self._texts = Texts()
         self._samples = Samples(logged, places, keys, self._texts)
+        at_once = max(_CELLS_AT_ONCE // max(len(logged), 1), 1)
+        self._turns = Turns([one.instants for one in schedules], self._samples, at_once)
+        every = np.ones(len(logged), np.bool_)
+        self._taken = np.stack([every if one.columns is None else one.columns for one in schedules])
+        self._takes_all = bool(self._taken.all())
+        self._sampled = np.array([isinstance(one.instants, Interval) for one in schedules], np.bool_)
         self._counts = Counts(len(logged), self._samples.dtype) if session.only_changes else None
-        self._ring = Ring(session.capacity, None if _at_once(schedules) else session.publish_ns)
+        # With a task, no interval counts.
+        self._ring = Ring(session.capacity, session.publish_ns if self._sampled.any() else None)
         self._changed = Changed(len(logged)) if session.only_changes else None
         self._columns = TableColumns(
             logged, self._texts, raw=session.raw, only_changes=session.only_changes, document_style=document_style
@@ -86,8 +96,8 @@ class SessionLog:
         # A row with all values and counters of 0 tells of a new beginning, as those of controllers do. Without
         # counters, nothing else would tell that nobody recorded.
         self._first_consistent = not document_style and (session.only_changes or not database.goes_on)
+        self._begun = False
         self._database = database
-        self._at_once = max(_CELLS_AT_ONCE // max(len(logged), 1), 1)
         self._waiting: list[Rows] = []
         self._losses = np.empty(0, np.int64)
         self._lost = False
@@ -97,10 +107,8 @@ class SessionLog:
         """Take a batch; behind the frames ``losses``, which rise, something is missing that this session logs."""
         self._losses = np.concatenate([self._losses, losses])
         self._samples.begin(rows)
-        for instants, own in self._instants(told, rows):
-            for part in range(0, len(instants.frame), self._at_once):
-                rest = slice(part, part + self._at_once)
-                self._sample(instants.take(rest), own[rest] if own is not None and own.ndim == 2 else own)
+        for taken in self._turns.take(told, rows):
+            self._sample(taken)
         self._samples.end()
         now_ns = told.until_ns
         if now_ns is not None:
@@ -116,71 +124,54 @@ class SessionLog:
         """Write all that is left, and close the files."""
         nothing = DefinedRows(np.empty(0, np.uint8), *(np.empty(0, np.int64) for _ in range(7)))
         self._samples.begin(nothing)
-        for schedule in self._schedules:
-            for instants in schedule.instants.end():
-                self._sample(instants, schedule.columns)
-        self._publish(self._ring.end())
-        self.flush()
-        self.counted.files = [*self._database.closed, self._database.path]
-        self._database.close()
+        for taken in self._turns.end():
+            self._sample(taken)
+        try:
+            self._publish(self._ring.end())
+            self._flush()
+        finally:
+            self.counted.files = [*self._database.closed, self._database.path]
+            self._database.close()
 
-    def flush(self) -> None:
-        """Write all rows that wait for their block to be full."""
-        self._write(1)
+    def _flush(self) -> None:
+        """Write all rows that wait for their block to be full, as far as nobody holds the file."""
+        for _ in range(_TRIES_AT_END):
+            self._write(1)
+            if not self._waiting:
+                return
+        self.counted.not_written += sum(len(one) for one in self._waiting)
+        self._waiting = []
 
-    def _instants(self, told: Told, rows: DefinedRows) -> Iterator[tuple[Instants, Bool | None]]:
-        """Yield the instants of a batch with the columns that are taken at each of them."""
-        if len(self._schedules) == 1:
-            only = self._schedules[0]
-            for instants in only.instants.take(told, rows):
-                yield instants, only.columns
-            return
-        found = [
-            (instants, number)
-            for number, schedule in enumerate(self._schedules)
-            for instants in schedule.instants.take(told, rows)
-        ]
-        if not found:
-            return
-        time_ns = np.concatenate([one.time_ns for one, _ in found])
-        frame = np.concatenate([one.frame for one, _ in found])
-        number = np.repeat([number for _, number in found], [len(one.frame) for one, _ in found])
-        order = np.lexsort((number, time_ns, frame))
-        number = number[order]
-        masks = np.stack(
-            [np.ones(len(self.logged), np.bool_) if one.columns is None else one.columns for one in self._schedules]
-        )
-        yield Instants(time_ns[order], frame[order], any(one.begins for one, _ in found)), masks[number]
-
-    def _sample(self, instants: Instants, own: Bool | None) -> None:
-        cells, known = self._samples.at(instants.frame)
-        if own is not None:
-            known = np.broadcast_to(own, cells.shape) if known is None else known & own
-        consistent = self._consistent(instants)
+    def _sample(self, taken: Taken) -> None:
+        """Make data sets of what was taken, as far as something is known."""
+        consistent = self._consistent(taken.frame)
+        time_ns, cells, known = taken.time_ns, taken.cells, taken.known
+        sampled = self._sampled[taken.schedule]
+        if not self._takes_all:
+            own = self._taken[taken.schedule]
+            known = own if known is None else known & own
         if known is not None and not (any_known := known.any(axis=1)).all():
             if not any_known.any():
                 return
-            instants = Instants(instants.time_ns[any_known], instants.frame[any_known])
             # What was lost before anything is known, is lost in front of nothing.
-            cells, known, consistent = cells[any_known], known[any_known], consistent[any_known]
-        if not self.counted.samples:
-            consistent[0] = self._first_consistent
+            time_ns, consistent, sampled = time_ns[any_known], consistent[any_known], sampled[any_known]
+            cells, known = cells[any_known], known[any_known]
         self.counted.samples += len(cells)
         if self._counts is None:
             counts = np.empty((len(cells), 0), np.int64)
         else:
             cells, counts = self._counts.take(cells, known)
         before = self._ring.overwritten
-        self._publish(self._ring.take(Rows(instants.time_ns, consistent, cells, known, counts)))
+        self._publish(self._ring.take(Rows(time_ns, consistent, cells, known, counts, sampled)))
         self.counted.overwritten += self._ring.overwritten - before
 
-    def _consistent(self, instants: Instants) -> Bool:
-        """Return which of some data sets follow the one before without a loss."""
-        consistent = np.ones(len(instants.frame), np.bool_)
-        if self._lost or instants.begins:
+    def _consistent(self, frame: I64) -> Bool:
+        """Return which data sets, by the frames behind which they are, follow the one before without a loss."""
+        consistent = np.ones(len(frame), np.bool_)
+        if self._lost:
             consistent[0] = self._lost = False
         if len(self._losses):
-            place = np.searchsorted(instants.frame, self._losses)
+            place = np.searchsorted(frame, self._losses)
             here = place < len(consistent)
             consistent[place[here]] = False
             self._losses = self._losses[~here]
@@ -190,6 +181,9 @@ class SessionLog:
         """Hand data sets from the ring buffer to the database."""
         if rows is None or not len(rows):
             return
+        if not self._begun:
+            # Of what was before the first row, nobody recorded anything: nothing is lost in front of it.
+            rows.consistent[0], self._begun = self._first_consistent, True
         if self._changed is not None:
             rows = self._changed.take(rows)
         if not len(rows):
@@ -223,7 +217,7 @@ class SessionLog:
             # A file can be read by itself: its first row has all that is known.
             own = block.owned.copy()
             own[0] = block.counts[0] >= 0
-            block = Rows(block.time_ns, block.consistent, block.cells, own, block.counts)
+            block = replace(block, own=own)
         self._database.write(self._columns.of(block), len(block))
         counted = self.counted
         counted.rows += len(block)
@@ -237,11 +231,7 @@ class SessionLog:
         held = self._ring.held
         kept = [*self._waiting, *([] if held is None else [held])]
         columns = [rows.cells[:, place] for rows in kept for place in self._text_columns]
+        columns += self._turns.cells(self._text_columns)
         if self._counts is not None:
             columns += [self._counts.cells[place : place + 1] for place in self._text_columns]
         self._texts.keep_only([*columns, *self._samples.text_cells()])
-
-
-def _at_once(schedules: Sequence[Schedule]) -> bool:
-    """Tell whether data sets are passed on as they come: with a task, no interval counts."""
-    return all(isinstance(one.instants, Cycles) for one in schedules)

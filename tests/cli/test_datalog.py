@@ -85,7 +85,7 @@ def test_a_closed_file_of_a_series_is_kept_too(here: Path) -> None:
 
 
 def test_force_takes_the_place_of_a_series(here: Path) -> None:
-    (here / "log.db.3").write_bytes(b"somebody's")
+    (here / "log.db.3").write_bytes(b"SQLite format 3\0")
     assert logged(here, "--force").returncode == 0
     assert not (here / "log.db.3").exists()
     assert len(rows_of(here / "log.db")) == 100

@@ -1,0 +1,293 @@
+"""The rows that a DataLogger session has, of one telegram and one row after the other.
+
+Written to be read beside the rules, not to be fast; nothing of the program is asked here. How large a file is, SQLite
+alone knows: full files are found by writing them.
+
+Readings, where the rules leave a choice:
+
+- rows stand in the order in which their last telegram came; of one telegram's, the row of a cycle stands first
+- a cycle that goes on when the capture ends makes a row
+- what cycles of lists make passes the ring, also beside samples
+- where the clock is set back, cycles are over
+- the first row of a file is the first one that is stored: a sample without a change is none there either
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from tests.datalogger.oracle_losses import Packet
+
+SECOND_NS = 10**9
+SET_BACK_NS = SECOND_NS
+NOBODY_NS = 3600 * SECOND_NS
+UNKNOWN_INTERVAL_NS = 10_000_000
+MOST_DATA_BYTES = 256
+EPOCH_TICKS = 621_355_968_000_000_000
+UTC_KIND = 1 << 62
+
+FORMATS = {
+    "BOOL": "<B", "BYTE": "<B", "USINT": "<B", "SINT": "<b", "WORD": "<H", "UINT": "<H", "INT": "<h", "ENUM": "<h",
+    "DWORD": "<I", "UDINT": "<I", "DINT": "<i", "LWORD": "<q", "ULINT": "<q", "LINT": "<q", "REAL": "<f", "LREAL": "<d",
+    "TIME": "<I", "TOD": "<I", "DATE": "<I", "DT": "<I", "LTIME": "<q",
+}  # fmt: skip
+DECLARED = {
+    "BOOL": "TINYINT", "BYTE": "TINYINT", "USINT": "TINYINT", "SINT": "TINYINT", "WORD": "SMALLINT", "UINT": "SMALLINT",
+    "INT": "SMALLINT", "ENUM": "SMALLINT", "DWORD": "INT", "UDINT": "INT", "DINT": "INT", "TIME": "INT", "TOD": "INT",
+    "DATE": "INT", "DT": "INT", "LWORD": "BIGINT", "ULINT": "BIGINT", "LINT": "BIGINT", "LTIME": "BIGINT",
+    "REAL": "FLOAT", "LREAL": "DOUBLE",
+}  # fmt: skip
+
+Value = int | float | str | None
+
+
+@dataclass(frozen=True)
+class DefinedList:
+    """A list: what a controller would send, and how often; ``interval_ns`` None where it is not cyclic.
+
+    ``fields`` are names and types: those of ``FORMATS``, STRING(n) or WSTRING(n).
+    """
+
+    name: str
+    index: int
+    fields: tuple[tuple[str, str], ...]
+    interval_ns: int | None = None
+    packed: bool = True
+    port: int = 1202
+
+    @property
+    def telegrams(self) -> list[list[tuple[str, str]]]:
+        """The fields by SubIndex."""
+        telegrams: list[list[tuple[str, str]]] = []
+        used = MOST_DATA_BYTES
+        for name, kind in self.fields:
+            if not self.packed or used + size_of(kind) > MOST_DATA_BYTES:
+                telegrams.append([])
+                used = 0
+            telegrams[-1].append((name, kind))
+            used += size_of(kind)
+        return telegrams
+
+
+@dataclass(frozen=True)
+class Session:
+    """A configuration: ``variables`` are the names of its variables, and the list and field that each is.
+
+    ``task`` is the list of its taskContext; ``tasks`` those of variables that are taken in cycles of a list.
+    """
+
+    variables: Mapping[str, tuple[int, str]]
+    sampling_ns: int = 500_000_000
+    publish_ns: int = 500_000_000
+    capacity: int = 2
+    task: int | None = None
+    tasks: Mapping[str, int] = field(default_factory=dict)
+    rollover: bool = False
+    max_files: int = -1
+    write_interval: int = 1000
+    max_file_size: int | None = None
+    delete_ratio: int = 30
+    changes_only: bool = False
+    iso: bool = False
+    document_style: bool = False
+
+
+class Row(NamedTuple):
+    """A row as it is stored: its time, whether nothing was lost before it, and its columns."""
+
+    rowid: int
+    timestamp: int | str
+    consistent: int
+    columns: tuple[Value, ...]
+
+
+@dataclass
+class Sample:
+    """What is known at one time: values and counters by variable; ``seen``: packets that had come until then.
+
+    ``names`` are the variables of its row; of cycles of one list among others, not all of them.
+    """
+
+    time_ns: int
+    seen: int
+    names: frozenset[str]
+    values: dict[str, Value]
+    ring: int | None = None
+    counts: dict[str, int] = field(default_factory=dict)
+    known: dict[str, Value] = field(default_factory=dict)
+    lossy: bool = False
+
+
+def size_of(kind: str) -> int:
+    if kind.startswith("STRING"):
+        return int(kind[7:-1]) + 1
+    if kind.startswith("WSTRING"):
+        return 2 * int(kind[8:-1]) + 2
+    return struct.calcsize(FORMATS[kind])
+
+
+def value_of(kind: str, data: bytes) -> Value:
+    """Return the value of a field as the database has it."""
+    if kind.startswith("STRING"):
+        return data.split(b"\0")[0].decode("latin-1")
+    if kind.startswith("WSTRING"):
+        units = [data[at : at + 2] for at in range(0, len(data), 2)]
+        until = units.index(b"\0\0") if b"\0\0" in units else len(units)
+        return b"".join(units[:until]).decode("utf-16-le", "replace")
+    (value,) = struct.unpack(FORMATS[kind], data)
+    if kind == "BOOL":
+        return int(value != 0)
+    if kind in ("REAL", "LREAL"):
+        return None if math.isnan(value) else value + 0.0  # -0.0 + 0.0 is 0.0
+    return int(value)
+
+
+def samples(packets: Sequence[Packet], lists: Mapping[int, DefinedList], session: Session) -> list[Sample]:
+    """Return all samples, in the order of rows: those of each instant, and those of each cycle of a task."""
+    in_cycles = dict.fromkeys(session.variables, session.task) if session.task is not None else session.tasks
+    by_task: dict[int, set[str]] = {}
+    for name, task in in_cycles.items():
+        if task is not None:
+            by_task.setdefault(task, set()).add(name)
+    sampled = frozenset(session.variables) - frozenset(in_cycles)
+    known = known_values(packets, lists, session)
+    found = []
+    for task, names in by_task.items():
+        for first, last in cycles(packets, lists[task]):
+            found.append(Sample(packets[first].time_ns, last + 1, frozenset(names), {}))
+    found.sort(key=lambda one: one.seen)
+    if sampled:
+        for time_ns, seen in instants([packet.time_ns for packet in packets], session.sampling_ns):
+            found.append(Sample(time_ns, seen, sampled, {}, ring=-(-time_ns // session.publish_ns)))
+    found.sort(key=lambda one: (one.seen, one.ring is not None))
+    for one in found:
+        one.values = {name: value for name, value in known[one.seen].items() if name in one.names}
+    return [one for one in found if one.values]
+
+
+def known_values(
+    packets: Sequence[Packet], lists: Mapping[int, DefinedList], session: Session
+) -> list[dict[str, Value]]:
+    """Return what is known of the variables when no packet has come, after one, after two …"""
+    called: dict[tuple[int, str], list[str]] = {}
+    for name, place in session.variables.items():
+        called.setdefault(place, []).append(name)
+    known: list[dict[str, Value]] = [{}]
+    for packet in packets:
+        now = dict(known[-1])
+        if counts_for(packet, lists.get(packet.index)):
+            at = 0
+            for name, kind in lists[packet.index].telegrams[packet.subindex]:
+                for variable in called.get((packet.index, name), ()):
+                    now[variable] = value_of(kind, packet.data[at : at + size_of(kind)])
+                at += size_of(kind)
+        known.append(now)
+    return known
+
+
+def counts_for(packet: Packet, defined: DefinedList | None) -> bool:
+    """Tell whether a packet is a telegram as its list's definition has it."""
+    if (
+        defined is None
+        or not packet.is_data
+        or packet.subindex >= len(defined.telegrams)
+        or packet.port != defined.port
+    ):
+        return False
+    fields = defined.telegrams[packet.subindex]
+    return packet.items == len(fields) and len(packet.data) == sum(size_of(kind) for _, kind in fields)
+
+
+def instants(times_ns: Sequence[int], interval_ns: int) -> Iterable[tuple[int, int]]:
+    """Yield the instants of sampling, and how many packets have come then."""
+    now, following = times_ns[0], -(-times_ns[0] // interval_ns)
+    for place, time_ns in enumerate(times_ns):
+        begins_anew = time_ns < now - SET_BACK_NS or time_ns > now + NOBODY_NS
+        until = now if begins_anew else max(now, time_ns) - 1
+        while following * interval_ns <= until:
+            yield following * interval_ns, place
+            following += 1
+        if begins_anew:
+            now, following = time_ns, -(-time_ns // interval_ns)
+        now = max(now, time_ns)
+    while following * interval_ns <= now:
+        yield following * interval_ns, len(times_ns)
+        following += 1
+
+
+def cycles(packets: Sequence[Packet], defined: DefinedList) -> list[tuple[int, int]]:
+    """Return the places of the first and last telegram of each cycle of a list."""
+    last_subindex = len(defined.telegrams) - 1
+    longest_ns = (defined.interval_ns or 2 * UNKNOWN_INTERVAL_NS) // 2
+    going: dict[str, tuple[int, int]] = {}
+    over: list[tuple[int, int]] = []
+    now = packets[0].time_ns
+    for place, packet in enumerate(packets):
+        if packet.time_ns < now - SET_BACK_NS:
+            now = packet.time_ns
+            over += going.values()
+            going.clear()
+        now = max(now, packet.time_ns)
+        if packet.index != defined.index or not counts_for(packet, defined):
+            continue
+        if packet.node in going:
+            before = packets[going[packet.node][1]]
+            if packet.subindex <= before.subindex or packet.time_ns - before.time_ns > longest_ns:
+                over.append(going.pop(packet.node))
+        going[packet.node] = going.get(packet.node, (place, place))[0], place
+        if packet.subindex == last_subindex:
+            over.append(going.pop(packet.node))
+    return sorted([*over, *going.values()], key=lambda cycle: cycle[1])
+
+
+def count_changes(found: Iterable[Sample]) -> None:
+    """Count for each variable how often its value was unlike the one before, in all samples.
+
+    Counters are those of all that is known by then; what a row's own are, its values tell.
+    """
+    values: dict[str, Value] = {}
+    counts: dict[str, int] = {}
+    for sample in found:
+        for name, value in sample.values.items():
+            if name not in values:
+                counts[name] = 0
+            elif values[name] != value:
+                counts[name] += 1
+            values[name] = value
+        sample.counts, sample.known = dict(counts), dict(values)
+
+
+def mark_losses(found: Iterable[Sample], places: Iterable[int]) -> None:
+    """Mark the first sample at or behind each packet before which something was lost."""
+    waiting = sorted(places)
+    for sample in found:
+        while waiting and waiting[0] < sample.seen:
+            sample.lossy = True
+            del waiting[0]
+
+
+def ring(found: Sequence[Sample], capacity: int) -> list[Sample]:
+    """Return the samples that are not overwritten before they are published; what cycles take passes."""
+    kept = []
+    together: list[Sample] = []
+
+    def publish() -> None:
+        left_out, left = together[:-capacity], together[-capacity:]
+        if left_out:
+            left[0].lossy = True
+        kept.extend(left)
+        together.clear()
+
+    for sample in found:
+        if sample.ring is None:
+            kept.append(sample)
+            continue
+        if together and together[-1].ring != sample.ring:
+            publish()
+        together.append(sample)
+    publish()
+    return sorted(kept, key=lambda one: (one.seen, one.ring is not None))

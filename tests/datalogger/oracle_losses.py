@@ -1,0 +1,258 @@
+"""Before which packets of a capture something was lost that lists of a session need: the rules, packet by packet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from statistics import median_low
+
+SILENT_INTERVALS = 10
+NOBODY_NS = 3600 * 10**9
+BEHIND = 64
+SCOPES = ("stream", "node-telegram", "node-send")
+
+
+@dataclass
+class Packet:
+    """A packet of a capture: a telegram if it is from a ``node``; ``drops``: so many were lost since the one before.
+
+    ``service`` 0 is data; ``well_formed``: its Length is that of its bytes.
+    """
+
+    time_ns: int
+    node: str = ""
+    index: int = 0
+    subindex: int = 0
+    items: int = 0
+    counter: int = 0
+    data: bytes = b""
+    flags: int = 0
+    service: int = 0
+    well_formed: bool = True
+    port: int = 1202
+    drops: int = 0
+
+    @property
+    def is_data(self) -> bool:
+        return bool(self.node) and self.service == 0 and self.well_formed
+
+    @property
+    def stream(self) -> tuple[str, int, int, int]:
+        return self.node, self.port, self.index, self.subindex
+
+    @property
+    def content(self) -> tuple[int, int, int, bytes]:
+        return self.counter, self.items, self.flags, self.data
+
+
+class Doubt(Exception):
+    """Whether something was lost hangs on what is not known exactly."""
+
+
+@dataclass
+class Sequenced:
+    """One sequence of counters: where it is, and which counters of which gaps are missing."""
+
+    current: int | None = None
+    missing: dict[int, int] = field(default_factory=dict)
+    steps: int = 0
+    regular: int = 0
+
+    def step(self, counter: int, place: int, *, zero_is_regular: bool, repeated: bool) -> tuple[str, int]:
+        """Take a step; return what it is, and with a gap how many are lost, with an overtaken one the gap's place."""
+        if self.current is None:
+            self.current = counter
+            return "first", 0
+        if repeated:
+            return "duplicate", 0
+        self.steps += 1
+        distance = (counter - self.current) % 65536
+        if distance == 1 or (distance == 0 and zero_is_regular) or (counter == 0 and self.current in (255, 65534)):
+            self.regular += 1
+            self._move(counter, distance)
+            return "regular", 0
+        if distance == 0:
+            return "same", 0
+        if counter in self.missing:
+            return "overtaken", self.missing.pop(counter)
+        if counter in (0, 1) and self.current < 65534:
+            self.missing.clear()
+            self.current = counter
+            return "restart", 0
+        if 2 <= distance < 32768:
+            for lost in range(max(1, distance - BEHIND), distance):
+                self.missing[(self.current + lost) % 65536] = place
+            self._move(counter, distance)
+            return "gap", distance - 1
+        if distance >= 65536 - BEHIND:
+            return "duplicate", 0
+        self.missing.clear()
+        self.current = counter
+        return "restart", 0
+
+    def _move(self, counter: int, distance: int) -> None:
+        self.current = counter
+        if distance:
+            self.missing = {one: gap for one, gap in self.missing.items() if (counter - one) % 65536 <= BEHIND}
+
+
+@dataclass
+class Stream:
+    first: int
+    node: str
+    list: tuple[int, int]
+    varied: bool = False
+    telegrams: int = 0
+    times: list[int] = field(default_factory=list)
+    sequence: Sequenced = field(default_factory=Sequenced)
+    lost: dict[str, int] = field(default_factory=lambda: dict.fromkeys(SCOPES, 0))
+
+
+@dataclass
+class Node:
+    telegrams: Sequenced = field(default_factory=Sequenced)
+    sends: Sequenced = field(default_factory=Sequenced)
+    previous: Packet | None = None
+    changes: dict[str, list[bool]] = field(default_factory=lambda: {"stream": [], "list": []})
+
+
+@dataclass
+class Gap:
+    stream: tuple[str, int, int, int]
+    missing: int
+
+
+class Counters:
+    """What all data telegrams say by their counters, in each scope."""
+
+    def __init__(self, packets: Sequence[Packet]) -> None:
+        self.streams: dict[tuple[str, int, int, int], Stream] = {}
+        self.nodes: dict[str, Node] = {}
+        self.gaps: dict[str, dict[int, Gap]] = {scope: {} for scope in SCOPES}
+        last: dict[tuple[str, int, int, int], Packet] = {}
+        for place, packet in enumerate(packets):
+            if packet.is_data:
+                repeated = packet.stream in last and last[packet.stream].content == packet.content
+                self.take(place, packet, repeated=repeated)
+                last[packet.stream] = packet
+
+    def take(self, place: int, packet: Packet, *, repeated: bool) -> None:
+        stream = self.streams.setdefault(
+            packet.stream, Stream(packet.counter, packet.node, (packet.port, packet.index))
+        )
+        node = self.nodes.setdefault(packet.node, Node())
+        stream.telegrams += 1
+        step, lost = "first", 0
+        if not stream.varied and packet.counter != stream.first:
+            stream.varied = True
+            stream.sequence.current = stream.first
+        if stream.varied:
+            step, lost = stream.sequence.step(packet.counter, place, zero_is_regular=False, repeated=repeated)
+        self.book("stream", stream, place, packet, step, lost)
+        if step not in ("duplicate", "overtaken"):
+            stream.times.append(packet.time_ns)
+        before = node.previous
+        same_list = before is not None and before.stream[1:3] == packet.stream[1:3]
+        same_stream = before is not None and before.stream == packet.stream
+        step, lost = node.telegrams.step(packet.counter, place, zero_is_regular=False, repeated=repeated)
+        self.book("node-telegram", stream, place, packet, step, lost)
+        zero_is_regular = same_list and not same_stream
+        sent, lost = node.sends.step(packet.counter, place, zero_is_regular=zero_is_regular, repeated=repeated)
+        self.book("node-send", stream, place, packet, sent, lost)
+        if repeated:
+            return
+        if before is not None and not same_stream:
+            node.changes["stream"].append(step == "regular")
+        if before is not None and not same_list:
+            node.changes["list"].append(sent == "regular")
+        node.previous = packet
+
+    def book(self, scope: str, stream: Stream, place: int, packet: Packet, step: str, lost: int) -> None:
+        if step == "gap":
+            stream.lost[scope] += lost
+            self.gaps[scope][place] = Gap(packet.stream, lost)
+        elif step == "overtaken":
+            stream.lost[scope] -= 1
+            self.gaps[scope][lost].missing -= 1
+
+    def scope(self, name: str) -> str:
+        """Return the way in which a node counts."""
+        node, streams = self.nodes[name], [one for one in self.streams.values() if one.node == name]
+
+        def share(sequences: Iterable[Sequenced]) -> Fraction:
+            counted = list(sequences)
+            steps = sum(one.steps for one in counted)
+            return Fraction(sum(one.regular for one in counted), steps) if steps else Fraction(0)
+
+        def goes_on(what: str) -> bool:
+            return 2 * sum(node.changes[what]) > len(node.changes[what])
+
+        shares = {"stream": share(one.sequence for one in streams)}
+        if len(streams) >= 2 and goes_on("stream"):
+            shares["node-telegram"] = share([node.telegrams])
+        if len({one.list for one in streams}) >= 2 and goes_on("list"):
+            shares["node-send"] = share([node.sends])
+        return max(shares, key=lambda scope: (shares[scope], -SCOPES.index(scope)))
+
+
+def losses(
+    packets: Sequence[Packet], intervals_ns: Mapping[int, int | None], counting: Sequence[bool]
+) -> set[int]:  # fmt: skip
+    """Return the places of the packets that tell of a loss; ``intervals_ns`` are those of the session's lists.
+
+    ``counting`` are the packets that say what values are: a list that sends none of these is silent. Raises Doubt
+    where the program's median, which is within one percent, decides.
+    """
+    counters = Counters(packets)
+    found = {place for place, packet in enumerate(packets) if packet.drops}
+    for name in counters.nodes:
+        scope = counters.scope(name)
+        for place, gap in counters.gaps[scope].items():
+            stream = counters.streams[gap.stream]
+            if stream.node != name or gap.stream[2] not in intervals_ns or gap.missing <= 0:
+                continue
+            if not stream.varied:
+                raise Doubt("whether a stream counts that has shown one Counter alone")
+            if stream.lost[scope] > stream.telegrams and stream.lost[scope] > 100:
+                raise Doubt("whether a sender counts at all")
+            found.add(place)
+    for before, (place, packet) in zip(packets, list(enumerate(packets))[1:], strict=False):
+        if packet.time_ns > before.time_ns + NOBODY_NS:
+            found.add(place)
+    return found | silences(packets, intervals_ns, counting, counters)
+
+
+def silences(
+    packets: Sequence[Packet], intervals_ns: Mapping[int, int | None], counting: Sequence[bool], counters: Counters
+) -> set[int]:  # fmt: skip
+    """Return the places of telegrams with which a cyclic list came back that was silent."""
+    found: set[int] = set()
+    last: dict[int, int] = {}
+    for place, packet in enumerate(packets):
+        defined_ns = intervals_ns.get(packet.index)
+        if not counting[place] or defined_ns is None:
+            continue
+        before = last.get(packet.index)
+        last[packet.index] = packet.time_ns
+        if before is None:
+            continue
+        answers = {
+            packet.time_ns - before > SILENT_INTERVALS * max(defined_ns, measured)
+            for measured in measured_ns(packet.index, counters)
+        }
+        if len(answers) > 1:
+            raise Doubt("whether a list was silent")
+        if answers == {True}:
+            found.add(place)
+    return found
+
+
+def measured_ns(index: int, counters: Counters) -> list[float]:
+    """Return what a program may take for the median of a list's intervals."""
+    medians = []
+    for (_, _, number, _), stream in counters.streams.items():
+        intervals = [now - then for then, now in zip(stream.times, stream.times[1:], strict=False)]
+        if number == index and intervals:
+            medians.append(median_low(intervals))
+    return [factor * median for median in medians for factor in (0.98, 1.02)] or [0]
