@@ -33,6 +33,7 @@ FILLED_IN = {
     "{shlex.quote(paths[0])}": "a.pcap",
     "{between}": "frame.number >= 3 && frame.number <= 9",
     "FILE.pcap": "new.pcap",
+    "FILE.db": "log.db",
     "FILE": "a.pcap",
     "CODE": "NV201",
     "{code}": "NV201",
@@ -51,7 +52,7 @@ OF_TOOLS = {
 }
 """Options of other programs, which are named where the option is."""
 
-TOOLS = {"editcap", "mergecap", "reordercap", "dumpcap", "tcpdump"}
+TOOLS = {"editcap", "mergecap", "reordercap", "dumpcap", "tcpdump", "sqlite3"}
 BACKTICKS = re.compile(r"`([^`]+)`")
 COMMAND = re.compile(rf"(?<!`)\bnvscope (?:{'|'.join((*VERBS, 'help', '--help'))}|FILE)\b[^,;`]*")
 OPTION = re.compile(r"(?<![\w`'\"{/.-])(--[a-z][a-z-]+|-[a-zA-Z])(?![\w-])")
@@ -123,6 +124,7 @@ def options_of() -> dict[str, set[str]]:
 def here(tmp_path: Path) -> Path:
     write_kinds(tmp_path / "kinds.pcap")
     shutil.copy(PEERS / "peers.pcap", tmp_path / "a.pcap")
+    shutil.copy(ROOT / "captures" / "datalogger" / "genuine-5min.db", tmp_path / "log.db")
     for name in ("axis.gvl", "axis_types.st", "counters.gvl"):
         shutil.copy(PEERS / name, tmp_path)
     shutil.copy(ROOT / "tests" / "scenarios" / "loss.toml", tmp_path)

@@ -19,7 +19,7 @@ LOSS_TOLD = FindingKind(
     ),
     next_steps=(
         "Raise bufferCapacity or writeInterval, or log fewer variables, less often.",
-        "Of files beyond 10 MB: lower deleteRatio, or roll over to another file (`rollover`).",
+        "Of files beyond 10 MB: lower deleteRatio, or roll over to another file (rollover).",
     ),
     of_databases=True,
     judged=False,
@@ -133,7 +133,7 @@ DOCUMENT_STYLE = FindingKind(
         "repeated beside unchanged values; controllers leave both NULL. Either can be read; queries for "
         "`_change_count IS NOT NULL` find more rows than there are changes."
     ),
-    causes=("a program that writes as the document shows it", "`nvscope datalog --document-style`", "edited rows"),
+    causes=("a program that writes as the document shows it", "recorded with `--document-style`", "edited rows"),
     next_steps=("Look for changes by the value, or by a counter that differs from the one before.",),
     of_databases=True,
     judged=False,
