@@ -40,6 +40,7 @@ FILLED_IN = {
     "{kind}": "second-sender",
     "VERB": "report",
     "SCENARIO.toml": "loss.toml",
+    "NAME…": "axis",
 }
 """What is filled into commands, by a program or by the people who read them."""
 
@@ -137,12 +138,13 @@ def completed(command: str) -> list[str]:
         command = command.replace(before, behind)
     assert "{" not in command, "tell FILLED_IN what stands there"
     words = shlex.split(command)[1:]
-    verb = " ".join(words[: 2 if words[0] == "gvl" else 1])
+    verb = " ".join(words[: 2 if words[0] in {"gvl", "datalog"} else 1])
     given = any(word.endswith((".pcap", ".gvl", ".toml")) for word in words)
     needed = {
         "report": ["a.pcap"], "packets": ["a.pcap"], "vars": ["a.pcap", "axis.gvl", "axis_types.st"],
         "export": ["a.pcap", "axis.gvl", "axis_types.st", "-w", "out.csv"], "gvl layout": ["axis.gvl", "axis_types.st"],
         "gvl diff": ["axis.gvl", "counters.gvl"], "convert": ["a.pcap", "-w", "out.mcap"],
+        "datalog config": ["--gvl", "axis.gvl", "--gvl", "axis_types.st"],
         "replay": ["a.pcap", "--to", "udp://127.0.0.1", "--rate", "1000"],
     }  # fmt: skip
     return words + ([] if given else needed.get(verb, []))

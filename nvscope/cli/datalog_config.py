@@ -20,7 +20,7 @@ def config(
         list[str] | None,
         typer.Argument(
             metavar="[NAME…]",
-            help="Lists, by name, identifier or key; or variables, as `nvscope vars --history` takes them: fSpeed, "
+            help="Lists, by name, identifier or key; or variables, as --history of `nvscope vars` takes them: fSpeed, "
             "axis:stAxis, 'st*.pos'. Without any, all variables of all lists.",
             autocompletion=lists,
             show_default=False,

@@ -127,12 +127,9 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
             ("nvscope visu serve --keys", "what a table can say"),
         ),
         "datalog": (
-            ("nvscope datalog plant.pcapng plc --config axis.xml", "a database as a controller writes it"),
-            ("nvscope datalog eth0 --gvl plc --config axis.xml --for 24h", "the same, while it happens"),
-            (
-                "nvscope datalog plant.pcapng plc --config axis.xml --dry-run",
-                "what would be logged, and how much a day",
-            ),
+            ("nvscope datalog plant.pcapng plc --config axis.xml -w axis.db", "a database as a controller writes it"),
+            ("nvscope datalog plant.pcapng plc --config axis.xml -w axis.db --append", "go on with one that is there"),
+            ("nvscope datalog plant.pcapng plc --config axis.xml --dry-run", "what it would log, and how much a day"),
         ),
         "datalog config": (
             ("nvscope datalog config axis --gvl plc -w axis.xml", "a session for the variables of a list"),

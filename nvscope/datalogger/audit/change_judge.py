@@ -52,6 +52,7 @@ class ChangeJudge:
         self._begun = False
         self._seen_beginning = False
         self.restarts: list[ZeroRow] = []
+        self._last_ns: int | None = None
 
     def forget(self) -> None:
         """Let nothing be concluded from the rows so far."""
@@ -103,6 +104,12 @@ class ChangeJudge:
         self._look_for_restarts(chunk, own, zero, found, notes)
         for number, one in enumerate(own):
             self._ever[number] |= one is not None and len(one.rows) > 0
+        self._last_ns = self._time_before(chunk, len(chunk))
+
+    def _time_before(self, chunk: Chunk, row: int) -> int | None:
+        """Return the time of the last row in front of one that has one."""
+        timed = np.flatnonzero(chunk.times.valid[:row])
+        return int(chunk.time_ns[timed[-1]]) if len(timed) else self._last_ns
 
     def end(self, notes: Notes) -> None:
         """Judge what is still open when all rows were read."""
@@ -237,8 +244,8 @@ class ChangeJudge:
                 self._start = Start()
             self._start.take(
                 ZeroRow(
-                    int(chunk.rowid[row]), int(chunk.time_ns[row]), bool(chunk.times.stamp[row]), bool(chunk.lost[row]),
-                    row == 0 and chunk.begins_file, variables,
+                    int(chunk.rowid[row]), int(chunk.time_ns[row]), self._time_before(chunk, row),
+                    bool(chunk.times.stamp[row]), bool(chunk.lost[row]), row == 0 and chunk.begins_file, variables,
                 )
             )  # fmt: skip
             row_before = row

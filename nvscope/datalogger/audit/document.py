@@ -107,7 +107,7 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "first_ns": _time(finding.first_ns),
         "last_ns": _time(finding.last_ns),
         "message": visible(finding.message),
-        "hint": finding.kind.next_steps[0],
+        "hint": finding.next_step,
     }
 
 

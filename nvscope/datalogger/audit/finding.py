@@ -30,6 +30,12 @@ class Finding:
     rows: tuple[int, ...] = ()
     first_ns: int | None = None
     last_ns: int | None = None
+    hint: str = ""
+
+    @property
+    def next_step(self) -> str:
+        """What to do next: where nothing else is said, what its kind says first."""
+        return self.hint or self.kind.next_steps[0]
 
     @property
     def rows_cut(self) -> int:
@@ -67,11 +73,15 @@ class Noted:
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """A kind of finding and one of the ways in which it comes, with the sentence that tells it."""
+    """A kind of finding and one of the ways in which it comes, with the sentence that tells it, and what to do next.
+
+    Where ``severity`` and ``hint`` say nothing, they are those of the kind.
+    """
 
     kind: FindingKind
     tell: Callable[[Noted], str]
     severity: Severity | None = None
+    hint: str = ""
 
 
 class Notes:
@@ -93,7 +103,7 @@ class Notes:
             Finding(
                 topic.kind, topic.severity or topic.kind.severity, topic.tell(noted), file, table,
                 None if variable is None else names[variable], noted.count, tuple(noted.rows), noted.first_ns,
-                noted.last_ns,
+                noted.last_ns, topic.hint,
             )
             for (topic, variable), noted in self._noted.items() if noted.count
         ]  # fmt: skip

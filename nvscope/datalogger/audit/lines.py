@@ -56,7 +56,7 @@ def lines(audit: Audit, width: int, *, wide: bool = False, every: bool = False) 
             yield from wrap([Cell(visible(place(finding)), Tone.FAINT)], width, 2 * _INDENT, 3 * _INDENT)
         if group.more:
             yield from wrap([Cell(group.more, Tone.FAINT)], width, 2 * _INDENT, 2 * _INDENT)
-        yield from wrap([Cell(f"Next  {group.kind.next_steps[0]}")], width, 2 * _INDENT, 5 * _INDENT)
+        yield from wrap([Cell(f"Next  {group.findings[0].next_step}")], width, 2 * _INDENT, 5 * _INDENT)
     if audit.left_out:
         yield [Cell(f"  {units.count_of(audit.left_out, 'finding')} more are not kept", Tone.WARNING)]
     for table in audit.tables:

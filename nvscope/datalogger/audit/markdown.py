@@ -30,7 +30,7 @@ def markdown(audit: Audit) -> Iterator[str]:
             yield f"  - {markdown_safe(finding.message)} {markdown_code(place(finding))}"
         if group.more:
             yield f"  - {markdown_safe(group.more)}"
-        yield f"  - Next: {markdown_safe(group.kind.next_steps[0])}"
+        yield f"  - Next: {markdown_safe(group.findings[0].next_step)}"
     for table in audit.tables:
         yield ""
         yield from _table(table)

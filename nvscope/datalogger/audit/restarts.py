@@ -23,10 +23,11 @@ class Zero(Enum):
 
 @dataclass(frozen=True, slots=True)
 class ZeroRow:
-    """A row in which all counters that it has are 0."""
+    """A row in which all counters that it has are 0; ``before_ns`` is the time of the row before it, if it has one."""
 
     rowid: int
     time_ns: int
+    before_ns: int | None
     timed: bool
     lost: bool
     begins_file: bool

@@ -15,6 +15,7 @@ from nvscope.datalogger.audit.change_judge import ChangeJudge
 from nvscope.datalogger.audit.chunk import Chunk
 from nvscope.datalogger.audit.finding import Finding, Notes
 from nvscope.datalogger.audit.intervals import Gaps, Intervals, SetBack, without_clock_sets
+from nvscope.datalogger.audit.restarts import ZeroRow
 from nvscope.datalogger.audit.sums import total
 from nvscope.datalogger.audit.tasks import Tasks
 from nvscope.datalogger.audit.time_strip import Mark, TimeStrip
@@ -55,7 +56,8 @@ class TableAudit:
     def __init__(self, table: LogTable, encoding: str, asked_ns: int | None, known_ns: int | None = None) -> None:
         self.table = table
         self.names = tuple(one.name for one in table.variables)
-        self.rows = self.untimed = self.told = self.untold = self.unread = self.missing_ns = self.restarts = 0
+        self.rows = self.untimed = self.told = self.untold = self.unread = self.restarts = 0
+        self.missing_ns = self.off_ns = 0
         self.first_ns: int | None = None
         self.last_ns: int | None = None
         self.strip = TimeStrip()
@@ -100,7 +102,7 @@ class TableAudit:
             for start in self._judge.restarts:
                 self.restarts += 1
                 if start.timed:
-                    self.strip.mark(Mark.STARTED, start.time_ns, start.time_ns)
+                    self._note_off(start)
             self._judge.restarts.clear()
         else:
             self._look_at_values(chunk)
@@ -269,6 +271,14 @@ class TableAudit:
         self.told += len(places)
         self.missing_ns += total(time_ns - before_ns[places])
         self._mark(Mark.TOLD, before_ns[places], time_ns)
+
+    def _note_off(self, start: ZeroRow) -> None:
+        """Count the time in front of a new start: from when on the logger was off, the row before tells at most."""
+        if start.before_ns is not None and start.before_ns < start.time_ns:
+            self.off_ns += start.time_ns - start.before_ns
+            self.missing_ns += (start.time_ns - start.before_ns) * max(len(self._of_task), 1)
+            self.strip.mark(Mark.OFF, start.before_ns + 1, start.time_ns - 1)
+        self.strip.mark(Mark.STARTED, start.time_ns, start.time_ns)
 
     def _note_lost(self, chunk: Chunk, rows: I64, timed: Bool, notes: Notes) -> None:
         if len(rows):

@@ -20,16 +20,18 @@ class Mark(IntEnum):
 
     NOTHING = 0
     ROWS = 1
-    STARTED = 2
-    TOLD = 3
-    CLOCK_SET = 4
-    UNREAD = 5
-    GAP = 6
+    OFF = 2
+    STARTED = 3
+    TOLD = 4
+    CLOCK_SET = 5
+    UNREAD = 6
+    GAP = 7
 
 
 MARKS: Mapping[Mark, tuple[str, str]] = {
     Mark.NOTHING: (" ", "nothing"),
     Mark.ROWS: ("━", "rows"),
+    Mark.OFF: ("·", "off"),
     Mark.STARTED: ("R", "started anew"),
     Mark.TOLD: ("▒", "loss told"),
     Mark.CLOCK_SET: ("!", "clock set"),

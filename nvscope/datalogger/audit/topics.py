@@ -57,6 +57,7 @@ RESTART = Topic(
     COUNTER_CORRUPT,
     lambda noted: f"The logger started anew {_times(noted)}: a row with every value, and all counters at 0.",
     Severity.NOTE,
+    hint="Nothing is known of the time in front of it; look when the controller, or its program, was started anew.",
 )
 RUN_BACK = Topic(CLOCK_SET, _run_back)
 OTHER_FORM = Topic(

@@ -57,15 +57,19 @@ def coverage(table: AuditedTable) -> str:
         return ""
     gaps = audit.told + audit.untold + audit.unread
     share = units.percent(round(audit.covered * 1_000_000), 1_000_000)
-    if gaps and share == "100 %":
+    if (gaps or audit.off_ns) and share == "100 %":
         share = "nearly 100 %"
-    if not gaps:
-        what = "no gap" if audit.interval_ns is not None else "no loss is told"
-        return f"{share} of the time covered: {what}"
-    kinds = ((audit.told, "told by the logger"), (audit.untold, "not told"), (audit.unread, "not readable"))
-    listed = ", ".join(f"{units.count(number)} {what}" for number, what in kinds if number)
-    missing = f"{units.duration(audit.missing_ns)} missing in {units.count_of(gaps, 'gap')} ({listed})"
-    return f"{share} of the time covered: {missing}"
+    parts = []
+    if missing_ns := audit.missing_ns - audit.off_ns * max(audit.task_count, 1):
+        kinds = ((audit.told, "told by the logger"), (audit.untold, "not told"), (audit.unread, "not readable"))
+        listed = ", ".join(f"{units.count(number)} {what}" for number, what in kinds if number)
+        parts.append(f"{units.duration(missing_ns)} missing in {units.count_of(gaps, 'gap')} ({listed})")
+    elif not gaps:
+        parts.append("no gap" if audit.interval_ns is not None else "no loss is told")
+    if audit.off_ns:
+        starts = units.count_of(audit.restarts, "new start")
+        parts.append(f"off for up to {units.duration(audit.off_ns)} in front of {starts}")
+    return f"{share} of the time covered: {', '.join(parts)}"
 
 
 def _named(files: Sequence[str]) -> str:
