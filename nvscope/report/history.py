@@ -12,7 +12,7 @@ from typing import IO, Any
 
 from nvscope import units
 from nvscope.report.ansi import paint
-from nvscope.report.variables import VALUE_WIDTH, filter_lines, never_readable, page_rows_by_list
+from nvscope.report.variables import VALUE_WIDTH, filter_lines, has_read_rows, never_readable, read_rows_by_list
 from nvscope.version import head
 from nvscope.view.documents.history import HISTORY_SCHEMA
 from nvscope.view.escape import json_ascii, visible, visible_document
@@ -57,8 +57,8 @@ class Text:
 
     Lines have at most ``width`` columns, or as many as they need (``wide``). ``names`` of variables and ``lists``
     (their keys and names) are all that can occur: columns that would say the same in each line are left out.
-    ``subindexes``: a name alone does not say which telegram has it. ``pages``: only variables of web
-    visualization can occur, of which nothing is known beforehand.
+    ``subindexes``: a name alone does not say which telegram has it. ``read_alone``: only variables
+    whose values come one by one can occur, of which nothing is known beforehand.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class Text:
         lists: Collection[tuple[str, str]],
         *,
         subindexes: bool = False,
-        pages: bool = False,
+        read_alone: bool = False,
         width: int = 80,
         wide: bool = False,
         colour: bool = False,
@@ -77,7 +77,7 @@ class Text:
         self._wide = wide
         self._colour = colour
         self._utc = utc
-        self._pages = pages
+        self._read_alone = read_alone
         self._day = ""
         self._second: int | None = None
         # They come again in each telegram of a stream.
@@ -95,19 +95,19 @@ class Text:
             self._list = longest if wide else min(longest, _LIST_WIDTH, max(room // 4, 4))
             self._short_lists = short_names(told, self._list)
             room -= self._list + 2
-        if pages:
+        if read_alone:
             self._list = _PAGE_LIST_WIDTH if wide else min(_PAGE_LIST_WIDTH, max(room // 4, 4))
             room -= self._list + 2
         self._subindex = len(_SUBINDEX) if subindexes else 0
         room -= self._subindex + 2 if subindexes else 0
         # Of pages, what stands for the list has the address.
-        self._sender = _SENDER_WIDTH if room - _SENDER_WIDTH - 2 >= _LEAST_REST and not pages else 0
+        self._sender = _SENDER_WIDTH if room - _SENDER_WIDTH - 2 >= _LEAST_REST and not read_alone else 0
         room -= self._sender + 2 if self._sender else 0
         self._frame = room - _FRAME_WIDTH - 2 >= _LEAST_REST
         room -= _FRAME_WIDTH + 2 if self._frame else 0
         longest = max(map(display_width, [*shown, "Variable"]))
         self._name = min(longest, max(room // 2, 8)) if len(shown) > 1 else 0
-        if pages:
+        if read_alone:
             self._name = max(min(_PAGE_NAME_WIDTH, room // 2), 8)
         self._short_names = short_names(shown, self._name) if shown and self._name else {}
         self._change = room - (self._name + 2 if self._name else 0)
@@ -185,10 +185,10 @@ class Text:
         """
         rows = visible_document(summary)
         told_filter = None if chosen is None else visible_document(chosen)
-        there = ("Frame", self._frame), ("Sender", self._sender or self._pages)
+        there = ("Frame", self._frame), ("Sender", self._sender or self._read_alone)
         gone = [title for title, is_there in there if not is_there]
         lines: list[Line] = [*hidden(gone if self._day else [], self._width), *filter_lines(told_filter, self._width)]
-        if not rows and self._pages:
+        if not rows and self._read_alone:
             lines += wrap([Cell("No value of this variable came that could be read.", Tone.WARNING)], self._width)
         elif not rows and told_filter is None and not some_came:
             text = (
@@ -231,16 +231,18 @@ class Json:
     """One document of schema ``nvscope.history/1``, each change on a line of its own; in constant memory.
 
     Plain printable ASCII, as the other documents. Changes of variables of pages stand behind those of lists: until
-    then they are kept in a file, but where there can be no others (``pages``).
+    then they are kept in a file, but where there can be no others (``read_alone``).
     """
 
-    def __init__(self, *, pages: bool = False) -> None:
+    def __init__(self, *, read_alone: bool = False) -> None:
         self._any = self._any_page = False
-        self._pages = pages
+        self._read_alone = read_alone
         self._kept: IO[str] | None = None
 
     def begin(self) -> str:
-        return f'{_ascii(head(HISTORY_SCHEMA))[:-1]}, "changes": [' + ('], "page_changes": [' if self._pages else "")
+        return f'{_ascii(head(HISTORY_SCHEMA))[:-1]}, "changes": [' + (
+            '], "page_changes": [' if self._read_alone else ""
+        )
 
     def line(self, row: Row) -> str:
         if "place" not in row:
@@ -249,7 +251,7 @@ class Json:
             return separator + _ascii(row)
         text = (",\n" if self._any_page else "\n") + _ascii(row)
         self._any_page = True
-        if self._pages:
+        if self._read_alone:
             return text
         if self._kept is None:
             from tempfile import SpooledTemporaryFile  # noqa: PLC0415  # most captures have no pages
@@ -310,12 +312,12 @@ def render_at(
         lines += wrap([*title, whence], width)
         unseen = "not yet seen" if shown["filter"] is None else "not yet chosen"
         lines += align(_AT, [_at_cells(row, unseen) for row in rows], None if wide else width, 2)
-    for key, of_page in page_rows_by_list(shown).items():
+    for key, of_page in read_rows_by_list(shown).items():
         lines += [[], *wrap([Cell(key, Tone.STRONG), Cell(", web visualization")], width)]
         known = [row for row in of_page if row["missing"] != "not readable"]
         lines += align(_AT, [_at_cells(row, "not yet seen") for row in known], None if wide else width, 2)
         lines += never_readable([row["name"] for row in of_page if row["missing"] == "not readable"], width)
-    if not groups and not shown.get("page_variables"):
+    if not groups and not has_read_rows(shown):
         lines += wrap([Cell("The definition files have no list that can be decoded.", Tone.WARNING)], width)
     return paint(lines, colour=colour)
 

@@ -55,10 +55,10 @@ def render(
     shown, width = visible_document(document), max(width, MIN_WIDTH)
     parts = [filter_lines(shown["filter"], width)]
     absent = [*missing.lines(shown["missing"], min(width, _TEXT_WIDTH))]
-    if shown["variables"] or shown.get("page_variables"):
+    if shown["variables"] or has_read_rows(shown):
         parts += [absent, [*_lines(shown, width, wide, utc, names)]]
-        for rows in page_rows_by_list(shown).values():
-            parts.append([*_page_lines(rows, width, wide, utc, names.get(rows[0]["sender"], ""))])
+        for rows in read_rows_by_list(shown).values():
+            parts.append([*_read_lines(rows, width, wide, utc, names.get(rows[0].get("sender", ""), ""))])
     else:
         told = _nothing_told(shown["filter"], some_came, of_one_list)
         parts[0] = [*parts[0], *wrap([Cell(told, Tone.WARNING)], width)]
@@ -111,15 +111,24 @@ def _lines(document: Mapping[str, Any], width: int, wide: bool, utc: bool, names
         yield from align(_COLUMNS, [_cells(row, utc) for row in rows], None if wide else width, 2)
 
 
-def page_rows_by_list(document: Mapping[str, Any]) -> Mapping[str, Sequence[Mapping[str, Any]]]:
-    """Return the rows of variables of pages by controller; none where there are none."""
+_READ_KEYS = ("page_variables",)
+
+
+def has_read_rows(document: Mapping[str, Any]) -> bool:
+    """Tell whether there are variables whose values come one by one."""
+    return any(document.get(key) for key in _READ_KEYS)
+
+
+def read_rows_by_list(document: Mapping[str, Any]) -> Mapping[str, Sequence[Mapping[str, Any]]]:
+    """Return the rows of variables whose values come one by one, by what stands for the list."""
     found: dict[str, list[Mapping[str, Any]]] = {}
-    for row in document.get("page_variables", ()):
-        found.setdefault(row["list"], []).append(row)
+    for key in _READ_KEYS:
+        for row in document.get(key, ()):
+            found.setdefault(row["list"], []).append(row)
     return found
 
 
-def _page_lines(
+def _read_lines(
     rows: Sequence[Mapping[str, Any]], width: int, wide: bool, utc: bool, name: str
 ) -> Iterator[Line]:  # fmt: skip
     """Yield the variables of one controller that pages asked for; those that it never could read by their names."""

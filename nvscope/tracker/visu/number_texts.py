@@ -5,7 +5,6 @@ Most texts are digits, with a sign or a point. What is not is read one by one.
 
 from __future__ import annotations
 
-from enum import IntEnum
 from hashlib import blake2b
 
 import numpy as np
@@ -13,17 +12,7 @@ import numpy as np
 from dissectors.batch import I64, U8, U64, Bool
 from nvscope.definition.variables import Elementary, Scalar, ScalarKind, String
 from nvscope.definition.visu_values import bounds_of, value_in
-
-
-class Form(IntEnum):
-    """What a value is. ``RAW``: no more is known than its text; ``NOTHING``: the controller could not read it."""
-
-    NOTHING = 0
-    RAW = 1
-    TEXT = 2
-    WHOLE = 3
-    REAL = 4
-
+from nvscope.tracker.readings.form import Form
 
 _EXACT_DIGITS, _WHOLE_DIGITS = 15, 18
 _POWERS = 10.0 ** np.arange(_EXACT_DIGITS + 1)

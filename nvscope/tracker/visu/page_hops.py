@@ -23,13 +23,14 @@ from nvscope.definition.value import value_of
 from nvscope.definition.variables import Element, Elementary, Scalar, ScalarKind, String, scalar_of
 from nvscope.engine.told import Told
 from nvscope.list_key import ListKey
+from nvscope.tracker.readings.form import Form
+from nvscope.tracker.readings.readings import Readings
 from nvscope.tracker.variables.data_telegrams import DataTelegrams, Stream, Telegrams, joined
 from nvscope.tracker.variables.following import Pair, Side, add_rest, compare, remember
 from nvscope.tracker.variables.values import Block
 from nvscope.tracker.visu.messages import VisuBatch
-from nvscope.tracker.visu.number_texts import Form
 from nvscope.tracker.visu.on_demand import NAME
-from nvscope.tracker.visu.readings import Readings, ReadValues
+from nvscope.tracker.visu.readings import ReadPages
 from nvscope.tracker.visu.variables import PageVariable
 
 MOST_PAIRS = 10_000
@@ -86,7 +87,7 @@ class PageHops:
         self._layouts = layouts
         self._elements: dict[str, set[ListKey]] | None = None
         self._read = DataTelegrams()
-        self._pages = ReadValues()
+        self._pages = ReadPages()
         self._compared: dict[int, _Compared] = {}
         self._looked_at: dict[int, str] = {}
         self._matches: dict[ListKey, list[_Match]] = {}
@@ -154,7 +155,7 @@ class PageHops:
         start = np.flatnonzero(np.append(True, variable[1:] != variable[:-1])) if len(order) else order
         for begin, end in zip(start.tolist(), [*start.tolist()[1:], len(order)], strict=True):
             own = order[begin:end]
-            known = self._pages.variables.known[int(variable[begin])]
+            known = self._pages.known[int(variable[begin])]
             compared = self._compared_of(int(variable[begin]), known, int(readings.row[own[0]]) + told.first_frame)
             if compared is None:
                 continue

@@ -6,8 +6,8 @@ from typing import Any
 
 from nvscope.definition.value import value_of
 from nvscope.definition.visu_values import value_in
+from nvscope.tracker.readings.form import HIDDEN
 from nvscope.tracker.visu.page_hops import ListEnd, PageEnd, PageHops
-from nvscope.tracker.visu.writes import HIDDEN
 from nvscope.view.documents.hops import direction_of, figures
 from nvscope.view.value_texts import json_value, text_of, unit_of, value_text
 
