@@ -22,6 +22,9 @@ from nvscope.capture.can.on_disk import MAX_SPOOLED_BYTES
 MAX_VALUE_BYTES = 1 << 16
 """Bytes of one value, and of one definition, that are looked at."""
 
+MAX_TEXT_BYTES = 1 << 20
+"""The same where texts are asked for: of the DataLogger's, a definition and a query may name two thousand columns."""
+
 _MAX_OPENING_STEPS = 20_000  # of some thousand definitions of tables, which SQLite keeps all in memory
 _MAX_STEPS = 1_000_000  # between two rows, which are some ten steps apart
 _STEPS = 1000
@@ -43,20 +46,24 @@ _LIMITS = (
 )
 
 
+class Text(bytes):
+    """A text as it is stored, in UTF-8 perhaps; blobs are ``bytes``."""
+
+
 class Database:
-    """An open database; ``execute`` yields the rows of a query of tables, of which texts are ''.
+    """An open database; ``execute`` yields the rows of a query of tables, of which texts are '', or ``Text``.
 
     What a stranger can make SQLite do is limited: values of ``MAX_VALUE_BYTES``, steps between two rows, and no
     functions, views, virtual tables and triggers. ``sqlite3.Error`` where a limit bites.
     """
 
-    def __init__(self, connection: sqlite3.Connection) -> None:
+    def __init__(self, connection: sqlite3.Connection, with_texts: bool = False) -> None:
         self._connection = connection
         self._steps_left = _MAX_OPENING_STEPS
-        # Not all texts are UTF-8, and none is wanted.
-        connection.text_factory = lambda _: ""
+        # Not all texts are UTF-8, and most often none is wanted.
+        connection.text_factory = Text if with_texts else lambda _: ""
         for limit, most in _LIMITS:
-            connection.setlimit(limit, most)
+            connection.setlimit(limit, MAX_TEXT_BYTES if with_texts and most == MAX_VALUE_BYTES else most)
         connection.execute("PRAGMA trusted_schema = OFF")
         connection.execute("PRAGMA cell_size_check = ON")
         connection.set_progress_handler(self._step, _STEPS)
@@ -83,12 +90,12 @@ class Database:
 
 
 @contextmanager
-def opened(path: str) -> Iterator[Database]:
+def opened(path: str, with_texts: bool = False) -> Iterator[Database]:
     """Open the database in a file, or of one that is cut short what is left. It and what lies beside it stay."""
     unfinished = left_beside(path)
     pages = pages_left(path)
     if pages is None and (not unfinished or _not_copied(path, unfinished)):
-        with _connected(path, "mode=ro&immutable=1") as database:
+        with _connected(path, "mode=ro&immutable=1", with_texts) as database:
             yield database
         return
     directory = tempfile.mkdtemp(prefix="nvscope-")
@@ -99,7 +106,7 @@ def opened(path: str) -> Iterator[Database]:
             _end_at(copy, *pages)
         for suffix in unfinished:
             shutil.copyfile(path + suffix, copy + suffix)
-        with _connected(copy, "mode=rw") as database:
+        with _connected(copy, "mode=rw", with_texts) as database:
             yield database
     finally:
         shutil.rmtree(directory, ignore_errors=True)
@@ -192,10 +199,10 @@ def state(path: str) -> list[tuple[int, int] | None]:
 
 
 @contextmanager
-def _connected(path: str, how: str) -> Iterator[Database]:
+def _connected(path: str, how: str, with_texts: bool) -> Iterator[Database]:
     uri = f"file:{quote(os.path.abspath(path))}?{how}"
     with closing(sqlite3.connect(uri, uri=True, isolation_level=None)) as connection:
-        yield Database(connection)
+        yield Database(connection, with_texts)
 
 
 def _judge(action: int, name: str | None, _: str | None, __: str | None, inner: str | None) -> int:

@@ -1,0 +1,1 @@
+"""Databases of DataLoggers on disk: their tables and rows, read as columns, whatever state the file is in."""

@@ -1,0 +1,120 @@
+"""An open database of a DataLogger: its tables, and their rows as columns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+
+from nvscope.capture.can import sqlite_file
+from nvscope.capture.datalogger.damage import Damages
+from nvscope.capture.datalogger.page_file import NotADatabase, PageFile
+from nvscope.capture.datalogger.schema import Schema, StoredTable, read_schema
+from nvscope.capture.datalogger.settled import settled
+from nvscope.capture.datalogger.sql_rows import SqlRows, sql_rows
+from nvscope.capture.datalogger.table_rows import Rows, table_rows
+from nvscope.capture.datalogger.tree import Tree
+from nvscope.errors import UnreadableInput
+
+AnyRows = Rows | SqlRows
+"""Rows as they were read: by pages, or by SQLite."""
+
+_COPY_AGAIN = "copy it again from the controller: a database begins with 'SQLite format 3'"
+
+
+@dataclass(frozen=True)
+class LogDatabase:
+    """A database with tables of DataLoggers.
+
+    ``notes`` are sentences on its state that people should know. ``damages`` tells what of the definitions of tables
+    could not be read. Nothing of it holds once it is closed.
+    """
+
+    path: str
+    file: PageFile
+    schema: Schema
+    damages: Damages
+    notes: tuple[str, ...]
+
+    @property
+    def tables(self) -> tuple[StoredTable, ...]:
+        """Its tables of DataLoggers, in the order of the file."""
+        return self.schema.tables
+
+    @property
+    def encoding(self) -> str:
+        """How texts are encoded in the file; rows that SQLite hands over have them in UTF-8."""
+        return self.file.header.encoding
+
+    def rows(self, table: StoredTable, damages: Damages) -> Iterator[AnyRows]:
+        """Yield the rows of a table in the order of their ids, some thousand at a time, in bounded memory.
+
+        What cannot be read is left out and told to ``damages``; nothing is raised.
+        """
+        if table.by_pages:
+            tree = Tree(self.file, table.root, damages)
+            yield from table_rows(self.file, tree, table.log.columns, table.real)
+            return
+        with sqlite_file.opened(self.path, with_texts=True) as database:
+            yield from sql_rows(database, table.log.name, table.columns, damages)
+
+    def encoding_of(self, rows: AnyRows) -> str:
+        """Return how the texts of rows are encoded."""
+        return self.encoding if isinstance(rows, Rows) else "utf-8"
+
+
+@contextmanager
+def opened(path: str) -> Iterator[LogDatabase]:
+    """Open a database for reading, whatever state it is in; ``UnreadableInput`` where nothing of it can be read.
+
+    It and what lies beside it stay as they are.
+    """
+    with ExitStack() as stack:
+        try:
+            database = _opened(path, stack)
+        except NotADatabase as error:
+            raise UnreadableInput(str(error), where=path, next_step=_COPY_AGAIN) from None
+        except OSError as error:
+            raise UnreadableInput(error.strerror or str(error), where=path) from None
+        yield database
+
+
+def _opened(path: str, stack: ExitStack) -> LogDatabase:
+    place = stack.enter_context(settled(path))
+    file = stack.enter_context(PageFile(place.path))
+    damages = Damages()
+    schema = read_schema(file, damages)
+    if not schema.tables:
+        raise _no_table(path, schema, damages)
+    notes = [*place.notes]
+    if file.pages_missing:
+        missing, counted = file.pages_missing, file.pages + file.pages_missing
+        notes.append(f"cut short: {missing} of its {counted} pages are missing at its end")
+    if schema.left_out:
+        notes.append(f"{schema.left_out} more tables were not looked at")
+    return LogDatabase(place.path, file, schema, damages, tuple(notes))
+
+
+def changed_since(path: str, before: list[tuple[int, int] | None]) -> bool:
+    """Return whether a database was written since ``sqlite_file.state`` looked at it."""
+    return sqlite_file.state(path) != before
+
+
+def _no_table(path: str, schema: Schema, damages: Damages) -> UnreadableInput:
+    if len(damages):
+        return UnreadableInput(
+            f"damaged: no table can be found, {next(iter(damages))}",
+            where=path,
+            next_step="copy it again from the controller; `sqlite3 FILE .recover` may find rows without their table",
+        )
+    if not schema.others:
+        return UnreadableInput(
+            "a database without tables",
+            where=path,
+            next_step="a DataLogger makes its table with the first block that it writes: wait for that, or copy again",
+        )
+    return UnreadableInput(
+        "a database without a table of a DataLogger",
+        where=path,
+        next_step="such tables begin with the columns 'Timestamp' and 'ConsistentDataSeries'",
+    )

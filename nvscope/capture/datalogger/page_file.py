@@ -1,0 +1,141 @@
+"""The pages of an SQLite database, read from its file; nothing is written, locked or mapped.
+
+A file that shrinks while it is mapped ends the program that looks at it. Source:
+https://www.sqlite.org/fileformat2.html, section 1.3.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from dissectors.batch import I64, U8, Bool
+
+MAGIC = b"SQLite format 3\0"
+HEADER_BYTES = 100
+MARGIN_BYTES = 4096
+
+_ENCODINGS = {1: "utf-8", 2: "utf-16-le", 3: "utf-16-be"}
+_LEAST_PAGE_BYTES, _MOST_PAGE_BYTES = 512, 1 << 16
+_LEAST_USABLE_BYTES = 480
+
+
+class NotADatabase(Exception):
+    """A file that does not begin as SQLite databases do; says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """What a database says of itself; ``pages`` is None where whoever wrote it last did not count them."""
+
+    page_bytes: int
+    reserved_bytes: int
+    encoding: str
+    pages: int | None
+    wal: bool
+
+    @property
+    def usable_bytes(self) -> int:
+        """Bytes of a page that hold content."""
+        return self.page_bytes - self.reserved_bytes
+
+    @classmethod
+    def of(cls, head: bytes) -> Self:
+        """Return what the first bytes of a database say; NotADatabase where they are of none."""
+        if len(head) < HEADER_BYTES or not head.startswith(MAGIC):
+            raise NotADatabase("empty" if not head else "not an SQLite database")
+        (page_bytes,) = struct.unpack_from(">H", head, 16)
+        page_bytes = _MOST_PAGE_BYTES if page_bytes == 1 else page_bytes
+        reserved_bytes = head[20]
+        if not _LEAST_PAGE_BYTES <= page_bytes <= _MOST_PAGE_BYTES or page_bytes & (page_bytes - 1):
+            raise NotADatabase(f"damaged: its header says that pages have {page_bytes} bytes")
+        if page_bytes - reserved_bytes < _LEAST_USABLE_BYTES:
+            raise NotADatabase(f"damaged: its header leaves {page_bytes - reserved_bytes} bytes of a page to content")
+        changes, pages = struct.unpack_from(">2L", head, 24)
+        (encoding,) = struct.unpack_from(">L", head, 56)
+        (counted_at,) = struct.unpack_from(">L", head, 92)
+        known = pages if pages and changes == counted_at else None
+        return cls(page_bytes, reserved_bytes, _ENCODINGS.get(encoding, "utf-8"), known, head[18] == 2)
+
+
+class PageFile:
+    """An open database, as pages numbered from 1.
+
+    Page 0 does not exist. ``pages`` are those that are whole in the file, ``pages_missing`` those that its header
+    counts beyond them. OSError and ``NotADatabase`` where it cannot be opened.
+    """
+
+    def __init__(self, path: str) -> None:
+        self._file = open(path, "rb", buffering=0)  # noqa: SIM115, closed with the object
+        try:
+            self.header = Header.of(os.pread(self._file.fileno(), HEADER_BYTES, 0))
+            size = os.fstat(self._file.fileno()).st_size
+        except BaseException:
+            self._file.close()
+            raise
+        self.page_bytes = self.header.page_bytes
+        whole, counted = size // self.page_bytes, self.header.pages
+        self.pages = whole if counted is None else min(whole, counted)
+        self.pages_missing = max(0, counted - whole) if counted is not None else 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
+
+    def read(self, pages: I64) -> tuple[U8, Bool]:
+        """Return the bytes of pages one behind the other, and which of them were there; of others they are zeros.
+
+        Numbers are those of pages that the file has, or had when it was opened. Behind the last page there are
+        ``MARGIN_BYTES`` of zeros.
+        """
+        data = np.empty(len(pages) * self.page_bytes + MARGIN_BYTES, np.uint8)
+        data[-MARGIN_BYTES:] = 0
+        found = np.ones(len(pages), np.bool_)
+        # What lies together is read at once.
+        begins = np.flatnonzero(np.diff(pages, prepend=-1) != 1).tolist()
+        view = data.data
+        for first, behind in zip(begins, [*begins[1:], len(pages)], strict=True):
+            part = view[first * self.page_bytes : behind * self.page_bytes]
+            had = self._read_into(part, (int(pages[first]) - 1) * self.page_bytes)
+            if had < len(part):
+                whole = first + had // self.page_bytes
+                found[whole:behind] = False
+                data[whole * self.page_bytes : behind * self.page_bytes] = 0
+        return data, found
+
+    def page(self, number: int) -> bytes | None:
+        """Return the bytes of a page, None where it is not there."""
+        if not 0 < number <= self.pages:
+            return None
+        try:
+            page = os.pread(self._file.fileno(), self.page_bytes, (number - 1) * self.page_bytes)
+        except OSError:
+            return None
+        return page if len(page) == self.page_bytes else None
+
+    def kind(self, number: int) -> int | None:
+        """Return the first byte of a page other than the first, None where it is not there."""
+        if not 1 < number <= self.pages:
+            return None
+        try:
+            return next(iter(os.pread(self._file.fileno(), 1, (number - 1) * self.page_bytes)), None)
+        except OSError:
+            return None
+
+    def _read_into(self, part: memoryview, at: int) -> int:
+        done = 0
+        while done < len(part):
+            try:
+                count = os.preadv(self._file.fileno(), [part[done:]], at + done)
+            except OSError:
+                break
+            if not count:
+                break
+            done += count
+        return done
