@@ -1,7 +1,7 @@
 """Variables whose values come one by one, as a person asks for them; nothing of them is imported before there is any.
 
-Whoever tells such values is a row of ``SOURCES``: the pages of web visualization. What stands there in the place of a
-list begins with a prefix of its own.
+Whoever tells such values is a row of ``SOURCES``: the pages of web visualization, databases of DataLoggers. What stands
+there in the place of a list begins with a prefix of its own.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from nvscope.engine.told import Told
 from nvscope.errors import UsageError
+from nvscope.tracker.datalogger.on_demand import NAME as DATABASES
 from nvscope.tracker.readings.observed import Observed
 from nvscope.tracker.visu.on_demand import NAME as PAGES
 
@@ -33,8 +34,8 @@ class ReadSource:
     """Whoever tells values one by one, ``name`` as in ``Told.parts``; with ``name/`` begins what stands for lists.
 
     ``read`` makes what finds them, ``wanted`` what tells which variables two patterns mean: of what stands for a list,
-    without its beginning, and of the name. ``nobody`` begins the sentences that there is none of a name, ``nothing``
-    those that nothing came of what stands for a list.
+    without its beginning, and of the name. ``nobody`` begins the sentences that there is none of a name; between
+    ``nothing`` and ``behind`` stands of which list nothing came.
     """
 
     name: str
@@ -42,6 +43,7 @@ class ReadSource:
     wanted: Callable[[str, str], Wanted]
     nobody: str
     nothing: str
+    behind: str
     hint: str
 
     def names(self, text: str) -> bool:
@@ -70,10 +72,32 @@ def _on_pages(server: str, name: str) -> Wanted:
     return is_meant
 
 
+def _read_rows(wanted: Wanted | None) -> ReadValues:
+    from nvscope.tracker.datalogger.readings import ReadRows  # noqa: PLC0415
+
+    return ReadRows(wanted)
+
+
+def _in_databases(database: str, name: str) -> Wanted:
+    """Tell by patterns of a database and of a name, whole or behind its last slash, as ``_on_pages`` does."""
+    is_database = re.compile(_pattern(database), re.DOTALL).fullmatch
+    is_name = re.compile(rf"{_pattern(name)}(?:[.\[].*)?", re.DOTALL).fullmatch
+
+    def is_meant(variable: Any) -> bool:
+        own = _plain(variable.list).removeprefix(f"{DATABASES}/")
+        return bool(is_database(own) and any(is_name(_plain(text)) for text in (variable.name, variable.short_name)))
+
+    return is_meant
+
+
 SOURCES = (
     ReadSource(
-        PAGES, _read_pages, _on_pages, "no page asked for a variable named", "no page asked",
+        PAGES, _read_pages, _on_pages, "no page asked for a variable named", "no page asked", " for variables",
         "`nvscope report` tells which pages asked which controllers",
+    ),
+    ReadSource(
+        DATABASES, _read_rows, _in_databases, "no database has a variable named", "no row came of", "",
+        "`nvscope vars` without a name shows all of them",
     ),
 )  # fmt: skip
 
@@ -89,7 +113,7 @@ def read_source(text: str | None) -> ReadSource | None:
 def meant(name: str | None, listed: str | None = None) -> Meant:
     """Return which variables are meant by a name, and by what stands for a list; nothing where none can be.
 
-    ``visu/10.0.0.5/NAME``, ``visu/10.0.0.5:NAME``, or NAME, which all may have; None stands for all.
+    ``visu/10.0.0.5/NAME``, ``visu/10.0.0.5:NAME``, ``db/x.db/NAME``, or NAME, which all may have; None stands for all.
     """
     if name is None and listed is None:
         return dict.fromkeys(SOURCES)
@@ -135,7 +159,10 @@ def _any_of(several: Sequence[Wanted]) -> Wanted:
 
 def nothing_meant(name: str, known: Iterable[ReadVariable]) -> UsageError:
     """Return the error that nobody told of a variable of a name, with those near it that are known."""
-    source = read_source(name) or SOURCES[0]
+    known = list(known)
+    source = read_source(name) or next(
+        (one for one in SOURCES for variable in known if one.names(variable.list)), SOURCES[0]
+    )
     names = list(dict.fromkeys(f"{one.list}/{one.name}" for one in known))[:_MOST_COMPARED]
     near = get_close_matches(name.strip(), names, _MOST_NEAR, 0.5) or names[:_MOST_NEAR]
     next_step = f"near it: {', '.join(near)}" if near else source.hint
@@ -148,7 +175,7 @@ def nothing_asked(listed: str, known: Iterable[ReadVariable]) -> UsageError:
     lists = list(dict.fromkeys(one.list for one in known))
     more = f" and {len(lists) - _MOST_NEAR} more" if len(lists) > _MOST_NEAR else ""
     return UsageError(
-        f"{source.nothing} '{listed.strip()[:80]}' for variables",
+        f"{source.nothing} '{listed.strip()[:80]}'{source.behind}",
         next_step=f"there are {', '.join(lists[:_MOST_NEAR]) or 'none'}{more}",
     )
 

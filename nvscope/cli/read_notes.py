@@ -23,6 +23,15 @@ def tell_of_read_ones(read: Sequence[ReadValues], *, hidden: int) -> None:
     if read:
         tell_of_hidden(hidden)
     for one in read:
+        if one.missed:
+            from nvscope.units import count_of
+
+            told = "says" if one.missed == 1 else "say"
+            echo(
+                f"nvscope: {count_of(one.missed, 'row')} {told} that data was lost before (ConsistentDataSeries 0): "
+                "changes may be missing there.",
+                err=True,
+            )
         if one.left_out:
             from nvscope.units import count
 

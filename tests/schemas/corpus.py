@@ -16,6 +16,7 @@ from nvscope.errors import ExitCode
 from nvscope.view.documents.drawn import plain
 from tests.program import run
 from tests.schemas.asking import make_asking
+from tests.schemas.odd_database import make_odd_database
 from tests.schemas.odd_plant import make_odd_plant
 from tests.simulate.simulation import simulated
 
@@ -39,6 +40,7 @@ COMMANDS = (
     "report captures/telegrams.pcap",
     "report captures/visu/panel.pcap",
     "report captures/interfaces.pcapng",
+    "report captures/datalogger/genuine-5min.db",
     "report captures/truncated.pcap",
     f"report {_PLANT} --from-time 5s --to-time -2s",
     "report captures/peers/peers.pcap --from-time 1h",
@@ -119,6 +121,9 @@ ODD_COMMANDS = (
     "vars timed_pages.pcap",
     "vars timed_pages.pcap --history 'visu/*/*'",
     "vars timed_pages.pcap --at 40ms",
+    "vars odd.db",
+    "vars odd.db --history '*' --all",
+    "vars odd.db --at 100ms",
     "report one.log",
     "report bus_off.log",
     "report dropped.log",
@@ -178,6 +183,7 @@ def odd_plant() -> Path:
     atexit.register(rmtree, folder, ignore_errors=True)
     make_odd_plant(folder)
     make_asking(folder)
+    make_odd_database(folder)
     return folder
 
 

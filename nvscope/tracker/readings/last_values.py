@@ -67,7 +67,8 @@ class LastValues:
 
     def forget(self) -> None:
         """Let what comes next change nothing: nobody listened for a while."""
-        self._memory.forget()
+        if not self.read.tells_gaps:
+            self._memory.forget()
 
     def _take(self, told: Told, readings: Readings) -> None:
         columns = self.columns

@@ -91,10 +91,13 @@ class ReadValues(Protocol):
     Where a filter chooses frames, of the frames that it chooses. ``known`` are the variables seen so far, by number,
     also those that are not wanted; ``meant`` the numbers of those of which there was any reading. ``hidden`` counts
     values that are, or may be, passwords; ``left_out``: there was no room for some variables. ``title`` is what people
-    call whoever tells them.
+    call whoever tells them. ``tells_gaps``: what somebody may have missed is told by stretches, and nobody else knows;
+    ``missed`` counts how often that was.
     """
 
     title: ClassVar[str]
+    tells_gaps: ClassVar[bool]
+    missed: int
     hidden: int
     meant: set[int]
 

@@ -55,8 +55,12 @@ class TrackColumns(KeyedColumns):
     shortest_ns: I64
     longest_ns: I64
     untimed: I64
+    stretch: I64
     COLUMNS: ClassVar = {
-        **{name: (np.int64(0), 1) for name in ("readings", "first_ns", "last_ns", "changes", "changed_ns", "untimed")},
+        **{
+            name: (np.int64(0), 1)
+            for name in ("readings", "first_ns", "last_ns", "changes", "changed_ns", "untimed", "stretch")
+        },
         "shortest_ns": (np.int64(_NEVER), 1),
         "longest_ns": (np.int64(-1), 1),
     }
@@ -76,8 +80,8 @@ class _Shown:
 class ValueHistory:
     """The changes of wanted variables, told as batches come; however these are cut, it is the same.
 
-    With ``every``, each value is told, changed or not. A time between changes is left out where a clock steps back.
-    ``tracks`` are by number of ``read.known``.
+    With ``every``, each value is told, changed or not. A time between changes is left out where a clock steps back,
+    and where some may have been missed between them. ``tracks`` are by number of ``read.known``.
     """
 
     def __init__(self, read: ReadValues, *, every: bool = False) -> None:
@@ -94,7 +98,8 @@ class ValueHistory:
 
     def forget(self) -> None:
         """Begin anew: nobody listened for a while."""
-        self._memory.forget()
+        if not self.read.tells_gaps:
+            self._memory.forget()
         # Not at once: what the batch brought has not been told.
         self.tracks.untimed[: len(self.tracks)] = self.tracks.changes[: len(self.tracks)]
 
@@ -107,13 +112,16 @@ class ValueHistory:
     def _take(self, told: Told, readings: Readings) -> _Shown:
         steps = self._memory.steps(readings)
         time_ns = told.packets.ts_ns[readings.row[steps.order]]
-        self._count(readings.variable[steps.order], time_ns, steps)
+        stretch = None if readings.stretch is None else readings.stretch[steps.order]
+        self._count(readings.variable[steps.order], time_ns, steps, stretch)
         fresh, differs = np.zeros(len(readings), np.bool_), np.zeros(len(readings), np.bool_)
         fresh[steps.order], differs[steps.order] = steps.fresh, steps.differs
-        wanted = readings.form != Form.NOTHING if self._every else fresh | differs
-        return _Shown(told, readings, np.flatnonzero(wanted), fresh[wanted], differs[wanted])
+        rows = np.flatnonzero(readings.form != Form.NOTHING if self._every else fresh | differs)
+        # In the order of the capture, which is that of each variable alone so far.
+        rows = rows[np.argsort(readings.row[rows], kind="stable")]
+        return _Shown(told, readings, rows, fresh[rows], differs[rows])
 
-    def _count(self, variable: I64, time_ns: I64, steps: Steps) -> None:
+    def _count(self, variable: I64, time_ns: I64, steps: Steps, stretch: I64 | None) -> None:
         tracks = self.tracks
         tracks.resize(len(self.read.known))
         begins = np.flatnonzero(steps.begins)
@@ -130,6 +138,12 @@ class ValueHistory:
         before[starts] = tracks.changed_ns[own[starts]]
         between = when - before
         timed = (between >= 0) & (~starts | (tracks.changes > tracks.untimed)[own])
+        if stretch is not None:
+            now = stretch[row]
+            last = np.append(0, now[:-1])
+            last[starts] = tracks.stretch[own[starts]]
+            timed &= last == now
+            tracks.stretch[own] = now
         np.minimum.at(tracks.shortest_ns, own[timed], between[timed])
         np.maximum.at(tracks.longest_ns, own[timed], between[timed])
         tracks.changes[: len(tracks)] += np.bincount(own, minlength=len(tracks))

@@ -43,6 +43,8 @@ class ReadPages:
     """The readings of pages (``nvscope.tracker.readings.readings.ReadValues``); None wants all variables."""
 
     title: ClassVar[str] = "web visualization"
+    tells_gaps: ClassVar[bool] = False
+    missed = 0
 
     def __init__(self, wanted: Callable[[PageVariable], bool] | None = None) -> None:
         self.variables = PageVariables()

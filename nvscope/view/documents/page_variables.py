@@ -20,4 +20,4 @@ def _further(variable: PageVariable) -> dict[str, Any]:
     return {"place": variable.place}
 
 
-PAGE_ROWS = RowShape("telegrams", _whence, _further, may_fail=True)
+PAGE_ROWS = RowShape("telegrams", _whence, _further, may_fail=True, never="not readable")

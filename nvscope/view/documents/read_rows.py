@@ -10,6 +10,7 @@ from nvscope.tracker.readings.last_values import LastValues
 from nvscope.tracker.readings.value_history import ReadEntry, ValueHistory
 from nvscope.tracker.readings.values_at import ValuesAt
 from nvscope.view.documents import read_variables as shaped
+from nvscope.view.documents.logged_variables import LOGGED_ROWS
 from nvscope.view.documents.page_variables import PAGE_ROWS
 from nvscope.view.documents.read_variables import RowShape
 
@@ -24,7 +25,7 @@ class _Told:
     shape: RowShape
 
 
-_TOLD: Mapping[str, _Told] = {"visu": _Told("page", PAGE_ROWS)}
+_TOLD: Mapping[str, _Told] = {"visu": _Told("page", PAGE_ROWS), "db": _Told("logged", LOGGED_ROWS)}
 """By name of who tells values (``nvscope.analysis.read_values.SOURCES``)."""
 
 

@@ -32,13 +32,14 @@ class RowShape:
     """What rows of the variables of one protocol have of their own.
 
     ``whence`` is told of a variable behind its type, ``further`` behind its values; ``counted`` is what readings are
-    called. With ``may_fail``, values may be hidden or unreadable.
+    called. With ``may_fail``, values may be hidden or unreadable; ``never`` is why there never was one.
     """
 
     counted: str
     whence: Callable[[Any], dict[str, Any]]
     further: Callable[[Any], dict[str, Any]]
     may_fail: bool
+    never: str
 
 
 def value_rows(values: LastValues, shape: RowShape, *, secrets: bool = False) -> list[dict[str, Any]]:
@@ -96,7 +97,7 @@ def rows_at(values: ValuesAt, time_ns: int, shape: RowShape, *, secrets: bool = 
                 "frame": None if last is None else last.frame,
                 "sent_ns": None if last is None else str(last.time_ns),
                 "age_ns": None if last is None else time_ns - last.time_ns,
-                "missing": None if last else "later" if number in values.readable else "not readable",
+                "missing": None if last else "later" if number in values.readable else shape.never,
                 **shape.further(variable),
                 **({"hidden": hidden} if shape.may_fail else {}),
             }
