@@ -42,7 +42,7 @@ class CaptureFormat:
     ``reader`` (``module:class``, made of Content and ReadingSizes) is a ``nvscope.capture.reader.Reader``. ``sink``
     (made of a path and names of channels, or None) is a ``nvscope.capture.source.Sink``, '' where nothing writes the
     format. It can hold link types side by side (``mixes_links``), names of channels, attachments, drops, directions of
-    packets, comments to packets, or CAN frames only.
+    packets, comments to packets, or CAN frames only. In it are rows of a database (``holds_rows``), else frames.
     """
 
     name: str
@@ -60,6 +60,7 @@ class CaptureFormat:
     holds_drops: bool = False
     holds_directions: bool = False
     holds_comments: bool = False
+    holds_rows: bool = False
 
     def reader_class(self) -> Any:
         """Return the class of its readers; what it is made of, this table does not need to know."""
@@ -205,6 +206,7 @@ FORMATS = (
         reader="nvscope.capture.datalogger.reader:LogReader",
         within="sqlite",
         told_by="nvscope.capture.datalogger.reader:is_log",
+        holds_rows=True,
     ),
     CaptureFormat(
         name="mf4",
@@ -218,6 +220,9 @@ FORMATS = (
 
 CAN_LOGS = frozenset(known.name for known in FORMATS if known.only_can)
 """The names of formats that hold CAN frames and nothing else."""
+
+DATABASES = frozenset(known.name for known in FORMATS if known.holds_rows)
+"""The names of formats of which packets are rows of a database."""
 
 _TEXT = re.compile(rb"\xef\xbb\xbf|[\t\n\r -~]{32}")
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"

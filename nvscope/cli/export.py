@@ -11,6 +11,7 @@ from nvscope.analysis.read_values import read_source
 from nvscope.cli import completion
 from nvscope.cli.definitions import GvlOption, ProjectOption, flaws_told_first, project_of, tell_of_lists
 from nvscope.cli.exported_readings import (
+    are_databases,
     check_read_alone,
     nothing_defined,
     observed_readings,
@@ -43,6 +44,7 @@ from nvscope.extras import require
 
 if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
+    from nvscope.capture.source import Source
     from nvscope.export.lists import Lists
     from nvscope.export.values import ReadOnes
     from nvscope.view.fields.field import TelegramField
@@ -178,9 +180,14 @@ def export(
     lists: Lists = []
     of_read_ones = [name for name in listed or () if read_source(name)]
     read_ones = None if wants_telegrams else observed_readings(listed or (), secrets=show_secrets)
-    # Where no list is defined, telegrams are what is written, unless values are asked for.
+    source: Source | None = None
+    of_databases = False
+    if read_ones is not None and layouts is None and not gvl and inquiry.paths:
+        source = inquiry.open()
+        of_databases = are_databases(source)
+    # Where no list is defined, telegrams are what is written, unless values are asked for, or there is nothing else.
     read_alone = read_ones is not None and (
-        (layouts is None and (what == "values" or form == "long"))
+        (layouts is None and (what == "values" or form == "long" or of_databases))
         or (bool(of_read_ones) and len(of_read_ones) == len(listed or ()))
     )
     with flaws_told_first(plant.definition):
@@ -203,7 +210,7 @@ def export(
     if inquiry.paths:
         keep_freed_memory()
     warn_of_secrets(shown=show_secrets)
-    source, reading = inquiry.open(), inquiry.reading(filtered)
+    source, reading = source or inquiry.open(), inquiry.reading(filtered)
     columns = [] if lists or read_alone else named or default_fields(inquiry, source)
     inputs = [*(info.path for info in source.infos), *inquiry.project.inputs]
     files = WholeFiles(inputs, force=force)

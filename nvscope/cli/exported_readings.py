@@ -42,7 +42,7 @@ def check_read_alone(form: str | None, by: str | None) -> None:
     if form == "wide" or by is not None:
         told = "--rows" if by else "--form wide"
         raise UsageError(
-            f"{told}: values of web visualization have a row each, since which variables there are is known in the end",
+            f"{told}: values of web visualization and of databases have a row each",
             next_step=f"leave {told} out",
         )
 
@@ -60,18 +60,40 @@ def nothing_defined(inquiry: Inquiry) -> UsageError:
 def write_read_alone(
     inquiry: Inquiry, source: Source, chosen: DisplayFilter | None, read_ones: ReadOnes, path: str, files: WholeFiles
 ) -> int:
-    """Write values that come one by one to a file; return how many frames were read."""
-    from nvscope.export.values import ReadFiles
-    from nvscope.whole_files import Existing
+    """Write values that come one by one to a file; return how many frames were read.
 
-    file = ReadFiles({"visu": path}, files, read_ones, Existing.REPLACED)
-    file.open("visu")
+    Of databases beside captures they go to a file of their own.
+    """
+    from nvscope.capture.formats import DATABASES
+    from nvscope.export.values import ReadFiles, path_of_read_ones
+    from nvscope.whole_files import Existing, is_stdout
+
+    first = "db" if are_databases(source) else "visu"
+    paths = {name: path if name == first else path_of_read_ones(path, name) for name in read_ones.makes}
+    if len(paths) > 1 and is_stdout(path):
+        both = first == "visu" and any(info.format in DATABASES for info in source.infos)
+        if both:
+            raise UsageError(
+                "values of databases and of web visualization cannot be written to stdout side by side",
+                next_step="choose some with --list 'db/*' or --list 'visu/*', or name a file",
+            )
+    if first not in paths:
+        first, paths = next(iter(paths)), {next(iter(paths)): path}
+    file = ReadFiles(paths, files, read_ones, Existing.REPLACED)
+    file.open(first)
     frames = 0
     for told in inquiry.run(source, [read_ones], chosen, watch=lambda _: nullcontext(lambda: None)):
         frames += len(told)
         file.add()
     file.finish()
     return frames
+
+
+def are_databases(source: Source) -> bool:
+    """Tell whether there is nothing in a source but databases."""
+    from nvscope.capture.formats import DATABASES
+
+    return bool(source.infos) and all(info.format in DATABASES for info in source.infos)
 
 
 def tell_of_exported_readings(
@@ -86,7 +108,7 @@ def tell_of_exported_readings(
 
     if alone and not any(known.rows for known in read_ones.known.values()):
         echo(
-            f"nvscope: no page asked for a value that could be read; {visible(path)} has columns, but no rows.",
+            f"nvscope: no value came that could be read; {visible(path)} has columns, but no rows.",
             err=True,
         )
     for name, known in read_ones.known.items():

@@ -26,7 +26,9 @@ _OF_PAGES = pa.schema(
     ]
 )
 
-READ_SCHEMAS: Mapping[str, Any] = {"visu": _OF_PAGES}
+_OF_DATABASES = pa.schema([field for field in _OF_PAGES if field.name not in ("ip.src", "place")])
+
+READ_SCHEMAS: Mapping[str, Any] = {"visu": _OF_PAGES, "db": _OF_DATABASES}
 """The columns of values by themselves, by name of who tells them (``nvscope.analysis.read_values.SOURCES``)."""
 
 

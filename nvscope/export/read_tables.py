@@ -33,7 +33,10 @@ Columns = Mapping[str, Callable[[Any], str]]
 """What stands in columns of variables of one protocol, beside what those of all have."""
 
 
-FURTHER: Mapping[str, Columns] = {"visu": {"ip.src": lambda one: one.sender, "place": lambda one: one.place}}
+FURTHER: Mapping[str, Columns] = {
+    "visu": {"ip.src": lambda one: one.sender, "place": lambda one: one.place},
+    "db": {},
+}
 """By name of who tells them (``nvscope.analysis.read_values.SOURCES``)."""
 
 
@@ -66,6 +69,8 @@ class ReadTables:
         told, part = batch
         for readings in self.read.of(told, part):
             rows = np.flatnonzero(readings.form != Form.NOTHING)
+            # In the order of the capture, which is that of each variable alone so far.
+            rows = rows[np.argsort(readings.row[rows], kind="stable")]
             if len(rows):
                 self.rows += len(rows)
                 yield self._table(told, readings, rows, schema)

@@ -6,7 +6,13 @@ from pathlib import Path
 
 from tests.tracker.datalogger.logs import Row, write_log
 
-_VARIABLES = [("Plc/rLevel", "FLOAT"), ("Plc/sText", "TEXT"), ("Plc/xNever", "TINYINT"), ("Plc/xLate", "TINYINT"), ("Plc/xOn", "TINYINT")]
+_VARIABLES = [
+    ("Plc/rLevel", "FLOAT"),
+    ("Plc/sText", "TEXT"),
+    ("Plc/xNever", "TINYINT"),
+    ("Plc/xLate", "TINYINT"),
+    ("Plc/xOn", "TINYINT"),
+]
 
 
 def make_odd_database(folder: Path) -> None:

@@ -8,6 +8,7 @@ and how long a value lasted is not known.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from hashlib import blake2b
 from typing import ClassVar
 
@@ -55,17 +56,17 @@ class ReadRows:
 
     def of(self, told: Told, part: RowBatch) -> Iterator[Readings]:
         """Yield the readings of a batch, in stretches of so many that memory stays bounded."""
-        for table, rows, records in part.by_table():
-            numbers = self._numbers(table, told.max_streams)
-            stretch = self._stretches(table, records)
-            chosen = None if told.chosen is None else told.chosen[part.row[rows]]
-            most = max(MOST_AT_ONCE // max(len(numbers), 1), 1)
-            for begin in range(0, len(rows), most):
-                own = np.arange(begin, min(begin + most, len(rows)))
-                if chosen is not None:
-                    own = own[chosen[own]]
-                if len(own):
-                    yield self._read(part.row[rows], own, numbers, stretch, table, records)
+        tables = [
+            _TableRows(table, rows, records, self._numbers(table, told.max_streams), self._stretches(table, records))
+            for table, rows, records in part.by_table()
+        ]
+        chosen = None if told.chosen is None else told.chosen[part.row]
+        variables = max((len(one.numbers) for one in tables), default=1)
+        most = max(MOST_AT_ONCE // max(variables, 1), 1)
+        for begin in range(0, len(part), most):
+            found = [cells for one in tables for cells in one.cells(begin, begin + most, chosen)]
+            if found:
+                yield self._readings(part.row, found, in_turn=len(tables) > 1)
 
     def _stretches(self, table: RowTable, records: Records) -> I64:
         """Return numbers of rows that are the same where nothing was lost between these."""
@@ -91,45 +92,86 @@ class ReadRows:
             self.meant.update(found[found >= 0].tolist())
         return found
 
-    def _read(
-        self, row: I64, own: I64, numbers: I64, stretch: I64, table: RowTable, records: Records
-    ) -> Readings:  # fmt: skip
-        found: list[tuple[int, I64, Cells]] = []
-        for number, logged in zip(numbers.tolist(), table.log.variables, strict=True):
-            if number < 0 or records.is_empty(logged.column):
-                continue
-            cells = records.cells(logged.column, own)
-            filled = np.flatnonzero(cells.form)
-            if len(filled):
-                if len(filled) < len(own):
-                    cells = records.cells(logged.column, own[filled])
-                found.append((number, own[filled], cells))
-        count = [len(rows) for _, rows, _ in found]
-        place = np.concatenate([rows for _, rows, _ in found]) if found else np.empty(0, np.int64)
-        variable = np.repeat([number for number, *_ in found], count).astype(np.int64)
-        stored = np.concatenate([cells.form for *_, cells in found]) if found else np.empty(0, np.uint8)
-        bits = np.concatenate([cells.bits for *_, cells in found]) if found else np.empty(0, np.uint64)
-        start = np.concatenate([cells.start for *_, cells in found]) if found else place
-        stop = np.concatenate([cells.stop for *_, cells in found]) if found else place
-        form = _FORMS[stored]
+    def _readings(self, packet: I64, found: Sequence[_Column], *, in_turn: bool) -> Readings:
+        """Return the values of some columns; ``in_turn``: those of a variable may be in several of them."""
+        behind = np.cumsum([len(one.rows) for one in found])
+        row = packet[np.concatenate([one.rows for one in found])]
+        stretch = np.concatenate([one.stretch for one in found])
+        variable = np.repeat([one.number for one in found], [len(one.rows) for one in found]).astype(np.int64)
+        stored = np.concatenate([one.cells.form for one in found])
+        bits = np.concatenate([one.cells.bits for one in found])
+        for one, end in zip(found, behind.tolist(), strict=True):
+            texts = np.flatnonzero(one.cells.form >= Stored.TEXT)
+            if len(texts):
+                bits[end - len(one.rows) + texts] = _digests(one, texts)
         real = stored == Stored.REAL
         if real.any():
             bits[real] = (bits[real].view(np.float64) + 0.0).view(np.uint64)  # of one zero only
-        texts = np.flatnonzero(stored >= Stored.TEXT)
-        if len(texts):
-            bits[texts] = _digests(records.data, start[texts], stop[texts])
+        order = np.argsort(row, kind="stable") if in_turn else None
+        if order is not None:
+            row, stretch, variable, stored, bits = (one[order] for one in (row, stretch, variable, stored, bits))
 
         def text(at: int) -> str:
-            content = records.data[start[at] : stop[at]].tobytes() if stored[at] >= Stored.TEXT else b""
-            return content.hex(" ") if stored[at] == Stored.BLOB else content.decode(table.encoding, "replace")
+            place = at if order is None else int(order[at])
+            column = int(np.searchsorted(behind, place, "right"))
+            return found[column].text(place - (int(behind[column - 1]) if column else 0))
 
-        nothing = np.zeros(len(place), np.int64)
+        nothing = np.zeros(len(row), np.int64)
         return Readings(
-            variable, row[place], form, bits, nothing.astype(np.bool_), nothing, text, self._called, stretch[place]
+            variable, row, _FORMS[stored], bits, nothing.astype(np.bool_), nothing, text, self._called, stretch
         )  # fmt: skip
 
     def _called(self, number: int, naming: int) -> str:
         return self.known[number].name
+
+
+@dataclass(frozen=True, slots=True)
+class _Column:
+    """The values of one variable in some rows of a table, by their positions in the batch; none is NULL."""
+
+    number: int
+    rows: I64
+    cells: Cells
+    stretch: I64
+    data: U8
+    encoding: str
+
+    def text(self, at: int) -> str:
+        """Return a value as text, '' of a number."""
+        form = self.cells.form[at]
+        if form < Stored.TEXT:
+            return ""
+        content = self.data[self.cells.start[at] : self.cells.stop[at]].tobytes()
+        return content.hex(" ") if form == Stored.BLOB else content.decode(self.encoding, "replace")
+
+
+@dataclass(frozen=True, slots=True)
+class _TableRows:
+    """The rows of one table in a batch, by their positions in it, rising, and the numbers of its variables."""
+
+    table: RowTable
+    rows: I64
+    records: Records
+    numbers: I64
+    stretch: I64
+
+    def cells(self, begin: int, end: int, chosen: Bool | None) -> Iterator[_Column]:
+        """Yield the values in the rows from one position to before another, of those that are chosen."""
+        own = np.arange(*np.searchsorted(self.rows, (begin, end)).tolist())
+        if chosen is not None:
+            own = own[chosen[self.rows[own]]]
+        for number, logged in zip(self.numbers.tolist(), self.table.log.variables, strict=True):
+            if number < 0 or not len(own) or self.records.is_empty(logged.column):
+                continue
+            cells, filled = self.records.cells(logged.column, own), own
+            there = np.flatnonzero(cells.form)
+            if len(there) < len(own):
+                filled = own[there]
+                cells = self.records.cells(logged.column, filled)
+            if len(filled):
+                yield _Column(
+                    number, self.rows[filled], cells, self.stretch[filled], self.records.data, self.table.encoding
+                )  # fmt: skip
 
 
 def _restarts(table: RowTable, records: Records) -> Bool:
@@ -148,10 +190,10 @@ def _restarts(table: RowTable, records: Records) -> Bool:
     return found
 
 
-def _digests(data: U8, start: I64, stop: I64) -> U64:
-    content = data.data
+def _digests(column: _Column, rows: I64) -> U64:
+    content, cells = column.data.data, column.cells
     told = [
         int.from_bytes(blake2b(content[begin:end], digest_size=8).digest(), "little")
-        for begin, end in zip(start.tolist(), stop.tolist(), strict=True)
+        for begin, end in zip(cells.start[rows].tolist(), cells.stop[rows].tolist(), strict=True)
     ]
     return np.array(told, np.uint64)

@@ -64,6 +64,7 @@ class LastValues:
         """Take what a batch brings, which follows those before."""
         for readings in self.read.of(told, part):
             self._take(told, readings)
+        self.columns.resize(len(self.read.known))
 
     def forget(self) -> None:
         """Let what comes next change nothing: nobody listened for a while."""
