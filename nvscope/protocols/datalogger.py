@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from nvscope.protocols.protocol import Protocol
-from nvscope.tracker.datalogger.on_demand import NAME, dissect
+from nvscope.tracker.datalogger.on_demand import NAME, DatabaseState, dissect
 
 if TYPE_CHECKING:
     from dissectors.dissector import Dissector
@@ -43,5 +43,11 @@ def _tree(rows: FrameRows, wording: Wording, *, dumps: bool) -> Tree:
 
 
 DATALOGGER = Protocol(
-    name=NAME, title="DataLogger", fields=_fields, lines=lambda: _lines, tree=lambda: _tree, dissector=_dissector
+    name=NAME,
+    title="DataLogger",
+    fields=_fields,
+    lines=lambda: _lines,
+    tree=lambda: _tree,
+    dissector=_dissector,
+    observe=DatabaseState,
 )

@@ -182,6 +182,32 @@ def test_a_tree_tells_each_value_with_its_place_and_counter() -> None:
     assert f"0041  3d c3              {WORD}   15811  SMALLINT, 0 changes" in done.stdout
 
 
+def test_a_report_tells_how_much_is_in_a_database_and_claims_nothing_of_a_network() -> None:
+    told = as_json("report", GENUINE)
+    assert (told["capture"]["telegrams"], told["lists"], told["findings"]) == (0, [], [])
+    ((rows, first, last),) = stored("SELECT COUNT(*), MIN(Timestamp), MAX(Timestamp) FROM {table}")
+    (row,) = told["databases"]
+    assert (row["rows"], row["tables"], row["variables"], row["lost"]) == (rows, 1, 18, 0)
+    assert (first, last) == ("2020-04-13T14:05:58.674675", "2020-04-13T14:10:56.424209")
+    assert (row["start_ns"], row["end_ns"]) == ("1586786758674675000", "1586787056424209000")
+    text = run_text("report", GENUINE, "--utc").stdout
+    assert text.startswith("● 1 database · 1080 rows\n")
+    assert "`nvscope audit" in text
+    assert "well" not in text
+    assert "telegram" not in text
+    assert "dropped" not in text
+    assert "| `db/genuine-5min.db` | 1080 |" in run_text("report", GENUINE, "--md").stdout
+
+
+def test_a_report_tells_before_how_many_rows_data_was_lost(tmp_path: Path) -> None:
+    rows = [Row(0, (0,), consistent=0), Row(10, (1,), consistent=0), Row(20, (2,))]
+    path = write_log(tmp_path / "x.db", [("a", "INT")], rows)
+    (row,) = as_json("report", path)["databases"]
+    # Before the first row of all there is nothing.
+    assert (row["lost"], row["first_lost_frame"]) == (1, 2)
+    assert "● 1 database · 3 rows · data lost before 1 of them" in run_text("report", path).stdout
+
+
 @pytest.mark.parametrize("verb", ["convert", "record"])
 @pytest.mark.parametrize("suffix", [".pcap", ".pcapng", ".mcap"])
 def test_rows_are_no_frames_to_be_written(verb: str, suffix: str, tmp_path: Path) -> None:

@@ -121,6 +121,7 @@ ODD_COMMANDS = (
     "vars timed_pages.pcap",
     "vars timed_pages.pcap --history 'visu/*/*'",
     "vars timed_pages.pcap --at 40ms",
+    "report odd.db",
     "vars odd.db",
     "vars odd.db --history '*' --all",
     "vars odd.db --at 100ms",

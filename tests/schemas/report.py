@@ -78,6 +78,7 @@ def report() -> Schema:
             "visu_unchanging": several(shared("visu_unchanging"), "what pages saw no change of, where there is any"),
             "visu_writes": several(shared("visu_write"), "the first variables that were written, where there are any"),
             "visu_others": several(shared("visu_other"), "other protocols on the same ports, where there are any"),
+            "databases": several(shared("database"), "of DataLoggers, where there are any"),
             "buses": several(shared("bus"), "the channels of CAN, where there are any"),
             "filter": record({"expression": text(), "telegrams": whole("those it chooses")}),
             "missing": several(MISSING, "with definitions: what does not arrive of what is defined"),
@@ -86,18 +87,34 @@ def report() -> Schema:
             "page_hops": several(shared("page_hop"), "with --compare: what pages showed of variables of lists"),
         },
         optional=(
-            "evidence_left_out", "sdo", "sdo_writes", "visu", "visu_writes", "visu_unchanging", "visu_others", "buses",
-            "filter", "missing", *_OF_COMPARE, "page_hops",
+            "evidence_left_out", "sdo", "sdo_writes", "visu", "visu_writes", "visu_unchanging", "visu_others",
+            "databases", "buses", "filter", "missing", *_OF_COMPARE, "page_hops",
         ),
     )  # fmt: skip
     parts = {
         "list": _list(), "node": _node(), "stream": _stream(), "can_list": _can_list(), "can_stream": _can_stream(),
         "value": VALUE_OF_LIST, "cause": cause(), "finding": _finding(), "bus": bus(), "hop": _hop(),
         "page_hop": _page_hop(),
+        "database": _database(),
         "canopen_node": canopen_node(), "sdo": sdo(), "sdo_write": sdo_write(),
         "visu": visu(), "visu_write": visu_write(), "visu_unchanging": visu_unchanging(), "visu_other": visu_other(),
     }  # fmt: skip
     return found | {"dependentRequired": {key: [other] for key, other in permutations(_OF_COMPARE)}, "$defs": parts}
+
+
+def _database() -> Schema:
+    return record(
+        {
+            "database": text("db/FILE, as variables have it in the place of a list", "^db/"),
+            "rows": whole("they are frames of the capture, and no telegrams", 1),
+            "tables": whole("", 1),
+            "variables": whole("names that are different"),
+            "start_ns": time(),
+            "end_ns": time(),
+            "lost": whole("rows that say that data was lost before them, the first of all aside"),
+            "first_lost_frame": maybe(whole("", 1)),
+        }
+    )
 
 
 def capture() -> Schema:

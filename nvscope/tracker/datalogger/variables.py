@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +12,7 @@ from dissectors.batch import I64
 from dissectors.datalogger.logged import RowTable
 from nvscope.definition.scalars import SCALARS
 from nvscope.definition.variables import Elementary, String
+from nvscope.tracker.datalogger.titles import Titles
 from nvscope.tracker.readings.form import Form
 from nvscope.tracker.readings.readings import LEFT_OUT, in_order
 
@@ -62,7 +62,7 @@ class DatabaseVariables:
         self._known: list[DatabaseVariable] = []
         self._numbers: dict[tuple[str, str], int] = {}
         self._of_tables: dict[RowTable, I64] = {}
-        self._titles: dict[str, str] = {}
+        self._titles = Titles()
 
     @property
     def known(self) -> Sequence[DatabaseVariable]:
@@ -77,7 +77,7 @@ class DatabaseVariables:
         return found
 
     def _added(self, table: RowTable, most: int) -> I64:
-        title = self._title(table)
+        title = self._titles.of(table)
         numbers = []
         for variable in table.log.variables:
             number = self._numbers.get((table.series, variable.name))
@@ -92,19 +92,3 @@ class DatabaseVariables:
                 self._known.append(DatabaseVariable(title, variable.name, variable.declared, order))
             numbers.append(number)
         return np.array(numbers, np.int64)
-
-    def _title(self, table: RowTable) -> str:
-        """Return what stands for a list; files of one name in several folders have that of the folder in it."""
-        title = self._titles.get(table.series)
-        if title is None:
-            title = table.title
-            if title in self._titles.values():
-                folder = os.path.basename(os.path.dirname(os.path.abspath(table.series)))
-                prefix, _, name = title.partition("/")
-                title = f"{prefix}/{folder}/{name}"
-            number = 2
-            plain = title
-            while title in self._titles.values():
-                title, number = f"{plain} ({number})", number + 1
-            self._titles[table.series] = title
-        return title
