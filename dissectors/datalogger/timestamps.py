@@ -49,22 +49,35 @@ class TimeKind(IntEnum):
 def iso_texts(time_ns: I64) -> U8:
     """Return texts as (n, ``ISO_BYTES``); what is below a microsecond is left out."""
     text = np.empty((len(time_ns), ISO_BYTES), np.uint8)
-    for place, character in _BETWEEN.items():
-        text[:, place] = ord(character)
     us = time_ns // _US_NS
     second, microsecond = us // 1_000_000, us % 1_000_000
-    day, of_day = second // _DAY_S, second % _DAY_S
+    new = np.append(True, second[1:] != second[:-1])[: len(second)]
+    # Of times that follow each other, many lie in one second.
+    text[:, : _MICROSECOND[0]] = _seconds(second[new])[np.cumsum(new) - 1]
+    _put(text, _MICROSECOND[0], microsecond, 6)
+    return text
+
+
+def _seconds(second: I64) -> U8:
+    """Return texts up to the microseconds, as (n, 20)."""
+    text = np.empty((len(second), _MICROSECOND[0]), np.uint8)
+    for place, character in _BETWEEN.items():
+        text[:, place] = ord(character)
+    of_day = second % _DAY_S
+    _put_date(text, second // _DAY_S)
+    _put(text, 11, of_day // _HOUR_S, 2)
+    _put(text, 14, of_day // _MINUTE_S % 60, 2)
+    _put(text, 17, of_day % 60, 2)
+    return text
+
+
+def _put_date(text: U8, day: I64) -> None:
     date = day.astype("M8[D]")
     month = date.astype("M8[M]")
     year = month.astype("M8[Y]")
     _put(text, 0, (year.astype(np.int64) + 1970), 4)
     _put(text, 5, (month - year).astype(np.int64) + 1, 2)
     _put(text, 8, (date - month).astype(np.int64) + 1, 2)
-    _put(text, 11, of_day // _HOUR_S, 2)
-    _put(text, 14, of_day // _MINUTE_S % 60, 2)
-    _put(text, 17, of_day % 60, 2)
-    _put(text, 20, microsecond, 6)
-    return text
 
 
 def iso_times(text: U8) -> tuple[I64, Bool]:

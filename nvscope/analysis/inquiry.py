@@ -183,7 +183,7 @@ class Inquiry:
 
         UsageError where they cannot be read twice; ``told`` is how a person finds in it what needs to know the end.
         """
-        if once := self._read_once:
+        if once := self.read_once:
             raise UsageError(
                 f"{told}: {once} has no end that is known before it is there", next_step="name a file instead"
             )
@@ -240,7 +240,7 @@ class Inquiry:
             raise of_others(chosen.of_others)
         if not chosen.judged:
             return chosen
-        if once := self._read_once:
+        if once := self.read_once:
             raise UsageError(
                 f"{', '.join(chosen.judged)}: known when the whole capture was read, and {once} cannot be read twice",
                 next_step="name a file instead",
@@ -390,7 +390,7 @@ class Inquiry:
         return DisplayFilter(expression, self._fields(verdicts), verdicts)
 
     @property
-    def _read_once(self) -> str:
+    def read_once(self) -> str:
         """What of the captures can be read only once, as told to a person; "" where all can be read again."""
         if STDIN in self.paths:
             return "stdin"

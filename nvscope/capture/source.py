@@ -57,11 +57,15 @@ class Attachment:
 
 
 class LostSpan(NamedTuple):
-    """From when to when so many packets were lost while capturing; None where nobody says."""
+    """From when to when so many packets were lost while capturing; None where nobody says.
+
+    ``at_packet``: the packet that came then says so itself.
+    """
 
     since_ns: int | None
     until_ns: int | None
     packets: int
+    at_packet: bool = False
 
     def touches(self, since_ns: int, until_ns: int) -> bool:
         """Tell whether it may be within a time."""

@@ -19,7 +19,7 @@ READ, LIVE, SHOWN, SENT, DEFINED, WRITTEN, HELP = (
 
 GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
-        READ: ("-r", "--from-time", "--to-time", "-d", "--bitrate", "--ack-timeout"),
+        READ: ("-r", "--config", "--from-time", "--to-time", "-d", "--bitrate", "--ack-timeout"),
         LIVE: ("-i", "--count", "-D", "--for", "-a", "--follow", "-f", "-B", "-p"),
         SENT: (
             "--to", "--map", "--port", "--timeout", "--retries", "--yes", "--bind", "--every",
@@ -27,11 +27,11 @@ GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         ),
         DEFINED: (
             "--gvl", "--project", "-n", "--type", "--items", "--types", "--a-types", "--b-types",
-            "--variables", "--page",
+            "--variables", "--page", "--partly",
         ),
         WRITTEN: (
-            "--json", "--md", "-w", "--force", "-T", "-E", "-t", "-x", "-V", "--utc", "-q", "--wide", "--color",
-            "--truth",
+            "--json", "--md", "-w", "--folder", "--append", "--force", "--document-style", "--dry-run", "-T", "-E",
+            "-t", "-x", "-V", "--utc", "-q", "--wide", "--color", "--truth",
         ),
         HELP: ("--help",),
     }
@@ -125,6 +125,21 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
             ("nvscope visu serve table.toml --port 8080", "a controller on this machine"),
             ("nvscope visu serve eth0 --gvl plc --port 8080", "the lists that come there, with their last values"),
             ("nvscope visu serve --keys", "what a table can say"),
+        ),
+        "datalog": (
+            ("nvscope datalog plant.pcapng plc --config axis.xml", "a database as a controller writes it"),
+            ("nvscope datalog eth0 --gvl plc --config axis.xml --for 24h", "the same, while it happens"),
+            (
+                "nvscope datalog plant.pcapng plc --config axis.xml --dry-run",
+                "what would be logged, and how much a day",
+            ),
+        ),
+        "datalog config": (
+            ("nvscope datalog config axis --gvl plc -w axis.xml", "a session for the variables of a list"),
+            (
+                "nvscope datalog config 'stAxis.*' --gvl plc --set storeChangesOnly=true",
+                "some variables, with a setting",
+            ),
         ),
         "simulate": (
             ("nvscope simulate plant.toml -w plant.pcapng", "a capture with faults, and the truth"),

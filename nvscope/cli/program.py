@@ -26,6 +26,7 @@ VERBS = {
     "gvl": "nvscope.cli.gvl:app",
     "sdo": "nvscope.cli.sdo:app",
     "visu": "nvscope.cli.visu:app",
+    "datalog": "nvscope.cli.datalog:app",
     "simulate": "nvscope.cli.simulate:simulate",
     "explain": "nvscope.cli.explain:explain",
     "doctor": "nvscope.cli.doctor:doctor",

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from nvscope.definition.buses import Buses
 from nvscope.definition.limits import Limits
 from nvscope.definition.model import DEFAULT_PORT, Definition
+from nvscope.definition.project_datalogger import DataLoggerSettings
 
 if TYPE_CHECKING:  # where there is no project file, nothing that reads one is imported
     from nvscope.definition.project_nodes import Node, ReadList
@@ -43,6 +44,7 @@ class Project:
     recording: str = ""
     webvisu: WebVisu | None = None
     security: Security | None = None
+    datalogger: DataLoggerSettings = field(default_factory=DataLoggerSettings)
 
     @property
     def inputs(self) -> list[str]:

@@ -15,6 +15,7 @@ from nvscope.definition.buses import BUS_TABLES, MAX_CHANNEL_NAME, Buses, BusSet
 from nvscope.definition.limits import Limits
 from nvscope.definition.model import DEFAULT_PORT, Definition
 from nvscope.definition.project import PROJECT_NAME, Project
+from nvscope.definition.project_datalogger import DataLoggerSettings
 from nvscope.definition.project_lists import LIST_TABLES, ListSettings, with_settings
 from nvscope.definition.project_nodes import NODE_TABLES, Node
 from nvscope.definition.project_parameters import PARAMETER_TABLES, Told, parameters_of
@@ -43,6 +44,7 @@ _U16_MAX = 0xFFFF
 _USUAL = Limits()
 _NO_WEBVISU = WebVisuSettings()
 _NOTHING_SAID = Security()
+_NO_DATALOGGER = DataLoggerSettings()
 
 
 def _keys(value: Any, place: Place) -> tuple[tuple[str, str], ...]:
@@ -84,6 +86,9 @@ class ProjectFile:
     )
     webvisu: WebVisuSettings = key(  # noqa: RUF009  # a field, not a default
         table_of(WebVisuSettings), "web visualization", default=_NO_WEBVISU
+    )
+    datalogger: DataLoggerSettings = key(  # noqa: RUF009  # a field, not a default
+        table_of(DataLoggerSettings), "variables and tasks of DataLoggers", default=_NO_DATALOGGER
     )
     limits: Limits = key(  # noqa: RUF009  # a field, not a default
         table_of(Limits), "from where on something is worth a finding", default=_USUAL
@@ -176,6 +181,7 @@ def _project(
     return Project(
         path, tuple(files), definition, dict(told.nodes), ports, told.limits, buses, dict(told.keys),
         dict(told.channels), security=security, webvisu=webvisu_of(told.webvisu, path, place) or None,
+        datalogger=told.datalogger,
     )  # fmt: skip
 
 

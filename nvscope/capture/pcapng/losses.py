@@ -47,7 +47,7 @@ class Losses:
                     # Of several interfaces, nobody remembers when each had its last packet.
                     since_ns = last_ns if len(interfaces) == 1 else None
                     since_ns = int(ts_ns[previous]) if previous >= 0 else since_ns
-                    own.packet_spans.append(LostSpan(since_ns, int(ts_ns[at]), int(drops[place])))
+                    own.packet_spans.append(LostSpan(since_ns, int(ts_ns[at]), int(drops[place]), at_packet=True))
 
     def close(self, interfaces: list[Interface]) -> None:
         """Keep what interfaces have lost whose section is over."""

@@ -1,0 +1,269 @@
+"""``nvscope datalog``: variables recorded as a PLCnext DataLogger does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from nvscope.cli.datalog_config import config as config_verb
+from nvscope.cli.definitions import GvlOption, ProjectOption, project_of, tell_of_flaws
+from nvscope.cli.help import Command, Group
+from nvscope.cli.live import LiveOptions, LiveRun, captured, with_live_options
+from nvscope.cli.named_files import named_files
+from nvscope.cli.sources import (
+    ChannelMapOption,
+    DecodeOption,
+    FromTimeOption,
+    ReadOption,
+    SourcesArgument,
+    ToTimeOption,
+    asked_range,
+    port_rules,
+    tell_of_losses,
+    with_channels,
+)
+from nvscope.cli.terminal import echo
+from nvscope.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from nvscope.analysis.inquiry import Inquiry
+    from nvscope.capture.source import Source
+    from nvscope.datalogger.configuration import Session
+    from nvscope.datalogger.plan import Planned
+    from nvscope.datalogger.session_log import SessionLog
+
+_LOG = "log"
+
+
+class _Sources(Group):
+    """The verb logs what it is told to; a word that is no verb of it is a source."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if not args or args[0] not in self.commands:
+            args = [_LOG, *args]
+        return super().parse_args(ctx, args)
+
+
+class _Log(Command):
+    """What is done without a verb is called as the whole."""
+
+    def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
+        if parent is not None:
+            info_name, parent = parent.info_name, parent.parent
+        return super().make_context(info_name, args, parent, **extra)
+
+
+app = typer.Typer(rich_markup_mode=None, cls=_Sources)
+app.command(cls=Command)(config_verb)
+
+
+@app.callback()
+def _verbs() -> None:
+    """Record variables as a PLCnext DataLogger does."""
+
+
+@app.command(_LOG, cls=_Log)
+@with_live_options
+def datalog(
+    live: LiveOptions,
+    sources: SourcesArgument = None,
+    read: ReadOption = None,
+    config: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--config",
+            metavar="FILE",
+            help="The configuration of a session, as a controller reads it; also several.",
+            show_default=False,
+        ),
+    ] = None,
+    write: Annotated[
+        str | None,
+        typer.Option(
+            "-w",
+            "--write",
+            metavar="FILE",
+            help="The database, in place of the dst of the configuration.",
+            show_default=False,
+        ),
+    ] = None,
+    folder: Annotated[
+        str | None,
+        typer.Option(
+            "--folder",
+            metavar="DIR",
+            help="Where databases are put, by the names that the configurations give them.",
+            show_default=False,
+        ),
+    ] = None,
+    append: Annotated[
+        bool, typer.Option("--append", help="Go on with databases that exist, as a controller does that restarts.")
+    ] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace databases that exist, with their closed files.")
+    ] = False,
+    partly: Annotated[
+        bool,
+        typer.Option("--partly", help="Leave out variables that no list has, as a controller does, and say which."),
+    ] = False,
+    document_style: Annotated[
+        bool,
+        typer.Option(
+            "--document-style",
+            help="Write what the reference shows, where controllers differ from it: counters also of values that have "
+            "not changed, and 0 as ConsistentDataSeries of the first row.",
+        ),
+    ] = False,
+    dry_run: Annotated[
+        bool,
+        typer.Option("--dry-run", help="Say what would be logged, and how large it would be a day; write nothing."),
+    ] = False,
+    gvl: GvlOption = None,
+    project: ProjectOption = None,
+    decode: DecodeOption = None,
+    from_time: FromTimeOption = None,
+    to_time: ToTimeOption = None,
+    channel_map: ChannelMapOption = None,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress, and no word at the end.")] = False,
+) -> None:
+    """Record variables of lists into SQLite databases, as the DataLogger of a PLCnext controller does.
+
+    Of captures, the same packets give the same database. Where the network lost something, the first row behind it has
+    0 as ConsistentDataSeries. Ends live with Ctrl-C, --for or -a. `nvscope datalog config` writes a configuration.
+    """
+    files_named = named_files(sources, read, gvl, live.interfaces)
+    paths, gvl = files_named.captures, files_named.definitions
+    if not config:
+        raise UsageError(
+            "no configuration is named", next_step="add --config FILE.xml; `nvscope datalog config NAME…` writes one"
+        )
+    if write is not None and folder is not None:
+        raise UsageError("-w and --folder exclude each other", next_step="leave one of them out")
+    if write is not None and len(config) > 1:
+        raise UsageError("-w names one file, and there are several sessions", next_step="use --folder DIR")
+    if append and force:
+        raise UsageError("--append and --force exclude each other", next_step="leave one of them out")
+    ports = port_rules(decode)
+    plant = with_channels(project_of(project, gvl, paths), channel_map)
+
+    from nvscope.analysis.inquiry import Inquiry
+    from nvscope.cli.progress import watching
+    from nvscope.datalogger.plan import Targets, check_files, plan, remove_files
+    from nvscope.whole_files import identity_of
+
+    tell_of_flaws(plant.definition)
+    sessions = _sessions(config)
+    between = asked_range(from_time, to_time, utc=True)
+    inquiry = Inquiry(captured(paths, live, plant, ports), plant, ports, watch=watching(quiet=quiet), asked=between)
+    planned = plan(sessions, inquiry.defined_layouts(), plant.datalogger, Targets(write, folder), partly=partly)
+    if partly:
+        _tell_of_left_out(planned)
+    if dry_run:
+        from nvscope.datalogger.forecast import forecast
+
+        for line in forecast(planned, plant.definition.nominal_intervals_ns()):
+            echo(line)
+        return
+    inputs = {identity_of(path) for path in (*paths, *plant.inputs, *config)}
+    check_files(planned, lambda path: identity_of(path) in inputs, append=append, force=force)
+    source = inquiry.open()
+    if force:
+        remove_files(planned)
+    logs = _logged(inquiry, source, planned, quiet=quiet, append=append, document_style=document_style)
+    if not quiet:
+        _tell(logs)
+    lost = any(log.counted.not_written for log in logs)
+    code = max(tell_of_losses(source.infos), ExitCode.DATA_LOSS if lost else ExitCode.GOOD)
+    if code:
+        raise typer.Exit(code)
+
+
+def _sessions(config: Sequence[str]) -> list[Session]:
+    """Return the sessions of configuration files, and say what nobody knows of them."""
+    from nvscope.datalogger.configuration_file import read_configuration
+    from nvscope.view.escape import visible
+
+    found = []
+    for path in config:
+        configuration = read_configuration(path)
+        for told in configuration.unknown:
+            echo(f"nvscope: {visible(told)}.", err=True)
+        found.append(configuration.session)
+    return found
+
+
+def _logged(
+    inquiry: Inquiry, source: Source, planned: Sequence[Planned], *, quiet: bool, append: bool, document_style: bool
+) -> Sequence[SessionLog]:
+    """Log captures, or what comes live; whatever ends it, what was taken is written."""
+    from nvscope.cli.memory import keep_freed_memory
+    from nvscope.datalogger.judging import Judge, StateSoFar, WholeCapture
+    from nvscope.datalogger.plan import data_log
+
+    whole = not inquiry.read_once
+    state = None
+    judge: Judge
+    if whole:
+        keep_freed_memory()
+        judge = WholeCapture(inquiry, {key for one in planned for key in one.keys}, holds_drops=_hold_drops(source))
+    else:
+        state = inquiry.state()
+        judge = StateSoFar(state, inquiry.project.definition.nominal_intervals_ns(), source)
+    log = data_log(
+        planned, inquiry.defined_layouts(), judge, append=append, durable=not whole, document_style=document_style
+    )
+    try:
+        if whole:
+            for _ in inquiry.run(source, [log]):
+                pass
+        else:
+            assert state is not None
+            with LiveRun(source, quiet=quiet) as progress:
+                for _ in inquiry.run(source, [state, log]):
+                    progress()
+    finally:
+        log.end()
+    return log.sessions
+
+
+def _hold_drops(source: Source) -> bool:
+    """Return whether captures are of formats that say what was lost."""
+    from nvscope.capture.formats import FORMATS
+
+    holding = {known.name for known in FORMATS if known.holds_drops}
+    return any(info.format in holding for info in source.infos)
+
+
+def _tell_of_left_out(planned: Sequence[Planned]) -> None:
+    from nvscope.view.escape import visible
+
+    for one in planned:
+        for error in one.left_out:
+            echo(f"nvscope: {visible(error.where)}: {visible(error.what)}; left out.", err=True)
+
+
+def _tell(logs: Sequence[SessionLog]) -> None:
+    from nvscope.units import count_of
+    from nvscope.view.escape import visible
+
+    for log in logs:
+        counted, name = log.counted, visible(log.session.name)
+        rows = f"{count_of(counted.rows, 'row')} of {count_of(len(log.logged), 'variable')}"
+        files = "memory" if log.session.volatile else visible(counted.files[-1])
+        more = len(counted.files) - 1
+        told = [f"{rows} in {files}" + (f" and {count_of(more, 'closed file')}" if more > 0 else "")]
+        if counted.inconsistent:
+            told.append(f"{counted.inconsistent} behind a loss (ConsistentDataSeries 0)")
+        echo(f"nvscope: {name}: {'; '.join(told)}.", err=True)
+        if counted.overwritten:
+            lost = count_of(counted.overwritten, "data set")
+            echo(
+                f"nvscope: {name}: the ring buffer had no room for {lost}: bufferCapacity is {log.session.capacity}, "
+                f"and up to {log.session.sets_a_publishing} come in a publishInterval.",
+                err=True,
+            )
+        if counted.not_written:
+            lost = count_of(counted.not_written, "row")
+            echo(f"nvscope: {name}: {lost} not written: another program held the database.", err=True)

@@ -1,0 +1,299 @@
+"""Database: the SQLite files of a session, written as a controller writes them.
+
+Rows are written in blocks of one transaction each, so that whatever ends the program leaves a file that can be read. A
+full file is renamed to the next number and another one begun, or its oldest rows are deleted.
+Source: the DataLogger's reference, "Attributes for file-based configuration", and ``datalogger.md`` sections 1 and 2.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import sqlite3
+import zlib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from dissectors.batch import Bool
+from dissectors.datalogger.leaves import PAGE_BYTES, Block, Leaves, TextColumn, leaves_of
+from dissectors.datalogger.tables import (
+    TABLE,
+    TABLE_OF_CHANGES,
+    LoggedVariable,
+    LogTable,
+    quoted,
+    recognise,
+    statement,
+)
+from nvscope.datalogger.configuration import Session
+from nvscope.datalogger.logged import Logged
+from nvscope.errors import CaptureError, UsageError
+
+_PAGES_AT, _IMAGE = 28, "image"
+_BUSY_S = 5.0
+_NUMBERED = re.compile(r"\.(\d{1,18})\Z")
+_IN_MEMORY = ":memory:"
+
+
+class DatabaseLocked(Exception):
+    """Another program reads or writes the file just now: nothing of the block was written."""
+
+
+def table_of(session: Session, logged: Sequence[Logged]) -> LogTable:
+    """Return the table of a session.
+
+    How a controller numbers its tables is not known. Ours is the CRC-32 of the names of the variables.
+    """
+    step = 2 if session.only_changes else 1
+    variables = tuple(
+        LoggedVariable(one.uri, one.declared, 2 + step * place, 3 + step * place if session.only_changes else None)
+        for place, one in enumerate(logged)
+    )
+    number = zlib.crc32("\0".join(one.uri for one in logged).encode())
+    return LogTable(f"{TABLE_OF_CHANGES if session.only_changes else TABLE}{number}", session.raw, variables)
+
+
+def closed_files(path: str) -> list[tuple[int, str]]:
+    """Return the closed files of a series, with their numbers, the oldest first."""
+    folder, name = os.path.split(path)
+    found = []
+    try:
+        entries = os.listdir(folder or ".")
+    except OSError:
+        return []
+    for entry in entries:
+        if entry.startswith(f"{name}."):
+            number = _NUMBERED.fullmatch(entry[len(name) :])
+            if number:
+                found.append((int(number[1]), os.path.join(folder, entry)))
+    return sorted(found)
+
+
+class Database:
+    """The files of a session; ``path`` is the one that is written, ``rows`` how many were.
+
+    ``durable``: each block is on the disk before the next one is taken, where it survives a power cut. ``begins`` tells
+    whether the next row is the first of a file.
+    """
+
+    def __init__(self, session: Session, table: LogTable, path: str, *, durable: bool) -> None:
+        self.path = path
+        self.rows = 0
+        self.deleted = 0
+        self.closed: list[str] = []
+        self.removed: list[str] = []
+        self.begins = True
+        self._session = session
+        self._table = table
+        self._durable = durable
+        self._template, self._root = _template(table)
+        self._connection: Any = None
+        self._insert = f"INSERT INTO main.{table.name} VALUES ({','.join('?' * table.columns)})"
+
+    def open(self, *, append: bool) -> None:
+        """Open the file, or make it; an existing one is gone on with where ``append``.
+
+        Raises UsageError where that holds another table, and CaptureError where it cannot be written.
+        """
+        exists = self.path != _IN_MEMORY and os.path.exists(self.path)
+        try:
+            self._connect()
+            if exists:
+                self._check(append=append)
+            else:
+                self._connection.execute(statement(self._table))
+        except sqlite3.Error as error:
+            self.close()
+            raise self._failure(error) from None
+
+    def write(self, blocks: Sequence[Block], rows: int) -> None:
+        """Write rows, given as columns in the order of the table, in one transaction.
+
+        Raises DatabaseLocked, and CaptureError where they cannot be written; nothing of them is then.
+        """
+        try:
+            leaves = leaves_of(blocks, rows) if hasattr(self._connection, "deserialize") else None
+            if leaves is None:
+                self._connection.execute("BEGIN IMMEDIATE")
+                self._connection.executemany(self._insert, _tuples(blocks, rows))
+            else:
+                # SQLite copies the records of a database in memory as they are.
+                self._connection.deserialize(self._image(leaves), name=_IMAGE)
+                self._connection.execute("BEGIN IMMEDIATE")
+                name = self._table.name
+                self._connection.execute(f"INSERT INTO main.{name} SELECT * FROM {_IMAGE}.{name}")
+            self._connection.execute("COMMIT")
+        except sqlite3.Error as error:
+            self._undo()
+            if getattr(error, "sqlite_errorcode", 0) & 0xFF in {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED}:
+                raise DatabaseLocked from None
+            raise self._failure(error) from None
+        self.rows += rows
+        self.begins = False
+        self._make_room()
+
+    def close(self) -> None:
+        """Close the file; what was written stays."""
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+
+    @property
+    def size_bytes(self) -> int:
+        """How large the file is."""
+        if self.path == _IN_MEMORY:
+            pages = self._connection.execute("PRAGMA page_count").fetchone()[0]
+            return int(pages * self._connection.execute("PRAGMA page_size").fetchone()[0])
+        return os.path.getsize(self.path)
+
+    def _connect(self) -> None:
+        self._connection = sqlite3.connect(self.path, isolation_level=None, timeout=_BUSY_S, check_same_thread=False)
+        execute = self._connection.execute
+        # As controllers have them; both have to be said before the first table is made.
+        execute("PRAGMA page_size = 4096")
+        execute("PRAGMA auto_vacuum = FULL")
+        if not self._durable:
+            # Nobody waits for a power cut, or looks at the file, while a capture is turned into it.
+            execute("PRAGMA synchronous = OFF")
+            execute("PRAGMA main.locking_mode = EXCLUSIVE")
+        execute(f"ATTACH '{_IN_MEMORY}' AS {_IMAGE}")
+
+    def _check(self, *, append: bool) -> None:
+        """Raise UsageError where an existing file cannot be gone on with."""
+        names = [
+            name for (name,) in self._connection.execute("SELECT name FROM main.sqlite_master WHERE type = 'table'")
+        ]
+        if not append:
+            self.close()
+            raise UsageError(
+                "the file exists", where=self.path,
+                next_step="--append goes on with it, --force takes its place; or name another one",
+            )  # fmt: skip
+        own = None
+        if self._table.name in names:
+            columns = self._connection.execute(f"PRAGMA main.table_info({quoted(self._table.name)})")
+            own = recognise(self._table.name, [(name, kind) for _, name, kind, *_ in columns])
+        if own != self._table:
+            self.close()
+            raise UsageError(
+                "the file holds no table of this session's variables", where=self.path,
+                next_step="log to another file, or take this one away",
+            )  # fmt: skip
+
+    def _image(self, leaves: Leaves) -> bytes:
+        """Return a database that holds some rows."""
+        template, known = self._template, len(self._template) // PAGE_BYTES
+        root, pages = leaves.tree(known + 1)
+        count = (known + len(pages)).to_bytes(4, "big")
+        front = template[_PAGES_AT + 4 : (self._root - 1) * PAGE_BYTES]
+        return b"".join([template[:_PAGES_AT], count, front, root, template[self._root * PAGE_BYTES :], *pages])
+
+    def _undo(self) -> None:
+        try:
+            if self._connection.in_transaction:
+                self._connection.execute("ROLLBACK")
+        except sqlite3.Error:
+            pass  # SQLite has undone it already
+
+    def _make_room(self) -> None:
+        """Begin another file where this one is full, or delete its oldest rows."""
+        most = self._session.max_bytes
+        if most is None or self.size_bytes < most:
+            return
+        if self._session.files == 1 or self.path == _IN_MEMORY:
+            self._delete_oldest(most)
+        else:
+            self._roll_over()
+
+    def _delete_oldest(self, most: int) -> None:
+        name = self._table.name
+        while self.size_bytes >= most:
+            first, last = self._connection.execute(f"SELECT min(rowid), max(rowid) FROM main.{name}").fetchone()
+            if first is None:
+                return
+            share = max(1, (last - first + 1) * self._session.delete_percent // 100)
+            try:
+                found = self._connection.execute(f"DELETE FROM main.{name} WHERE rowid < ?", (first + share,))
+            except sqlite3.Error as error:
+                if getattr(error, "sqlite_errorcode", 0) & 0xFF in {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED}:
+                    return  # with the next block
+                raise self._failure(error) from None
+            self.deleted += found.rowcount
+            if last - first + 1 == share:
+                return
+
+    def _roll_over(self) -> None:
+        """Close the file under the next number, remove the oldest beyond those that may stay, and begin another."""
+        closed = closed_files(self.path)
+        number = closed[-1][0] + 1 if closed else 0
+        self.close()
+        target = f"{self.path}.{number}"
+        try:
+            os.rename(self.path, target)
+            self.closed.append(target)
+            files = self._session.files
+            if files is not None:
+                closed.append((number, target))
+                for _, oldest in closed[: max(len(closed) - (files - 1), 0)]:
+                    os.unlink(oldest)
+                    self.removed.append(oldest)
+        except OSError as error:
+            raise CaptureError(
+                f"a full file cannot be closed: {error.strerror}", where=self.path, next_step="check its folder"
+            ) from None
+        self.open(append=False)
+        self.begins = True
+
+    def _failure(self, error: sqlite3.Error) -> CaptureError:
+        code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+        told = f"{self.rows} rows were written before" if self.rows else "nothing was written"
+        folder = os.path.dirname(self.path) or "."
+        if code == sqlite3.SQLITE_FULL:
+            return CaptureError(f"the disk is full; {told}", where=self.path, next_step="make room, or log elsewhere")
+        if code == sqlite3.SQLITE_CANTOPEN and not Path(folder).is_dir():
+            return CaptureError(
+                "its folder does not exist, and none is made",
+                where=self.path,
+                next_step="make it, or name a file with -w",
+            )
+        if code == sqlite3.SQLITE_NOTADB:
+            return CaptureError("the file is no SQLite database", where=self.path, next_step="log to another file")
+        return CaptureError(
+            f"cannot be written: {error}; {told}", where=self.path, next_step="check the file and its folder"
+        )
+
+
+def _template(table: LogTable) -> tuple[bytes, int]:
+    """Return a database in memory with an empty table, and the page of its root."""
+    connection = sqlite3.connect(_IN_MEMORY, isolation_level=None)
+    try:
+        connection.execute(f"PRAGMA page_size = {PAGE_BYTES}")
+        connection.execute(statement(table))
+        root = connection.execute("SELECT rootpage FROM sqlite_master").fetchone()[0]
+        return (connection.serialize() if hasattr(connection, "serialize") else b""), int(root)
+    finally:
+        connection.close()
+
+
+def _tuples(blocks: Sequence[Block], rows: int) -> Iterator[tuple[Any, ...]]:
+    """Yield rows value by value, as ``executemany`` takes them."""
+    columns: list[Sequence[Any]] = []
+    for block in blocks:
+        if isinstance(block, TextColumn):
+            data = block.data.tobytes()
+            texts = [
+                data[start:stop].decode() for start, stop in zip(block.start.tolist(), block.stop.tolist(), strict=True)
+            ]
+            columns.append(_with_nulls(texts, block.null))
+            continue
+        for column in range(block.columns):
+            null = None if block.null is None else block.null[:, column]
+            columns.append(_with_nulls(block.numbers[:, column].tolist(), null))
+    return zip(*columns, strict=True) if columns else iter([()] * rows)
+
+
+def _with_nulls(values: list[Any], null: Bool | None) -> list[Any]:
+    if null is None:
+        return values
+    return [None if is_null else value for value, is_null in zip(values, null.tolist(), strict=True)]

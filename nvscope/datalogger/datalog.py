@@ -1,0 +1,130 @@
+"""DataLog: an observer that logs sessions side by side, and knows what was lost in front of their rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from dissectors.batch import I64, Bool
+from nvscope.capture.source import LostSpan
+from nvscope.datalogger.judging import Judge
+from nvscope.datalogger.losses import STOPPED_INTERVALS, Drops, Losses
+from nvscope.datalogger.session_log import SessionLog
+from nvscope.engine.told import Told
+from nvscope.list_key import ListKey
+from nvscope.view.rows.defined import DefinedRows, DefinedTelegrams
+
+_NEVER = -(1 << 63)
+
+
+class DataLog:
+    """Logs sessions whose variables are those of ``telegrams``.
+
+    ``judge`` says what is known of senders; it is asked when it matters. What live sources lose, is lost in front of
+    the next row of each session.
+    """
+
+    by_stream: ClassVar[bool] = True
+
+    def __init__(self, telegrams: DefinedTelegrams, sessions: Sequence[SessionLog], judge: Judge) -> None:
+        self.sessions = sessions
+        self._telegrams = telegrams
+        self._judge = judge
+        self._losses = Losses(telegrams.keys)
+        self._stops = _Stops(telegrams, judge)
+        self._captured = Drops(judge.lost)
+        self._seen: dict[SessionLog, int] = {}
+        self._drops: int | None = None
+
+    def observe(self, told: Told) -> None:
+        """Take a batch, which follows those observed so far."""
+        self._telegrams.observe(told)
+        self._losses.observe(told)
+        rows = self._telegrams.rows
+        dropped = self._captured.behind(told.packets.ts_ns, told.first_frame)
+        gaps = self._losses.behind(self._judge.judged()) if self._losses.gaps else {}
+        stopped = self._stops.behind(rows)
+        if told.is_deaf:
+            self._stops.forget()
+        lost = self._lost_by_sources()
+        for session in self.sessions:
+            frames = [found[key] for found in (gaps, stopped) for key in found if key in session.keys]
+            if lost:
+                session.lose()
+            missing = np.sort(np.concatenate(frames)) if frames else np.empty(0, np.int64)
+            seen = self._seen.get(session, _NEVER), *told.packets.ts_ns[missing - told.first_frame].tolist()
+            unseen = [frame for frame, span in dropped if not _shows(span, seen)]
+            self._seen[session] = max(seen)
+            session.take(told, rows, np.sort(np.append(missing, np.array(unseen, np.int64))))
+
+    def end(self) -> None:
+        """Write all that is left, and close the files."""
+        for session in self.sessions:
+            session.end()
+
+    def _lost_by_sources(self) -> bool:
+        """Return whether sources have lost packets since the batch before."""
+        before, self._drops = self._drops, sum(info.drops or 0 for info in self._judge.infos)
+        return before is not None and self._drops > before
+
+
+def _shows(span: LostSpan, seen: Sequence[int]) -> bool:
+    """Tell whether Counters have shown at some times that something was missing in a span of statistics."""
+    since_ns = _NEVER if span.since_ns is None else span.since_ns
+    return not span.at_packet and any(_NEVER < time_ns >= since_ns for time_ns in seen)
+
+
+class _Stops:
+    """Finds the telegrams with which lists come back that had stopped."""
+
+    def __init__(self, telegrams: DefinedTelegrams, judge: Judge) -> None:
+        self._keys = telegrams.keys
+        self._judge = judge
+        self._least_ns = judge.least_ns
+        self._number = np.array([place.number for place in telegrams.places], np.int64)
+        self._last_ns = np.full(len(self._keys), _NEVER)
+
+    def behind(self, rows: DefinedRows) -> Mapping[ListKey, I64]:
+        """Return the frames, by list, behind which a list was silent for more than ten intervals."""
+        if not len(rows):
+            return {}
+        number = self._number[rows.place]
+        found: dict[ListKey, I64] = {}
+        for one in np.flatnonzero(np.bincount(number)).tolist():
+            own = np.flatnonzero(number == one)
+            time_ns = rows.ts_ns[own]
+            before = np.append(self._last_ns[one], time_ns[:-1])
+            self._last_ns[one] = time_ns[-1]
+            late = self._late(self._keys[one], before, time_ns)
+            if late.any():
+                found[self._keys[one]] = rows.frame[own[late]]
+        return found
+
+    def _late(self, key: ListKey, before: I64, time_ns: I64) -> Bool:
+        """Return which telegrams come back after a stop; what is known of all of the list is asked for if it may be."""
+        interval_ns = self._least_ns.get(key)
+        known = before > _NEVER
+        if interval_ns is not None:
+            if not interval_ns:
+                return np.zeros(len(time_ns), np.bool_)
+            late: Bool = known & (time_ns > before + STOPPED_INTERVALS * interval_ns)
+            if not late.any():
+                return late
+        interval_ns = interval_of(key, self._judge.judged().intervals_ns)
+        if not interval_ns:
+            return np.zeros(len(time_ns), np.bool_)
+        return known & (time_ns > before + STOPPED_INTERVALS * interval_ns)
+
+    def forget(self) -> None:
+        """Let what comes next follow nothing: nobody captured for a while."""
+        self._last_ns[:] = _NEVER
+
+
+def interval_of(key: ListKey, intervals_ns: Mapping[ListKey, int]) -> int | None:
+    """Return the interval of a list, of one that is defined for any channel the longest there is."""
+    if key in intervals_ns:
+        return intervals_ns[key]
+    found = [interval for one, interval in intervals_ns.items() if one.on_any_channel == key]
+    return max(found, default=None)

@@ -1,0 +1,181 @@
+"""Losses: behind which frames values were lost, of the lists of a session.
+
+What a gap in a Counter means depends on what the sender counts, and on whether the missing telegram comes late: a whole
+capture tells, and is therefore read twice. Live, what is known by then has to do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+from operator import itemgetter
+from typing import ClassVar
+
+import numpy as np
+
+from dissectors.batch import I64
+from nvscope.capture.source import LostSpan, SourceInfo
+from nvscope.engine.rows import DataRows
+from nvscope.engine.told import Told
+from nvscope.list_key import ListKey
+from nvscope.tracker.counters import Scope
+from nvscope.tracker.loss import Loss
+from nvscope.tracker.node_steps import NodeSteps
+from nvscope.tracker.open_gaps import OpenGaps
+from nvscope.tracker.steps import Step, Steps
+from nvscope.tracker.summary import Summary
+
+STOPPED_INTERVALS = 10
+"""A list that is silent for more than so many intervals has stopped (NV504)."""
+
+_Stream = tuple[ListKey, int, str]
+"""List, SubIndex and sender."""
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """What is known of senders: what the Counter of each stream counts, None where it is not believed.
+
+    ``intervals_ns`` are those of lists that are sent cyclically. ``filled`` are gaps that late telegrams have filled,
+    as (walk, frame). ``lost`` is when packets were lost while capturing.
+    """
+
+    scopes: Mapping[_Stream, Scope | None] = field(default_factory=dict)
+    intervals_ns: Mapping[ListKey, int] = field(default_factory=dict)
+    filled: frozenset[tuple[int, int]] = frozenset()
+    lost: tuple[LostSpan, ...] = ()
+
+    @staticmethod
+    def of(
+        summary: Summary, defined_ns: Mapping[ListKey, int], infos: Iterable[SourceInfo] = (),
+        filled: Iterable[tuple[int, int]] = (),
+    ) -> Judged:  # fmt: skip
+        """Return what a summary says; ``defined_ns`` are the intervals of definitions, 0 where a list has none."""
+        scopes: dict[_Stream, Scope | None] = {}
+        intervals: dict[ListKey, int] = {}
+        for entry in summary.lists:
+            for one in entry.streams:
+                believed = None if one.erratic or one.scope is None else Scope(one.scope)
+                scopes[entry.key, one.subindex, summary.addresses[one.node]] = believed
+        timed = [(entry.key, [one.intervals for one in entry.streams]) for entry in summary.lists]
+        timed += [(entry.key, [one.intervals for one in entry.streams]) for entry in summary.can.lists]
+        for key, own in timed:
+            defined = defined_ns.get(key, defined_ns.get(key.on_any_channel))
+            if defined != 0 and own and all(one.nominal for one in own):
+                # Who sends more slowly than is defined has not stopped each time.
+                measured = max(max(one.nominal or 0, one.p50 or 0) for one in own)
+                intervals[key] = max(measured, defined or 0)
+        lost = tuple(span for info in infos for span in info.lost)
+        return Judged(scopes, intervals, frozenset(filled), lost)
+
+
+@dataclass(slots=True)
+class _Gap:
+    """A gap in front of a frame, and how many telegrams are still missing in it."""
+
+    walk: int
+    frame: int
+    missing: int
+
+
+class Losses:
+    """Finds the gaps in the Counters of some lists, batch by batch.
+
+    ``frames`` are those of the batch observed last behind which something is missing, rising, by walk; ``filled`` are
+    the gaps so far that late telegrams have filled.
+    """
+
+    by_stream: ClassVar[bool] = True
+
+    def __init__(self, keys: Collection[ListKey]) -> None:
+        self._keys = frozenset(keys)
+        self._loss = Loss()
+        self._wanted = np.zeros(0, np.bool_)
+        self._open: OpenGaps[_Gap] = OpenGaps()
+        self._streams: dict[int, _Stream] = {}
+        self.gaps: list[tuple[int, int, _Stream]] = []
+        self.filled: set[tuple[int, int]] = set()
+
+    def observe(self, told: Told) -> None:
+        """Take a batch, which follows those observed so far."""
+        self.gaps = []
+        rows = told.laid.data
+        if len(rows):
+            own, nodes = self._loss.observe(told, rows)
+            self._know(told)
+            self._note(told, rows, own, Scope.STREAM)
+            self._note(told, rows, nodes, Scope.NODE_TELEGRAM)
+        for unheard in told.unheard:
+            self._loss.resume(unheard)
+
+    def behind(self, judged: Judged) -> Mapping[ListKey, I64]:
+        """Return the frames of the batch, by list, behind which telegrams are missing for good, as far as is known."""
+        found: dict[ListKey, list[int]] = {}
+        for walk, frame, stream in self.gaps:
+            scope = judged.scopes.get(stream)
+            if scope is None or min(scope, Scope.NODE_TELEGRAM) != walk:
+                continue
+            if (walk, frame) not in judged.filled and (walk, frame) not in self.filled:
+                key = stream[0] if stream[0] in self._keys else stream[0].on_any_channel
+                found.setdefault(key, []).append(frame)
+        return {key: np.array(frames, np.int64) for key, frames in found.items()}
+
+    def _know(self, told: Told) -> None:
+        """Find out which of the new streams are of lists that are wanted."""
+        streams = len(told.keys.streams)
+        new = range(len(self._wanted), streams)
+        wanted = np.zeros(streams, np.bool_)
+        wanted[: len(self._wanted)] = self._wanted
+        for number in new:
+            key = told.keys.place_key(number)[0]
+            wanted[number] = key in self._keys or key.on_any_channel in self._keys
+        self._wanted = wanted
+
+    def _note(self, told: Told, rows: DataRows, steps: Steps | NodeSteps, walk: int) -> None:
+        gaps, late = steps.at(Step.GAP), steps.at(Step.OVERTAKEN)
+        gaps, late = gaps[self._wanted[rows.stream[gaps]]], late[self._wanted[rows.stream[late]]]
+        if not len(gaps) and not len(late):
+            return
+        missing = steps.distance_at(gaps).astype(np.int64) - 1
+        place = np.concatenate([gaps, late])
+        frame = rows.packet[place] + told.first_frame
+        missing = np.concatenate([missing, np.full(len(late), -1)])
+        for row in np.argsort(frame, kind="stable").tolist():
+            number, own, count = int(rows.stream[place[row]]), int(frame[row]), int(missing[row])
+            if number not in self._streams:
+                key = told.keys.stream_key(number)
+                self._streams[number] = key.list, key.subindex, key.sender
+            # What is missing in the Counter of a node may come late in any of its streams.
+            of_node = walk != Scope.STREAM
+            where = (0, int(told.keys.node_of(np.array([number]))[0]) if of_node else number, 0, walk)
+            if count > 0:
+                self.gaps.append((walk, own, self._streams[number]))
+                self._open.add(where, count, _Gap(walk, own, count))
+                continue
+            for back, gap in self._open.take_back(where, 1):
+                gap.missing -= back
+                if not gap.missing:
+                    self.filled.add((gap.walk, gap.frame))
+
+
+class Drops:
+    """When packets were lost while capturing, each of which is told once.
+
+    Statistics tell of a span behind it: what is missing in that may have shown in Counters already.
+    """
+
+    def __init__(self, lost: Iterable[LostSpan]) -> None:
+        told = [(span.since_ns if span.until_ns is None else span.until_ns, span) for span in lost]
+        self._waiting = sorted(((when, span) for when, span in told if when is not None), key=itemgetter(0))
+
+    def behind(self, time_ns: I64, first_frame: int) -> list[tuple[int, LostSpan]]:
+        """Return the frames behind which packets were lost, given the times of frames that follow."""
+        found = []
+        while self._waiting and len(time_ns):
+            when, span = self._waiting[0]
+            after = np.flatnonzero(time_ns >= when if span.at_packet or span.until_ns is None else time_ns > when)
+            if not len(after):
+                break
+            del self._waiting[0]
+            found.append((int(after[0]) + first_frame, span))
+        return found

@@ -1,0 +1,29 @@
+"""What a project says of DataLoggers: which variable of a list a variable of a session is, and which list a task."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from nvscope.toml_table import TEXT, Place, ValueKind, key, mapping
+
+
+def _texts(value: Any, place: Place) -> tuple[tuple[str, str], ...]:
+    return tuple(mapping(TEXT).read(value, place).items())
+
+
+@dataclass(frozen=True, slots=True)
+class DataLoggerSettings:
+    """What ``[datalogger]`` says: pairs of names."""
+
+    variables: tuple[tuple[str, str], ...] = key(
+        ValueKind("table of text", _texts),
+        "variables of lists by those of a DataLogger's configuration, where names do not tell: "
+        '"Arp.Plc.Eclr/Prg1.Speed" = "axis:fSpeed"; a list is called as in --list',
+        default=(),
+    )
+    tasks: tuple[tuple[str, str], ...] = key(
+        ValueKind("table of text", _texts),
+        'lists by tasks of the controller: Cyclic100 = "axis"',
+        default=(),
+    )

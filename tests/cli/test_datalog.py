@@ -1,0 +1,240 @@
+"""``nvscope datalog``: what a person sees of it, and what becomes of files."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.datalogger.plants import configuration, gvl, plant, rows_of, simulated
+from tests.program import run_text
+from tests.test_captures_index import CAPTURES
+
+LISTS = {1: ["dwFirst"], 2: ["dwSecond"]}
+
+
+@pytest.fixture
+def here(tmp_path: Path) -> Path:
+    """Return a folder with a capture of two lists, their definitions, and a configuration."""
+    simulated(tmp_path, plant(lists=2))
+    for index, names in LISTS.items():
+        (tmp_path / f"list{index}.gvl").write_text(gvl(index, names), encoding="utf-8")
+    (tmp_path / "c.xml").write_text(configuration(["a/dwFirst", "a/dwSecond"], 'taskContext="list1"'), encoding="utf-8")
+    return tmp_path
+
+
+def datalog(folder: Path, *words: str | Path) -> subprocess.CompletedProcess[str]:
+    return run_text("datalog", *words, cwd=folder, environment={"COLUMNS": "100"})
+
+
+def logged(folder: Path, *words: str | Path) -> subprocess.CompletedProcess[str]:
+    return datalog(folder, "plant.pcap", "--config", "c.xml", "--gvl", ".", *words)
+
+
+def test_a_capture_becomes_a_database(here: Path) -> None:
+    done = logged(here)
+    assert (done.returncode, done.stdout) == (0, "")
+    assert done.stderr == "nvscope: session: 100 rows of 2 variables in log.db.\n"
+    rows = rows_of(here / "log.db")
+    assert rows[0] == (1, "2024-01-01T00:00:00.000000", 1, 0, None)
+    assert rows[-1] == (100, "2024-01-01T00:00:04.950000", 1, 99, 98)
+    assert not list(here.glob("log.db-*"))
+
+
+def test_what_would_be_logged_is_told_and_nothing_is_written(here: Path) -> None:
+    sink = 'maxFileSize="5000000" rollover="true" maxFiles="3" storeChangesOnly="true"'
+    general = 'samplingInterval="100ms" publishInterval="2s" bufferCapacity="15"'
+    (here / "c.xml").write_text(configuration(["a/dwFirst", "a/dwSecond"], general, sink), encoding="utf-8")
+    done = logged(here, "--dry-run")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.splitlines() == [
+        "session: 2 variables into log.db",
+        "  a/dwFirst   INT       dwFirst of udp/1202/1",
+        "  a/dwSecond  INT       dwSecond of udp/1202/2",
+        "  A row every 100.0 ms, 51 bytes, times as texts, changes only",
+        "  At most 864000 rows a day, 44.1 MB",
+        "  At 5.0 MB, every 2 h 43 min, another file is begun; 3 are kept",
+        "  The ring buffer is too small: 20 data sets come in a publishInterval, and bufferCapacity is 15: 5 of them "
+        "are lost each time",
+    ]
+    assert not (here / "log.db").exists()
+
+
+def test_a_database_that_exists_is_kept(here: Path) -> None:
+    assert logged(here).returncode == 0
+    before = (here / "log.db").read_bytes()
+    done = logged(here)
+    assert done.returncode == 2
+    assert done.stderr.startswith(
+        "nvscope: log.db: the file exists\n  --append goes on with it, --force takes its place"
+    )
+    assert (here / "log.db").read_bytes() == before
+
+
+def test_a_closed_file_of_a_series_is_kept_too(here: Path) -> None:
+    (here / "log.db.3").write_bytes(b"somebody's")
+    done = logged(here)
+    assert (done.returncode, "log.db.3: the file exists" in done.stderr) == (2, True)
+    assert (here / "log.db.3").read_bytes() == b"somebody's"
+    assert not (here / "log.db").exists()
+
+
+def test_force_takes_the_place_of_a_series(here: Path) -> None:
+    (here / "log.db.3").write_bytes(b"somebody's")
+    assert logged(here, "--force").returncode == 0
+    assert not (here / "log.db.3").exists()
+    assert len(rows_of(here / "log.db")) == 100
+
+
+def test_nothing_is_removed_where_nothing_can_be_read(here: Path) -> None:
+    assert logged(here).returncode == 0
+    done = datalog(here, "list1.gvl", "missing.pcap", "--config", "c.xml", "--gvl", ".", "--force")
+    assert done.returncode == 4, done.stderr
+    assert len(rows_of(here / "log.db")) == 100
+
+
+def test_a_database_is_gone_on_with(here: Path) -> None:
+    assert logged(here).returncode == 0
+    done = logged(here, "--append")
+    assert done.returncode == 0
+    rows = rows_of(here / "log.db")
+    # Between both, nobody recorded.
+    assert [row[0] for row in rows if not row[2]] == [101]
+    assert [row[1:2] + row[3:] for row in rows[:100]] == [row[1:2] + row[3:] for row in rows[100:]]
+
+
+def test_another_table_is_not_gone_on_with(here: Path) -> None:
+    assert logged(here).returncode == 0
+    (here / "c.xml").write_text(configuration(["a/dwSecond"], 'taskContext="list2"'), encoding="utf-8")
+    done = logged(here, "--append")
+    assert (done.returncode, "the file holds no table of this session's variables" in done.stderr) == (2, True)
+    shutil.copy(CAPTURES / "peers" / "peers.pcap", here / "log.db")
+    done = logged(here, "--append")
+    assert (done.returncode, "log.db: the file is no SQLite database" in done.stderr) == (5, True)
+    assert (here / "log.db").read_bytes() == (CAPTURES / "peers" / "peers.pcap").read_bytes()
+
+
+@pytest.mark.parametrize("target", ["plant.pcap", "c.xml", "list1.gvl", "./plant.pcap"])
+def test_no_input_is_written(here: Path, target: str) -> None:
+    before = (here / target).read_bytes()
+    done = logged(here, "-w", target, "--force")
+    assert (done.returncode, "the file is an input, and is not written to" in done.stderr) == (2, True)
+    assert (here / target).read_bytes() == before
+
+
+def test_folders_are_not_made(here: Path) -> None:
+    done = logged(here, "-w", "nowhere/log.db")
+    assert (done.returncode, done.stderr) == (
+        5, "nvscope: nowhere/log.db: its folder does not exist, and none is made\n  make it, or name a file with -w\n"
+    )  # fmt: skip
+    done = logged(here, "-w", ".")
+    assert (done.returncode, ".: is a directory" in done.stderr) == (2, True)
+
+
+def test_several_sessions_are_logged_side_by_side(here: Path) -> None:
+    other = configuration(["b/dwSecond"], 'samplingInterval="1s" publishInterval="1s"', 'tsfmt="Raw"')
+    (here / "d.xml").write_text(
+        other.replace("log.db", "/opt/plcnext/other.db").replace("session", "slow"), encoding="utf-8"
+    )
+    (here / "out").mkdir()
+    done = logged(here, "--config", "d.xml", "--folder", "out")
+    assert done.returncode == 0, done.stderr
+    assert len(rows_of(here / "out" / "log.db")) == 100
+    assert [row[3] for row in rows_of(here / "out" / "other.db")] == [19, 39, 59, 79]
+    done = logged(here, "--config", "d.xml", "-w", "x.db")
+    assert (done.returncode, "-w names one file, and there are several sessions" in done.stderr) == (2, True)
+    done = logged(here, "--config", "c.xml")
+    assert (done.returncode, "two sessions have the name session" in done.stderr) == (2, True)
+
+
+def test_one_that_is_volatile_is_kept_in_memory(here: Path) -> None:
+    (here / "c.xml").write_text(configuration(["a/dwFirst"], "", 'type="volatile"'), encoding="utf-8")
+    done = logged(here)
+    assert (done.returncode, done.stderr) == (0, "nvscope: session: 10 rows of 1 variable in memory.\n")
+    assert sorted(path.suffix for path in here.iterdir()) == [".gvl", ".gvl", ".json", ".pcap", ".toml", ".xml"]
+
+
+def test_variables_that_no_list_has_are_a_mistake_or_left_out(here: Path) -> None:
+    (here / "c.xml").write_text(configuration(["a/dwFirst", "a/dwFirzt", "a/q"]), encoding="utf-8")
+    done = logged(here)
+    assert done.returncode == 2
+    assert done.stderr.startswith("nvscope: c.xml, line 1, column ")
+    assert "'a/dwFirzt': no list has a variable of this name\n  Near it: dwFirst." in done.stderr
+    assert "1 more is not known either; --partly leaves them out." in done.stderr
+    done = logged(here, "--partly")
+    assert done.returncode == 0
+    assert done.stderr.count("left out") == 2
+    assert len(rows_of(here / "log.db")[0]) == 4
+    (here / "c.xml").write_text(configuration(["a/q"]), encoding="utf-8")
+    assert logged(here, "--partly", "--force").returncode == 2
+
+
+def test_a_part_of_a_capture_is_logged(here: Path) -> None:
+    done = logged(here, "--from-time", "1s", "--to-time", "2s")
+    assert done.returncode == 0
+    assert [row[3] for row in rows_of(here / "log.db")] == list(range(20, 41))
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["plant.pcap", "--gvl", "."], "no configuration is named"),
+        (["plant.pcap", "--config", "c.xml"], "no list is defined"),
+        (["--config", "c.xml", "--gvl", "."], "no capture is given, only definitions"),
+        (["plant.pcap", "--config", "plant.toml", "--gvl", "."], "plant.toml"),
+        (["plant.pcap", "--config", "missing.xml", "--gvl", "."], "missing.xml: cannot be read"),
+        (["plant.pcap", "--config", "c.xml", "--gvl", ".", "--append", "--force"], "exclude each other"),
+        (["plant.pcap", "--config", "c.xml", "--gvl", ".", "-w", "a", "--folder", "."], "exclude each other"),
+    ],
+)
+def test_what_is_missing_is_told(here: Path, words: list[str], told: str) -> None:
+    done = datalog(here, *words)
+    assert (done.returncode, told in done.stderr) == (2, True), done.stderr
+    assert not (here / "log.db").exists()
+
+
+def test_a_configuration_is_made_of_lists_and_logs_them(here: Path) -> None:
+    done = datalog(here, "config", "list1", "dwSecond", "--gvl", ".", "--set", "storeChangesOnly=true", "-w", "own.xml")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert (here / "own.xml").read_text(encoding="utf-8").splitlines()[2:6] == [
+        '  <General name="list1-list2" samplingInterval="50ms" publishInterval="1s" bufferCapacity="40"/>',
+        '  <Datasink dst="list1-list2.db" storeChangesOnly="true" tsfmt="Iso8601"/>',
+        "  <Variables>",
+        '    <Variable name="Arp.Plc.Eclr/dwFirst"/>',
+    ]
+    done = datalog(here, "plant.pcap", "--config", "own.xml", "--gvl", ".")
+    assert (done.returncode, done.stderr) == (0, "nvscope: list1-list2: 100 rows of 2 variables in list1-list2.db.\n")
+
+
+def test_a_configuration_that_somebody_has_worked_on_is_kept(here: Path) -> None:
+    done = datalog(here, "config", "list1", "--gvl", ".", "-w", "c.xml")
+    assert (done.returncode, "c.xml" in done.stderr) == (2, True)
+    assert datalog(here, "config", "list1", "--gvl", ".", "-w", "c.xml", "--force").returncode == 0
+    assert datalog(here, "config", "list1", "--gvl", ".").stdout == (here / "c.xml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["nothing"], "no variable is named 'nothing'"),
+        (["list1", "--set", "buffer=3"], "--set buffer=3: no attribute\n  write ATTRIBUTE=VALUE; there are name, "),
+        (["list1", "--set", "bufferCapacity=x"], "--set bufferCapacity: 'x' is no whole number"),
+        (["list1", "-w", "list1.gvl"], "list1.gvl"),
+        (["list1", "-w", ""], "the name of a file to write is empty"),
+    ],
+)
+def test_what_no_configuration_can_be_made_of_is_told(here: Path, words: list[str], told: str) -> None:
+    before = (here / "list1.gvl").read_bytes()
+    done = datalog(here, "config", *words, "--gvl", ".")
+    assert (done.returncode, told in done.stderr) == (2, True), done.stderr
+    assert (here / "list1.gvl").read_bytes() == before
+
+
+def test_what_the_shell_made_is_not_written_over(here: Path) -> None:
+    os.link(here / "plant.pcap", here / "log.db")
+    done = logged(here, "--force")
+    assert (done.returncode, "the file is an input" in done.stderr) == (2, True)
+    assert (here / "plant.pcap").exists()
