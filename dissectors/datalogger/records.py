@@ -34,6 +34,9 @@ class Form(IntEnum):
 # are blobs, odd ones texts.
 _NULL, _REAL, _ZERO, _ONE, _UNUSED, _BLOB, _TEXT = 0, 7, 8, 9, (10, 11), 12, 13
 _INTEGER_BYTES = (0, 1, 2, 3, 4, 6, 8)
+_WORDS = range(1, _ZERO)
+"""Types of numbers that are stored."""
+
 _ONE_BYTE = 0x80
 """Types below it take one byte."""
 
@@ -114,31 +117,37 @@ class Records:
 
     def cells(self, column: int, rows: I64 | None = None) -> Cells:
         """Return the values of a column, from 0, of all rows or of some."""
-        types, start, size = self._types[column], self._starts[column], self._size(column)
+        types, start = self._types[column], self._starts[column]
+        sizes = None if self._sizes is None else self._sizes[column]
         if rows is not None:
-            types, start, size = types[rows], start[rows], size[rows]
-        form = _FORM[types]
-        stop = start + size
+            types, start = types.take(rows), start.take(rows)
+            sizes = None if sizes is None else sizes.take(rows)
         # Big-endian, so that the value is in the upper bytes; the shift keeps its sign.
-        bits = self._words[start].astype(np.int64) >> _SHIFT[types]
-        floats = types == _REAL
-        if floats.any():
-            # What is no number is NULL; SQLite never writes it.
-            floats &= np.isnan(bits.view(np.float64))
-            form[floats], bits[floats] = Form.NULL, 0
-        short = (types == _NULL) | (types >= _ZERO)
-        if short.any():
-            bits[short] = types[short] == _ONE
+        words = self._words[start].astype(np.int64)
+        if self._least[column] == self._most[column] and self._least[column] in _WORDS:
+            kind = int(self._most[column])
+            form = np.full(len(words), _FORM[kind], np.uint8)
+            bits = words >> _SHIFT[kind]
+            stop = start + int(_SIZE[kind])
+        else:
+            form = _FORM.take(types)
+            stop = start + (_SIZE.take(types) if sizes is None else sizes)
+            bits = words >> _SHIFT.take(types)
+            short = (types == _NULL) | (types >= _ZERO)
+            if short.any():
+                bits[short] = types[short] == _ONE
+        if self._most[column] >= _REAL:
+            floats = types == _REAL
+            if floats.any():
+                # What is no number is NULL; SQLite never writes it.
+                floats &= np.isnan(bits.view(np.float64))
+                form[floats], bits[floats] = Form.NULL, 0
         if column in self._real:
             whole = form == Form.INTEGER
             if whole.any():
                 bits[whole] = bits[whole].astype(np.float64).view(np.int64)
                 form[whole] = Form.REAL
         return Cells(form, bits.view(np.uint64), start, stop)
-
-    def _size(self, column: int) -> I32 | U8:
-        size: I32 | U8 = _SIZE[self._types[column]] if self._sizes is None else self._sizes[column]
-        return size
 
     def _read(self, offset: I64, length: I64) -> None:
         stop = offset + length
@@ -161,7 +170,7 @@ class Records:
         self._find_values(stop, faulty)
         if faulty.any():
             types[:, faulty] = _NULL
-            self._most = types.max(axis=1, initial=0)
+            self._most, self._least = types.max(axis=1, initial=0), types.min(axis=1, initial=_ONE_BYTE)
             for start in self._starts:
                 start[faulty] = 0
         self.faulty: Bool = faulty
@@ -200,17 +209,20 @@ class Records:
     def _find_values(self, stop: I64, faulty: Bool) -> None:
         """Find where the values of each column begin; what does not end with its record is faulty."""
         self._most = self._types.max(axis=1, initial=0)
+        self._least = self._types.min(axis=1, initial=_ONE_BYTE)
         starts = []
         at = self._body
-        unused = False
-        for column, most in enumerate(self._most.tolist()):
+        for column, (least, most) in enumerate(zip(self._least.tolist(), self._most.tolist(), strict=True)):
             starts.append(at)
-            if most:
-                unused |= most in _UNUSED
-                at = at + self._size(column)
+            if self._sizes is not None:
+                at = at + self._sizes[column] if most else at
+            elif least == most:
+                at = at + int(_SIZE[most]) if _SIZE[most] else at
+            else:
+                at = at + _SIZE.take(self._types[column])
         self._starts = starts
         faulty |= at != stop
-        if unused or (self._most > _UNUSED[-1]).any():
+        if (self._most >= _UNUSED[0]).any():
             for column, most in enumerate(self._most.tolist()):
                 if most >= _UNUSED[0]:
                     kind = self._types[column]

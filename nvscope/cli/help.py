@@ -141,6 +141,11 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
                 "some variables, with a setting",
             ),
         ),
+        "audit": (
+            ("nvscope audit log.db", "whether it can be trusted, with its closed files log.db.0, log.db.1 …"),
+            ("nvscope audit log.db --config log.xml", "by the interval that was asked for"),
+            ("nvscope audit log.db --json", "for a script"),
+        ),
         "simulate": (
             ("nvscope simulate plant.toml -w plant.pcapng", "a capture with faults, and the truth"),
             ("nvscope simulate plant.toml --to udp://127.0.0.1", "a plant on a desk"),

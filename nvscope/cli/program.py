@@ -27,6 +27,7 @@ VERBS = {
     "sdo": "nvscope.cli.sdo:app",
     "visu": "nvscope.cli.visu:app",
     "datalog": "nvscope.cli.datalog:app",
+    "audit": "nvscope.cli.audit:audit",
     "simulate": "nvscope.cli.simulate:simulate",
     "explain": "nvscope.cli.explain:explain",
     "doctor": "nvscope.cli.doctor:doctor",

@@ -13,6 +13,7 @@ from nvscope.findings import (
     cob_ids,
     consistency,
     counter_takeovers,
+    datalogger,
     definition,
     header,
     loss,
@@ -28,7 +29,7 @@ from nvscope.findings.kind import FindingKind
 
 THEMES = (
     header, loss, answers, consistency, definition, timing, cob_ids, can, can_bus, parameter, visu, capture, security,
-    unallowed_writes, counter_takeovers, subnets, scans,
+    unallowed_writes, counter_takeovers, subnets, scans, datalogger,
 )  # fmt: skip
 
 

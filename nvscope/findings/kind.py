@@ -41,7 +41,8 @@ class FindingKind:
     ``causes`` are ordered from the most usual one, ``next_steps`` in the order in which to take them. ``from_event`` is
     the event of the tracker's log that is this finding, None where it takes more to judge it. ``of_capture`` marks what
     concerns the capture as a whole, ``of_security`` what is about who should not be there, ``protocol`` names the one
-    that it is about where that has ports of its own. What is not ``judged`` has its code, and no judge yet.
+    that it is about where that has ports of its own. ``of_databases`` marks what audits of DataLogger databases find.
+    What is not ``judged`` is found in no capture: it is one of these, or has its code, and no judge yet.
     """
 
     code: str
@@ -55,4 +56,5 @@ class FindingKind:
     of_capture: bool = False
     of_security: bool = False
     protocol: str = ""
+    of_databases: bool = False
     judged: bool = True

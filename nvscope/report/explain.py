@@ -181,7 +181,10 @@ def _overview(width: int) -> Iterator[Line]:
     yield []
     yield [Cell("Security: who should not be there, or passes for somebody else", Tone.STRONG)]
     yield from _table([kind for kind in kinds if kind.judged and kind.of_security], width)
-    unjudged = [kind for kind in kinds if not kind.judged]
+    yield []
+    yield [Cell("DataLogger databases: what an audit saw", Tone.STRONG)]
+    yield from _table([kind for kind in kinds if kind.of_databases], width)
+    unjudged = [kind for kind in kinds if not kind.judged and not kind.of_databases]
     if unjudged:
         yield []
         yield [Cell("Nothing judges these yet", Tone.STRONG)]

@@ -166,6 +166,8 @@ def test_examples_do_what_they_say(verb: str, tmp_path: Path) -> None:
     if verb == "baseline":  # which keeps rules that are there
         (tmp_path / "plant.rules.toml").unlink()
     shutil.copy(PEERS / "peers.pcap", tmp_path / "good.pcapng")
+    for logged, name in (("genuine-5min.db", "log.db"), ("genuine-5min.config.xml", "log.xml")):
+        shutil.copy(ROOT / "captures" / "datalogger" / logged, tmp_path / name)
     for line, _ in EXAMPLES[verb]:
         program_name, *words = shlex.split(line)
         assert program_name == "nvscope"

@@ -63,6 +63,15 @@ NV904 unsupported-link-type warning
 NV905 mirrored-twice warning
 NV906 limit-reached warning
 NV907 carrier-lost note
+NV951 loss-told note
+NV952 loss-not-told error
+NV953 changes-missed error
+NV954 counter-corrupt error
+NV955 clock-set warning
+NV956 mixed-time warning
+NV957 document-style note
+NV958 change-without-change note
+NV959 series-broken error
 NV961 unknown-writer error
 NV962 write-not-allowed error
 NV963 two-hardware-addresses error

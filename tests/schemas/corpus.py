@@ -17,6 +17,7 @@ from nvscope.view.documents.drawn import plain
 from tests.program import run
 from tests.schemas.asking import make_asking
 from tests.schemas.odd_database import make_odd_database
+from tests.schemas.odd_logs import make_odd_logs
 from tests.schemas.odd_plant import make_odd_plant
 from tests.simulate.simulation import simulated
 
@@ -44,6 +45,7 @@ COMMANDS = (
     "report captures/truncated.pcap",
     f"report {_PLANT} --from-time 5s --to-time -2s",
     "report captures/peers/peers.pcap --from-time 1h",
+    "audit captures/datalogger/genuine-5min.db",
     f"vars {_PEERS}",
     f"vars {_PEERS} -Y 'nv.index == 1'",
     "vars captures/visu/panel.pcap",
@@ -150,8 +152,10 @@ ODD_COMMANDS = (
     "gvl diff nameless.gvl can.gvl",
     "gvl diff eth.gvl unknown.gvl",
     "gvl diff unknown.gvl eth.gvl",
+    "audit spoiled.db values.db broken.db.0 broken.db.2 cut.db nothing.db missing.db",
+    "audit empty.db",
 )
-"""Commands on the files of ``make_odd_plant``."""
+"""Commands on the files of ``make_odd_plant``, and of ``make_odd_logs``."""
 
 
 _ASKING = "watch asking.pcap --project asking.toml"
@@ -183,6 +187,7 @@ def odd_plant() -> Path:
     folder = Path(mkdtemp())
     atexit.register(rmtree, folder, ignore_errors=True)
     make_odd_plant(folder)
+    make_odd_logs(folder)
     make_asking(folder)
     make_odd_database(folder)
     return folder

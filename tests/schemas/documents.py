@@ -10,6 +10,7 @@ import nvscope.schemas
 from nvscope.tracker.figures import FIGURES
 from tests.schemas.asked_parameters import asked_parameters
 from tests.schemas.asked_visu import asked_visu
+from tests.schemas.audit import audit
 from tests.schemas.check import captures_difference, check, rules
 from tests.schemas.definitions import difference, doctor, explain, fields, layout, lint
 from tests.schemas.packets import packets
@@ -38,6 +39,7 @@ SCHEMAS: Mapping[str, Callable[[], Schema]] = {
     "watch": watch,
     "check": check,
     "captures-diff": captures_difference,
+    "audit": audit,
     "sdo": asked_parameters,
     "visu": asked_visu,
 }

@@ -11,6 +11,8 @@ from nvscope.units import count_of
 MOST_KEPT = 100
 """So many kinds of damage and places are named; all are counted."""
 
+_LEAST_ROWID = -(1 << 63)
+
 MOST_ROWS = 10
 """So many row ids are named of each."""
 
@@ -72,6 +74,8 @@ class Damages:
 
     def __init__(self) -> None:
         self.count = 0
+        self.breaks: list[int] = []
+        """Row ids behind which rows are missing; who reads the rows takes them away."""
         self._kept: list[Damage] = []
 
     def __iter__(self) -> Iterator[Damage]:
@@ -86,8 +90,10 @@ class Damages:
         return self.count - sum(damage.pages for damage in self._kept)
 
     def add(self, damage: Damage) -> None:
-        """Take one more."""
+        """Take one more, with all rows of it that can be named."""
         self.count += damage.pages
+        self.breaks += damage.rows if damage.row_count else [_LEAST_ROWID if damage.after is None else damage.after]
+        damage = replace(damage, rows=damage.rows[:MOST_ROWS])
         last = self._kept[-1] if self._kept else None
         if last is not None and last.harm is damage.harm and bool(last.row_count) == bool(damage.row_count):
             # Only what follows without a row between them, or rows that are named one by one, can be told as one.

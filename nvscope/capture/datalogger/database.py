@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -69,6 +70,8 @@ def opened(path: str) -> Iterator[LogDatabase]:
 
     It and what lies beside it stay as they are.
     """
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise UnreadableInput("a folder, pipe or device, and no file", where=path, next_step="name the database itself")
     with ExitStack() as stack:
         try:
             database = _opened(path, stack)

@@ -72,7 +72,7 @@ class PageFile:
     def __init__(self, path: str) -> None:
         self._file = open(path, "rb", buffering=0)  # noqa: SIM115, closed with the object
         try:
-            self.header = Header.of(os.pread(self._file.fileno(), HEADER_BYTES, 0))
+            self.header = Header.of(self._file.read(HEADER_BYTES))
             size = os.fstat(self._file.fileno()).st_size
         except BaseException:
             self._file.close()
@@ -113,26 +113,23 @@ class PageFile:
         """Return the bytes of a page, None where it is not there."""
         if not 0 < number <= self.pages:
             return None
-        try:
-            page = os.pread(self._file.fileno(), self.page_bytes, (number - 1) * self.page_bytes)
-        except OSError:
-            return None
-        return page if len(page) == self.page_bytes else None
+        page = bytearray(self.page_bytes)
+        had = self._read_into(memoryview(page), (number - 1) * self.page_bytes)
+        return bytes(page) if had == self.page_bytes else None
 
     def kind(self, number: int) -> int | None:
         """Return the first byte of a page other than the first, None where it is not there."""
         if not 1 < number <= self.pages:
             return None
-        try:
-            return next(iter(os.pread(self._file.fileno(), 1, (number - 1) * self.page_bytes)), None)
-        except OSError:
-            return None
+        first = bytearray(1)
+        return first[0] if self._read_into(memoryview(first), (number - 1) * self.page_bytes) else None
 
     def _read_into(self, part: memoryview, at: int) -> int:
         done = 0
         while done < len(part):
             try:
-                count = os.preadv(self._file.fileno(), [part[done:]], at + done)
+                self._file.seek(at + done)
+                count = self._file.readinto(part[done:])
             except OSError:
                 break
             if not count:

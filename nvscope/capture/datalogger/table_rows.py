@@ -9,13 +9,13 @@ import numpy as np
 
 from dissectors.batch import I64, U8, Bool
 from dissectors.datalogger.records import Cells, Records
-from nvscope.capture.datalogger.damage import MOST_ROWS, Damage, Harm
+from nvscope.capture.datalogger.damage import Damage, Harm
 from nvscope.capture.datalogger.leaf_rows import POINTER_BYTES, LeafRows, rows_of
 from nvscope.capture.datalogger.long_rows import MOST_ROW_BYTES, LongRows, put_together
 from nvscope.capture.datalogger.page_file import PageFile
 from nvscope.capture.datalogger.tree import LEAST_ROWID, MOST_ROWID, Leaves, Tree
 
-_READ_BYTES = 1 << 20, 1 << 23
+_READ_BYTES = 1 << 20, 1 << 22
 """Bytes of leaves that are looked at together: the least, and the most where a page has few rows."""
 _ROWS = 16_000
 """So many rows are wanted at a time, and never more: numpy has its costs by the call, and memory its bound."""
@@ -151,4 +151,4 @@ def _with_long_rows(file: PageFile, tree: Tree, data: U8, leaves: Leaves, rows: 
 
 def _rows_lost(harm: Harm, leaves: Leaves, rows: LeafRows, lost: I64) -> Damage:
     page = int(leaves.page[rows.leaf[lost[0]]])
-    return Damage(harm, page, rows=tuple(rows.rowid[lost[:MOST_ROWS]].tolist()), row_count=len(lost))
+    return Damage(harm, page, rows=tuple(rows.rowid[lost].tolist()), row_count=len(lost))

@@ -1,0 +1,238 @@
+"""An audit: series of databases read once, file by file, and what was found in them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dissectors.batch import I64
+from nvscope import units
+from nvscope.capture.can import sqlite_file
+from nvscope.capture.datalogger.damage import Damage, Damages
+from nvscope.capture.datalogger.database import LogDatabase, opened
+from nvscope.capture.datalogger.schema import StoredTable
+from nvscope.datalogger.audit.chunk import Chunk, chunk_of
+from nvscope.datalogger.audit.finding import MOST_FINDINGS, MOST_ROWS, Finding
+from nvscope.datalogger.audit.series import Member, Series, series_of
+from nvscope.datalogger.audit.table_audit import TableAudit
+from nvscope.errors import NvscopeError
+from nvscope.findings.datalogger import SERIES_BROKEN
+from nvscope.findings.kind import Severity
+
+Progress = Callable[[int], None]
+"""Is told how many bytes have been read."""
+
+
+@dataclass(slots=True)
+class AuditedFile:
+    """A file and what became of it: ``read``, ``damaged`` (as far as that went), or ``unreadable``."""
+
+    path: str
+    series: str
+    number: int | None
+    status: str = "read"
+    size_bytes: int | None = None
+    what: str = ""
+    next_step: str = ""
+    notes: list[str] = field(default_factory=list)
+    damages: list[Damage] = field(default_factory=list)
+    faults: int = 0
+    rows: int = 0
+    tables: int = 0
+
+
+@dataclass(slots=True)
+class AuditedTable:
+    """A table of a series, with all of its files."""
+
+    series: str
+    files: list[str]
+    audit: TableAudit
+
+
+@dataclass(slots=True)
+class Audit:
+    """All that an audit tells; ``left_out`` findings are not kept."""
+
+    files: list[AuditedFile] = field(default_factory=list)
+    tables: list[AuditedTable] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
+    left_out: int = 0
+    notes: list[str] = field(default_factory=list)
+
+    def of(self, severity: Severity) -> list[Finding]:
+        """Return the findings that are so bad."""
+        return [one for one in self.findings if one.severity is severity]
+
+    @property
+    def is_unreadable(self) -> bool:
+        """Whether nothing at all could be read."""
+        return not any(one.status != "unreadable" for one in self.files)
+
+
+def audited(paths: Sequence[str], asked_ns: int | None = None, progress: Progress | None = None) -> Audit:
+    """Return the audit of the series that paths name; ``asked_ns`` is the interval by the configuration."""
+    audit = Audit()
+    for series in series_of(paths):
+        reading = _Reading(series, asked_ns, progress)
+        reading.read()
+        known = {key: ns for key, one in reading.tables.items() if (ns := one.audit.needs_another_look) is not None}
+        if known:
+            # The usual interval turned out to be shorter than it seemed: what was let go then is looked at again.
+            reading = _Reading(series, asked_ns, progress, known)
+            reading.read()
+        audit.files += reading.files
+        audit.tables += reading.tables.values()
+        audit.notes += _told_of(series)
+        for finding in reading.findings():
+            if len(audit.findings) < MOST_FINDINGS:
+                audit.findings.append(finding)
+            else:
+                audit.left_out += 1
+    return audit
+
+
+_Key = tuple[str, tuple[str, ...]]
+"""A table by its name and columns."""
+
+
+class _Reading:
+    """Reads one series."""
+
+    def __init__(
+        self, series: Series, asked_ns: int | None, progress: Progress | None, known_ns: dict[_Key, int] | None = None
+    ) -> None:
+        self._series, self._asked_ns, self._progress = series, asked_ns, progress
+        self._known_ns = known_ns or {}
+        self.files: list[AuditedFile] = []
+        self.tables: dict[_Key, AuditedTable] = {}
+        self._stretches: dict[_Key, int] = {}
+        self._of_files: list[Finding] = []
+        self._in_file: set[_Key] = set()
+
+    def read(self) -> None:
+        """Read all files in their order."""
+        for number in self._series.missing[:1]:
+            self._tell_of_missing(number)
+        for place, member in enumerate(self._series.members):
+            if self._series.breaks_before(place):
+                self._break_all()
+            self._read_file(member)
+
+    def findings(self) -> Iterator[Finding]:
+        """Yield what was found: of files first, then of tables."""
+        yield from self._of_files
+        for one in self.tables.values():
+            yield from one.audit.end()
+
+    def _read_file(self, member: Member) -> None:
+        told = AuditedFile(member.path, self._series.path, member.number)
+        self.files.append(told)
+        before = sqlite_file.state(member.path)
+        try:
+            told.size_bytes = os.path.getsize(member.path)
+            with opened(member.path) as database:
+                told.notes += database.notes
+                self._read_tables(database, told)
+        except OSError as error:
+            self._cannot(told, error.strerror or str(error), "check the name and who may read it")
+        except NvscopeError as error:
+            self._cannot(told, error.what, error.next_step)
+        changed = sqlite_file.state(member.path) != before
+        if changed:
+            told.notes.append("it was written while it was read: audit it again, or a copy of it")
+        if told.status == "damaged" and not changed:
+            self._of_files.append(_damaged(told))
+
+    def _cannot(self, told: AuditedFile, what: str, next_step: str) -> None:
+        told.status, told.what, told.next_step = "unreadable", what, next_step
+        self._break_all()
+        self._of_files.append(
+            Finding(SERIES_BROKEN, SERIES_BROKEN.severity, f"It cannot be read: {what}.", told.path)
+        )  # fmt: skip
+
+    def _tell_of_missing(self, number: int) -> None:
+        missing = self._series.missing
+        names = ", ".join(units.ranges(missing))
+        what = f"File {names} of the series is" if len(missing) == 1 else f"Files {names} of the series are"
+        path = f"{self._series.path}.{number}"
+        self._of_files.append(
+            Finding(SERIES_BROKEN, SERIES_BROKEN.severity, f"{what} missing.", path, count=len(missing))
+        )  # fmt: skip
+
+    def _break_all(self) -> None:
+        for key in self._stretches:
+            self._stretches[key] += 1
+
+    def _read_tables(self, database: LogDatabase, told: AuditedFile) -> None:
+        faults = len(database.damages)
+        told.damages += database.damages
+        for stored in database.tables:
+            told.tables += 1
+            damages = Damages()
+            self._read_table(database, stored, damages, told)
+            told.damages += damages
+            faults += damages.count
+        told.faults = faults
+        if faults or database.file.pages_missing:
+            told.status = "damaged"
+            told.faults = max(faults, 1)
+
+    def _read_table(self, database: LogDatabase, stored: StoredTable, damages: Damages, told: AuditedFile) -> None:
+        key = stored.log.name, stored.columns
+        if key not in self.tables:
+            log = TableAudit(stored.log, database.encoding, self._asked_ns, self._known_ns.get(key))
+            self.tables[key] = AuditedTable(self._series.path, [], log)
+            self._stretches[key] = 0
+        table = self.tables[key]
+        begins = told.path not in table.files
+        table.files.append(told.path)
+        encoding = database.encoding if stored.by_pages else "utf-8"
+        table.audit.begin_file(told.path, encoding)
+        waiting: list[int] = []
+        for rows in database.rows(stored, damages):
+            waiting += damages.breaks
+            damages.breaks.clear()
+            last = int(rows.rowid[-1])
+            breaks: I64 = np.array([row for row in waiting if row < last], np.int64)
+            waiting = [row for row in waiting if row >= last]
+            chunk: Chunk = chunk_of(rows, encoding, breaks, self._stretches[key], begins)
+            self._stretches[key] = int(chunk.stretch[-1])
+            table.audit.take(chunk)
+            told.rows += len(rows)
+            begins = False
+            if self._progress is not None:
+                self._progress(len(rows.data))
+        if waiting or damages.breaks:
+            self._stretches[key] += 1
+
+
+def _damaged(told: AuditedFile) -> Finding:
+    """Return what is said of a damaged file, with the rows that are lost if all of these have ids."""
+    lost = sum(damage.row_count for damage in told.damages)
+    named = lost and all(damage.row_count for damage in told.damages)
+    rows = tuple(row for damage in told.damages for row in damage.rows)[:MOST_ROWS] if named else ()
+    count = lost if named else told.faults
+    return Finding(SERIES_BROKEN, SERIES_BROKEN.severity, _in_words(told), told.path, count=count, rows=rows)
+
+
+def _in_words(told: AuditedFile) -> str:
+    parts = [next((note for note in told.notes if note.startswith("cut short")), "damaged")]
+    if told.damages:
+        parts.append(str(told.damages[0]))
+    more = f"; {units.count_of(told.faults, 'fault')} in all" if told.faults > 1 else ""
+    sentence = f"{': '.join(parts)}{more}."
+    return sentence[0].upper() + sentence[1:]
+
+
+def _told_of(series: Series) -> list[str]:
+    name = os.path.basename(series.path)
+    if series.taken_along:
+        return [f"{units.count_of(series.taken_along, 'closed file')} of {name} taken along"]
+    if series.left:
+        others = units.count_of(series.left, "other closed file")
+        return [f"{others} of its series lie{'s' if series.left == 1 else ''} beside: name {name} to have all of them"]
+    return []

@@ -1,0 +1,278 @@
+"""Tables of changes judged: counters against values, each variable by itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dissectors.batch import I64, Bool
+from dissectors.datalogger.tables import LoggedVariable, LogTable
+from nvscope.datalogger.audit import topics
+from nvscope.datalogger.audit.chunk import Chunk
+from nvscope.datalogger.audit.counts import counts_of, steps_of
+from nvscope.datalogger.audit.finding import Notes, Topic
+from nvscope.datalogger.audit.restarts import Start, Zero, ZeroRow
+from nvscope.datalogger.audit.sums import total
+from nvscope.datalogger.audit.values import Values
+
+_REAL_WORDS = ("REAL", "FLOA", "DOUB")
+_MOST_ZERO_ROWS = 500
+"""Rows of a chunk in which all counters are 0 that are looked at one by one."""
+
+_UNKNOWN = -1
+
+
+@dataclass(frozen=True, slots=True)
+class _Stored:
+    """What a chunk holds of one variable: rows with a counter, their counts, and rows with a value."""
+
+    rows: I64
+    counts: I64
+    valued: Bool
+
+
+class ChangeJudge:
+    """Judges the changes of one table, chunk by chunk; ``restarts`` are times of restarts since it was asked last."""
+
+    def __init__(self, table: LogTable, values: Values) -> None:
+        self._variables = [one for one in table.variables if one.counter is not None]
+        count = len(self._variables)
+        self._values = values
+        self._count = np.zeros(count, np.int64)
+        self._stretch = np.full(count, _UNKNOWN, np.int64)
+        self._losses = np.zeros(count, np.int64)
+        self._in_file = np.zeros(count, np.bool_)
+        self._ever = np.zeros(count, np.bool_)
+        self._lost = 0
+        self._start: Start | None = None
+        self._begun = False
+        self._seen_beginning = False
+        self.restarts: list[ZeroRow] = []
+
+    def begin_file(self) -> None:
+        """Say that a file ends here, and that another one of the series begins."""
+        self._in_file[:] = False
+
+    def take(self, chunk: Chunk, notes: Notes) -> None:
+        """Judge some rows."""
+        own = [self._stored(number, chunk, notes) for number in range(len(self._variables))]
+        filled = np.zeros(len(chunk), np.int64)
+        counting = np.zeros(len(chunk), np.bool_)
+        for one in own:
+            if one is not None:
+                filled[one.rows] += 1
+                counting[one.rows[one.counts != 0]] = True
+        zero = (filled > 0) & ~counting
+        zero_rows = np.flatnonzero(zero)[:_MOST_ZERO_ROWS]
+        zero[:] = False
+        zero[zero_rows] = True
+        lost = chunk.lost & ~zero
+        if not self._begun or chunk.begins_file:
+            # The first row of a series has nothing before it; what the next file begins with is nowhere said.
+            lost[0] = False
+        rows = np.flatnonzero(lost)
+        if len(rows):
+            _note(notes, topics.LOST, None, chunk, rows)
+        losses = self._lost + np.cumsum(chunk.lost)
+        self._lost = int(losses[-1])
+        found: dict[int, dict[int, Zero]] = {row: {} for row in zero_rows.tolist()}
+        for number, one in enumerate(own):
+            if one is None:
+                continue
+            if not len(one.rows):
+                rows = np.flatnonzero(one.valued)
+                if len(rows):
+                    cells = chunk.rows.cells(self._variables[number].column, rows)
+                    self._values.take(number, chunk, rows, cells)
+            else:
+                self._judge(number, one, chunk, zero, losses, found, notes)
+        first_known = self._begun
+        self._begun = True
+        if not first_known:
+            self._seen_beginning = bool(zero[0])
+        self._look_for_restarts(chunk, own, zero, found, notes)
+
+    def end(self, notes: Notes) -> None:
+        """Judge what is still open when all rows were read."""
+        self._close(notes)
+
+    def _stored(self, number: int, chunk: Chunk, notes: Notes) -> _Stored | None:
+        variable = self._variables[number]
+        assert variable.counter is not None
+        no_counter, no_value = chunk.rows.is_empty(variable.counter), chunk.rows.is_empty(variable.column)
+        if no_counter and no_value:
+            return None
+        counted = chunk.rows.filled(variable.counter)
+        valued = chunk.rows.filled(variable.column)
+        rows = np.flatnonzero(counted)
+        counts, good = counts_of(chunk.rows.cells(variable.counter, rows), chunk.rows.data)
+        if not good.all():
+            bad = rows[~good]
+            _note(notes, topics.NO_COUNT, number, chunk, bad)
+            rows, counts = rows[good], counts[good]
+        alone = valued & ~counted
+        if alone.any():
+            _note(notes, topics.HALF, number, chunk, np.flatnonzero(alone))
+        return _Stored(rows, counts, valued)
+
+    def _judge(
+        self, number: int, own: _Stored, chunk: Chunk, zero: Bool, losses: I64, found: dict[int, dict[int, Zero]],
+        notes: Notes,
+    ) -> None:  # fmt: skip
+        variable = self._variables[number]
+        rows, counts = own.rows, own.counts
+        stretch = chunk.stretch[rows]
+        before = np.concatenate([self._count[number : number + 1], counts[:-1]])
+        known = stretch == np.concatenate([self._stretch[number : number + 1], stretch[:-1]])
+        lost_before = np.concatenate([self._losses[number : number + 1], losses[rows[:-1]]])
+        steps = np.where(known, steps_of(counts, before), 0)
+        valued = own.valued[rows]
+        same, value_known, is_null = self._values_at(number, variable, own, chunk, steps, known)
+        # One of 32 bits that begins again is at 0, too.
+        at_zero = zero[rows] & ~(known & (steps == 1))
+        usual = known & ~at_zero
+        explained = losses[rows] > lost_before
+        if usual.any():
+            jumped = usual & (steps > 1)
+            if jumped.any():
+                amount = steps - 1
+                _note(notes, topics.MISSED, number, chunk, rows[jumped & ~explained], amount[jumped & ~explained])
+                notes.of(topics.LOST).total += total(amount[jumped & explained])
+            back = usual & (steps < 0)
+            if back.any():
+                _note(notes, topics.BACK, number, chunk, rows[back])
+            # A file may begin with what was known already.
+            goes_on = np.zeros(len(rows), np.bool_)
+            goes_on[0] = not self._in_file[number]
+            stood = usual & (steps == 0) & valued & ~goes_on
+            stuck = stood & value_known & ~same
+            if stuck.any():
+                _note(notes, topics.STUCK, number, chunk, rows[stuck])
+            equal = same & ((usual & (steps == 1)) | stood)
+            if equal.any():
+                _note(notes, topics.EQUAL, number, chunk, rows[equal])
+        negative = ~known & (counts < 0)
+        if negative.any():
+            _note(notes, topics.NO_COUNT, number, chunk, rows[negative])
+        if not valued.all():
+            # A real number that is none is NULL, with a counter that counts it.
+            half = ~valued
+            if is_null:
+                half &= known & (steps == 0) & ~at_zero
+            if half.any():
+                _note(notes, topics.HALF, number, chunk, rows[half])
+        for place in np.flatnonzero(at_zero).tolist():
+            if not known[place]:
+                says = Zero.UNKNOWN
+            elif steps[place] < 0:
+                says = Zero.BACK
+            elif valued[place] and value_known[place] and not same[place]:
+                says = Zero.STUCK
+            else:
+                says = Zero.EQUAL
+            found[int(rows[place])][number] = says
+        self._count[number], self._stretch[number] = counts[-1], stretch[-1]
+        self._losses[number] = losses[rows[-1]]
+        self._in_file[number] = self._ever[number] = True
+
+    def _values_at(
+        self, number: int, variable: LoggedVariable, own: _Stored, chunk: Chunk, steps: I64, known: Bool
+    ) -> tuple[Bool, Bool, bool]:
+        """Take the values of a chunk; return, of rows with a counter, where the value is the one before, and where that
+        one is known; and whether NULL may be a number that is none."""
+        is_real = any(word in variable.declared.upper() for word in _REAL_WORDS)
+        rows = np.flatnonzero(own.valued)
+        if len(rows) == len(own.rows) and np.array_equal(rows, own.rows):
+            cells = chunk.rows.cells(variable.column, rows)
+            same, value_known = self._values.take(number, chunk, rows, cells)
+            return self._without_zeros(same, is_real, cells.bits), value_known, is_real
+        if is_real:
+            none = own.rows[~own.valued[own.rows] & ((steps != 0) | ~known)]
+            rows = np.union1d(rows, none)
+        same_at, known_at = np.zeros(len(chunk), np.bool_), np.zeros(len(chunk), np.bool_)
+        if len(rows):
+            cells = chunk.rows.cells(variable.column, rows)
+            same, value_known = self._values.take(number, chunk, rows, cells)
+            same_at[rows] = self._without_zeros(same, is_real, cells.bits)
+            known_at[rows] = value_known
+        return same_at[own.rows], known_at[own.rows], is_real
+
+    @staticmethod
+    def _without_zeros(same: Bool, is_real: bool, bits: np.ndarray) -> Bool:
+        """Return where values are the same: SQLite keeps no sign of a zero, so that may have changed."""
+        return same & (bits << np.uint64(1) != 0) if is_real and same.any() else same
+
+    def _look_for_restarts(
+        self, chunk: Chunk, own: list[_Stored | None], zero: Bool, found: dict[int, dict[int, Zero]], notes: Notes
+    ) -> None:
+        row_before = -1
+        for row, variables in found.items():
+            if not variables:
+                continue
+            if self._start is not None and self._goes_on(own, zero, row_before, row):
+                self._close(notes)
+            if self._start is not None and not self._start.variables.isdisjoint(variables):
+                self._close(notes)
+            if self._start is None:
+                self._start = Start()
+            self._start.take(
+                ZeroRow(
+                    int(chunk.rowid[row]), int(chunk.time_ns[row]), bool(chunk.times.stamp[row]), bool(chunk.lost[row]),
+                    row == 0 and chunk.begins_file, variables,
+                )
+            )  # fmt: skip
+            row_before = row
+            if self._is_whole(self._start):
+                self._tell_start(self._start, notes)
+                self._start = None
+        if self._start is not None and self._goes_on(own, zero, row_before, len(chunk)):
+            self._close(notes)
+
+    def _goes_on(self, own: list[_Stored | None], zero: Bool, first: int, last: int) -> bool:
+        """Return whether a variable that has not started anew is counted on between two rows."""
+        assert self._start is not None
+        for number, one in enumerate(own):
+            if one is None or number in self._start.variables:
+                continue
+            between = one.rows[(one.rows > first) & (one.rows < last)]
+            if len(between) and not zero[between].all():
+                return True
+        return False
+
+    def _is_whole(self, start: Start) -> bool:
+        """Return whether every variable has started; of one that never was stored, nobody waits for it."""
+        missing = [number for number in range(len(self._variables)) if number not in start.variables]
+        return not missing or (self._seen_beginning and not any(self._ever[number] for number in missing))
+
+    def _tell_start(self, start: Start, notes: Notes) -> None:
+        if not start.was_known:
+            return
+        if start.begins_file:
+            return
+        first = start.rows[0]
+        self.restarts.append(first)
+        notes.of(topics.RESTART).add(*_of(first))
+
+    def _close(self, notes: Notes) -> None:
+        """Judge rows that turned out to be no start."""
+        start, self._start = self._start, None
+        if start is None:
+            return
+        of_zero = {Zero.BACK: topics.BACK, Zero.STUCK: topics.STUCK, Zero.EQUAL: topics.EQUAL}
+        for row in start.rows:
+            if row.lost and start.was_known and not row.begins_file:
+                notes.of(topics.LOST).add(*_of(row))
+            for number, says in row.variables.items():
+                if says is not Zero.UNKNOWN and not (row.begins_file and says is Zero.EQUAL):
+                    notes.of(of_zero[says], number).add(*_of(row))
+
+
+def _note(notes: Notes, topic: Topic, variable: int | None, chunk: Chunk, rows: I64, amount: I64 | None = None) -> None:
+    if len(rows):
+        timed = chunk.times.stamp[rows] != 0
+        notes.of(topic, variable).add(chunk.rowid[rows], chunk.time_ns[rows], timed, amount)
+
+
+def _of(row: ZeroRow) -> tuple[I64, I64, Bool]:
+    return np.array([row.rowid]), np.array([row.time_ns]), np.array([row.timed])

@@ -1,0 +1,86 @@
+"""Some rows of a table as an audit looks at them: what of each row is asked again and again, as columns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dissectors.batch import I64, U8, U64, Bool
+from dissectors.datalogger.records import Cells, Form
+from dissectors.datalogger.row_times import RowTimes, row_times
+from nvscope.capture.datalogger.database import AnyRows
+
+_CONSISTENT = 1
+_WORD_BYTES = 8
+_MULTIPLIER = np.uint64(0x9E3779B97F4A7C15)
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """Rows with their times, what they say of losses, and which of them follow each other.
+
+    ``stretch`` is a number that all rows share between two places where rows cannot be read: what is known of a
+    variable does not go on from one stretch to the next. ``begins_file``: the first row is that of a file.
+    """
+
+    rows: AnyRows
+    times: RowTimes
+    lost: Bool
+    stretch: I64
+    begins_file: bool
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def rowid(self) -> I64:
+        """The ids of the rows."""
+        return self.rows.rowid
+
+    @property
+    def time_ns(self) -> I64:
+        """Their times, 0 where none can be told."""
+        return self.times.time_ns
+
+
+def chunk_of(rows: AnyRows, encoding: str, breaks: I64, stretch: int, begins_file: bool) -> Chunk:
+    """Return rows as a chunk; ``breaks`` are ids behind which rows are missing, ``stretch`` the number so far."""
+    times = row_times(rows.cells(0), rows.data, encoding)
+    consistent = rows.cells(_CONSISTENT)
+    lost = (consistent.form == Form.INTEGER) & (consistent.integers == 0)
+    stretches = np.full(len(rows), stretch, np.int64)
+    if len(breaks):
+        steps = np.bincount(np.searchsorted(rows.rowid, breaks, "right"), minlength=len(rows) + 1)
+        stretches += np.cumsum(steps)[: len(rows)]
+    return Chunk(rows, times, lost, stretches, begins_file)
+
+
+def keys(cells: Cells, data: U8) -> U64:
+    """Return a number of each value that equal values share; of texts and blobs it is a hash."""
+    long = (cells.form == Form.TEXT) | (cells.form == Form.BLOB)
+    if not long.any():
+        return cells.bits
+    rows = np.flatnonzero(long)
+    key = cells.bits.copy()
+    key[rows] = _hashes(data, cells.start[rows], cells.stop[rows])
+    return key
+
+
+def _hashes(data: U8, start: I64, stop: I64) -> U64:
+    """Return a hash of each text, eight bytes at a time."""
+    length = stop - start
+    hashes = length.astype(np.uint64) * _MULTIPLIER
+    most = int(length.max(initial=0))
+    padded = (
+        np.concatenate([data, np.zeros(_WORD_BYTES, np.uint8)]) if len(data) < int(stop.max()) + _WORD_BYTES else data
+    )
+    words = np.ndarray((len(padded) - _WORD_BYTES + 1,), "<u8", padded, 0, (1,))
+    for at in range(0, most, _WORD_BYTES):
+        rows = np.flatnonzero(length > at)
+        word = words[start[rows] + at].astype(np.uint64)
+        left = np.minimum(length[rows] - at, _WORD_BYTES)
+        word &= np.uint64(0xFFFFFFFFFFFFFFFF) >> (np.uint64(8) * (_WORD_BYTES - left).astype(np.uint64))
+        mixed = (hashes[rows] ^ word) * _MULTIPLIER
+        hashes[rows] = mixed ^ (mixed >> np.uint64(29))
+    return hashes

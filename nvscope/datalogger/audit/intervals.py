@@ -1,0 +1,196 @@
+"""Intervals between the rows of one task: how long they usually are, and which of them are gaps.
+
+The usual interval is known when all rows were read, so what may be a gap is kept until then, as long as it is not too
+much; then the interval is what it was up to there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dissectors.batch import I64, Bool
+
+GAP_INTERVALS = 3, 2
+"""A gap is longer than so many intervals: three halves."""
+
+_REGULAR_SHARE = 3
+_ALIKE_SHARE = 4
+"""Rows come regularly where a third of the intervals differ from the median by no more than a quarter of it."""
+
+_WAITING = 50_000
+"""So many intervals at least are counted together."""
+
+_MOST_KEPT = 200_000
+_MOST_VALUES = 1 << 18
+_PERHAPS = 11, 10
+"""What is longer than the usual interval so far by this may turn out to be a gap."""
+
+
+@dataclass(frozen=True, slots=True)
+class Gaps:
+    """Rows that come later than they should: how long after the one before, when that was, and of which file.
+
+    ``told``: the logger says that data was lost before them.
+    """
+
+    length_ns: I64
+    before_ns: I64
+    rowid: I64
+    file: I64
+    told: Bool
+
+    def __len__(self) -> int:
+        return len(self.length_ns)
+
+    def take(self, rows: Bool) -> Gaps:
+        """Return some of them."""
+        return Gaps(self.length_ns[rows], self.before_ns[rows], self.rowid[rows], self.file[rows], self.told[rows])
+
+    @staticmethod
+    def joined(parts: list[Gaps]) -> Gaps:
+        """Return several as one."""
+        if not parts:
+            none = np.zeros(0, np.int64)
+            return Gaps(none, none, none, none, np.zeros(0, np.bool_))
+        columns = ("length_ns", "before_ns", "rowid", "file", "told")
+        return Gaps(*(np.concatenate([getattr(part, name) for part in parts]) for name in columns))
+
+
+class Intervals:
+    """The intervals of one task; ``asked_ns`` is what the configuration says, None where nobody knows it."""
+
+    def __init__(self, asked_ns: int | None) -> None:
+        self._asked_ns = asked_ns
+        self._values: I64 = np.zeros(0, np.int64)
+        self._counts: I64 = np.zeros(0, np.int64)
+        self._waiting: list[I64] = []
+        self._waiting_count = 0
+        self._floor_ns: int | None = None
+        self._kept: list[Gaps] = []
+        self._kept_count = 0
+        self._most_floor_ns = 0
+        self._fixed_ns: int | None = None
+        self._given_up = False
+        self.count = 0
+
+    @property
+    def median_ns(self) -> int | None:
+        """The usual interval so far."""
+        self._merge_waiting()
+        if not self.count:
+            return None
+        place = np.searchsorted(np.cumsum(self._counts), (self.count + 1) // 2)
+        return int(self._values[place])
+
+    @property
+    def is_regular(self) -> bool:
+        """Whether there is a usual interval at all: telegrams that are sent on events have none."""
+        median_ns = self.median_ns
+        if median_ns is None:
+            return False
+        self._merge_waiting()
+        alike = np.abs(self._values - median_ns) * _ALIKE_SHARE <= median_ns
+        return int(self._counts[alike].sum()) * _REGULAR_SHARE >= self.count
+
+    def take(self, gaps: Gaps) -> None:
+        """Take the intervals between rows, all of which are longer than nothing, as what may be gaps."""
+        if not len(gaps):
+            return
+        self.count += len(gaps)
+        self._waiting.append(gaps.length_ns)
+        self._waiting_count += len(gaps)
+        if self._floor_ns is None or self._waiting_count > max(_WAITING, len(self._values)):
+            self._merge_waiting()
+            self._floor_ns = self._floor()
+        if self._given_up:
+            return
+        floor_ns = self._floor_ns
+        self._most_floor_ns = max(self._most_floor_ns, floor_ns)
+        long = gaps.length_ns > floor_ns
+        if long.any():
+            self._kept.append(gaps.take(long))
+            self._kept_count += int(np.count_nonzero(long))
+        if self._kept_count > _MOST_KEPT:
+            self._tidy()
+
+    def join(self, other: Intervals) -> None:
+        """Take what another one was told: both turned out to be one task."""
+        other._merge_waiting()
+        self._merge(other._values, other._counts)
+        self.count += other.count
+        self._kept += other._kept
+        self._kept_count += other._kept_count
+        self._most_floor_ns = max(self._most_floor_ns, other._most_floor_ns)
+
+    def interval_ns(self, alone: bool) -> int | None:
+        """Return the interval that rows are judged by; ``alone``: the table has no other task.
+
+        The configuration does not say how long the cycle of each task is: of several, none is sampled more often.
+        Without a configuration, rows that come irregularly are not judged.
+        """
+        if self._fixed_ns is not None:
+            return self._fixed_ns
+        median_ns = self.median_ns
+        if self._asked_ns is None or median_ns is None:
+            return median_ns if self.is_regular else None
+        return self._asked_ns if alone else max(self._asked_ns, median_ns)
+
+    def gaps(self, interval_ns: int) -> Gaps:
+        """Return what turned out to be a gap, and forget it."""
+        kept = Gaps.joined(self._kept)
+        self._kept, self._kept_count = [], 0
+        return kept.take(kept.length_ns > limit_ns(interval_ns))
+
+    def is_incomplete(self, interval_ns: int) -> bool:
+        """Return whether gaps may have passed when the interval seemed to be longer."""
+        return self._given_up or self._most_floor_ns > limit_ns(interval_ns)
+
+    def give_up(self) -> None:
+        """Keep nothing of what may be a gap: there is no interval to judge it by."""
+        self._kept, self._kept_count, self._given_up = [], 0, True
+
+    def fix(self, interval_ns: int) -> None:
+        """Have all that follows judged by an interval that is known now."""
+        self._fixed_ns, self._floor_ns = interval_ns, limit_ns(interval_ns)
+
+    @property
+    def is_full(self) -> bool:
+        """Whether so much may be a gap that it has to be decided now."""
+        return self._kept_count > _MOST_KEPT
+
+    def _floor(self) -> int:
+        if self._fixed_ns is not None:
+            return limit_ns(self._fixed_ns)
+        floors = [limit_ns(self._asked_ns)] if self._asked_ns is not None else []
+        if (median_ns := self.median_ns) is not None:
+            floors.append(median_ns * _PERHAPS[0] // _PERHAPS[1])
+        return min(floors)
+
+    def _tidy(self) -> None:
+        kept = Gaps.joined(self._kept)
+        floor_ns = self._floor()
+        self._kept = [kept.take(kept.length_ns > floor_ns)]
+        self._kept_count = len(self._kept[0])
+
+    def _merge_waiting(self) -> None:
+        if self._waiting:
+            values, counts = np.unique(np.concatenate(self._waiting), return_counts=True)
+            self._waiting, self._waiting_count = [], 0
+            self._merge(values, counts)
+
+    def _merge(self, values: I64, counts: I64) -> None:
+        both, which = np.unique(np.concatenate([self._values, values]), return_inverse=True)
+        summed = np.bincount(which, np.concatenate([self._counts, counts]).astype(np.float64)).astype(np.int64)
+        if len(both) > _MOST_VALUES:
+            # Of two neighbours, the first one stands for both: that is less than any clock tells.
+            if len(both) % 2:
+                both, summed = np.append(both, both[-1]), np.append(summed, 0)
+            both, summed = both[::2], summed[::2] + summed[1::2]
+        self._values, self._counts = both, summed
+
+
+def limit_ns(interval_ns: int) -> int:
+    """Return how long after a row the next one may come."""
+    return interval_ns * GAP_INTERVALS[0] // GAP_INTERVALS[1]

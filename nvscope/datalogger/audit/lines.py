@@ -1,0 +1,111 @@
+"""The audit for people: can it be trusted, what is wrong and where, how the time is covered, and each variable."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from nvscope import units
+from nvscope.datalogger.audit.audit import Audit, AuditedTable
+from nvscope.datalogger.audit.time_strip import drawn, legend
+from nvscope.datalogger.audit.words import about, coverage, groups, place, shown_value, told_of_files, verdict
+from nvscope.findings.kind import Severity
+from nvscope.view.escape import visible
+from nvscope.view.lines.table import Cell, Column, Line, Tone, align, wrap
+
+SYMBOLS = {
+    None: Cell("✗", Tone.ERROR),
+    Severity.ERROR: Cell("✗", Tone.ERROR),
+    Severity.WARNING: Cell("!", Tone.WARNING),
+    Severity.NOTE: Cell("·", Tone.NOTE),
+}
+"""What stands in front of a finding, by how bad it is."""
+
+_GOOD = Cell("●", Tone.GOOD)
+_INDENT = 2
+_LONGEST_STRIP = 100
+_MOST_VARIABLES = 40
+
+_COLUMNS = (
+    Column("variable", shortest=12, identifier=True),
+    Column("stored", right=True),
+    Column("changes", right=True),
+    Column("unknown", right=True, importance=4),
+    Column("first", right=True, importance=1, shortest=6),
+    Column("last", right=True, importance=3, shortest=6),
+    Column("least", right=True, importance=2, shortest=6),
+    Column("greatest", right=True, importance=2, shortest=6),
+)
+
+
+def lines(audit: Audit, width: int, *, wide: bool = False, every: bool = False) -> Iterator[Line]:
+    """Yield all that people want to know, in at most ``width`` columns; tables as wide as they need if ``wide``."""
+    severity, sentence = verdict(audit)
+    symbol = _GOOD if severity is Severity.NOTE else SYMBOLS[severity]
+    yield from wrap([symbol, Cell(" "), Cell(sentence, Tone.STRONG)], width, hanging=_INDENT)
+    for bad, told in told_of_files(audit.files):
+        tone = Tone.ERROR if bad is Severity.ERROR else Tone.PLAIN
+        yield from wrap([Cell(visible(told), tone)], width, _INDENT, 2 * _INDENT)
+    for note in audit.notes:
+        yield from wrap([Cell(visible(note), Tone.FAINT)], width, _INDENT, 2 * _INDENT)
+    for group in groups(audit):
+        yield []
+        head = f"{group.kind.code} {group.kind.name}"
+        yield [SYMBOLS[group.severity], Cell(" "), Cell(head, Tone.STRONG)]
+        for finding in group.shown:
+            yield from wrap([Cell(visible(finding.message))], width, 2 * _INDENT, 2 * _INDENT)
+            yield from wrap([Cell(visible(place(finding)), Tone.FAINT)], width, 2 * _INDENT, 3 * _INDENT)
+        if group.more:
+            yield from wrap([Cell(group.more, Tone.FAINT)], width, 2 * _INDENT, 2 * _INDENT)
+        yield from wrap([Cell(f"Next  {group.kind.next_steps[0]}")], width, 2 * _INDENT, 5 * _INDENT)
+    if audit.left_out:
+        yield [Cell(f"  {units.count_of(audit.left_out, 'finding')} more are not kept", Tone.WARNING)]
+    for table in audit.tables:
+        yield []
+        yield from _table(table, width, wide=wide, every=every)
+
+
+def _table(table: AuditedTable, width: int, *, wide: bool, every: bool) -> Iterator[Line]:
+    named, *rest = (visible(part) for part in about(table))
+    yield from wrap([Cell(named, Tone.STRONG), Cell("".join(f" · {part}" for part in rest))], width, hanging=_INDENT)
+    if told := coverage(table):
+        yield from wrap([Cell(told)], width, _INDENT, _INDENT)
+    yield from _strip(table, width)
+    variables = list(zip(table.audit.table.variables, table.audit.figures, strict=True))
+    shown = variables if every else variables[:_MOST_VARIABLES]
+    if not shown:
+        return
+    rows = [
+        [
+            Cell(visible(variable.name)),
+            Cell(units.count(figures.stored)),
+            Cell(units.count(figures.changes)),
+            Cell(units.percent(figures.unknown, table.audit.rows) if figures.unknown else "0"),
+            *(
+                Cell(visible(shown_value(value)) or "-")
+                for value in (figures.first, figures.last, figures.least, figures.greatest)
+            ),
+        ]
+        for variable, figures in shown
+    ]
+    yield from align(_COLUMNS, rows, None if wide else width, _INDENT)
+    if len(shown) < len(variables):
+        left = units.count_of(len(variables) - len(shown), "variable")
+        yield [Cell(f"  {left} more: --all shows them", Tone.FAINT)]
+
+
+def _strip(table: AuditedTable, width: int) -> Iterator[Line]:
+    audit = table.audit
+    room = min(width - _INDENT, _LONGEST_STRIP)
+    marks = audit.strip.cells(room)
+    if not marks or audit.first_ns is None or audit.last_ns is None:
+        return
+    yield [Cell(" " * _INDENT), Cell(drawn(marks, only_changes=audit.table.only_changes))]
+    ends = (audit.first_ns, audit.last_ns)
+    one_day = len({units.date(time_ns, utc=True) for time_ns in ends}) == 1
+    tell = units.clock_time if one_day else units.absolute_time
+    first, last = (tell(time_ns, utc=True, digits=0) for time_ns in ends)
+    space = room - len(first) - len(last)
+    if space > 0:
+        yield [Cell(" " * _INDENT), Cell(first, Tone.FAINT), Cell(" " * space), Cell(last, Tone.FAINT)]
+    if said := legend(marks):
+        yield from wrap([Cell("   ".join(said), Tone.FAINT)], width, _INDENT, _INDENT)

@@ -1,0 +1,338 @@
+"""One table of a series audited: rows in, chunk by chunk and file by file; findings and figures out."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+import numpy as np
+
+from dissectors.batch import I64, Bool
+from dissectors.datalogger.row_times import Stamp
+from dissectors.datalogger.tables import LogTable
+from nvscope.datalogger.audit import topics
+from nvscope.datalogger.audit.change_judge import ChangeJudge
+from nvscope.datalogger.audit.chunk import Chunk
+from nvscope.datalogger.audit.finding import Finding, Notes
+from nvscope.datalogger.audit.intervals import Gaps, Intervals
+from nvscope.datalogger.audit.sums import total
+from nvscope.datalogger.audit.tasks import Tasks
+from nvscope.datalogger.audit.time_strip import Mark, TimeStrip
+from nvscope.datalogger.audit.values import Figures, Values
+from nvscope.findings.datalogger import SERIES_BROKEN
+from nvscope.units import duration
+
+_HOUR_NS = 3_600_000_000_000
+_MOST_MARKED = 10_000
+"""So many gaps of a table are drawn one by one."""
+
+_UNTIMED = 1 << 32
+"""Added to the number of a stretch for each row in front that has no time."""
+
+_FORMS = {Stamp.ISO: "iso", Stamp.RAW_UTC: "raw", Stamp.RAW_UNSPECIFIED: "raw", Stamp.RAW_LOCAL: "raw"}
+
+
+@dataclass(slots=True)
+class _Task:
+    """What is known of the rows of one task: its intervals, how many rows, and the last of them."""
+
+    intervals: Intervals
+    rows: int = 0
+    time_ns: int = 0
+    stretch: int = -1
+    local: bool = False
+    file: int = -1
+
+
+class TableAudit:
+    """Audits the rows of one table, of one file of a series after the other.
+
+    ``asked_ns`` is the interval by the configuration; ``known_ns`` are those of tasks, from an audit of the same rows.
+    """
+
+    def __init__(self, table: LogTable, encoding: str, asked_ns: int | None, known_ns: int | None = None) -> None:
+        self.table = table
+        self.names = tuple(one.name for one in table.variables)
+        self.rows = self.untimed = self.told = self.untold = self.unread = self.missing_ns = self.restarts = 0
+        self.first_ns: int | None = None
+        self.last_ns: int | None = None
+        self.strip = TimeStrip()
+        self.tasks = Tasks(table)
+        self._values = Values(len(table.variables), encoding)
+        self._judge = ChangeJudge(table, self._values) if table.only_changes else None
+        self._asked_ns, self._known_ns = asked_ns, known_ns
+        self._of_task: dict[int, _Task] = {}
+        self._notes: list[Notes] = []
+        self._files: list[str] = []
+        self._form: str | None = None
+        self.forms: set[str] = set()
+        self.overlaps: dict[int, int] = {}
+        """By how much a file, by its number here, begins before the one before it ends."""
+        self._begun = False
+        self._marked = self._untimed_before = 0
+
+    def begin_file(self, path: str, encoding: str) -> None:
+        """Say which file the next rows are of."""
+        if self._judge is not None and self._notes:
+            self._judge.end(self._notes[-1])
+            self._judge.begin_file()
+        self._files.append(path)
+        self._notes.append(Notes())
+        self._values.use(encoding)
+
+    def take(self, chunk: Chunk) -> None:
+        """Judge some rows."""
+        notes = self._notes[-1]
+        timed = chunk.times.valid
+        self.rows += len(chunk)
+        known = self._values.stretches.copy()
+        self._look_at_times(chunk, timed, notes)
+        self._look_at_intervals(chunk, timed, notes)
+        if self._judge is not None:
+            self._judge.take(chunk, notes)
+            for start in self._judge.restarts:
+                self.restarts += 1
+                if start.timed:
+                    self.strip.mark(Mark.STARTED, start.time_ns, start.time_ns)
+            self._judge.restarts.clear()
+        else:
+            self._look_at_values(chunk)
+            lost = chunk.lost.copy()
+            lost[0] &= self._begun and not chunk.begins_file
+            self._note_lost(chunk, np.flatnonzero(lost), timed, notes)
+        self._count_unknown(chunk, known)
+        self._begun = True
+
+    def end(self) -> list[Finding]:
+        """Return what was found, by file, when all rows were taken."""
+        if self._judge is not None and self._notes:
+            self._judge.end(self._notes[-1])
+        else:
+            for task in self._of_task.values():
+                self._decide(task)
+        for figures, number in zip(self._values.figures, range(len(self.names)), strict=True):
+            if self._judge is None:
+                own = self._of_task.get(self.tasks.of(number))
+                figures.unknown = (own.rows if own else self.rows) - figures.stored
+        found: list[Finding] = []
+        for path, notes in zip(self._files, self._notes, strict=True):
+            found += notes.findings(path, self.table.name, self.names)
+        found += [
+            Finding(
+                SERIES_BROKEN, SERIES_BROKEN.severity,
+                f"It begins {duration(by_ns)} before {os.path.basename(self._files[number - 1])} ends.",
+                self._files[number], self.table.name,
+            )
+            for number, by_ns in self.overlaps.items()
+        ]  # fmt: skip
+        return found
+
+    @property
+    def figures(self) -> list[Figures]:
+        """The figures of each variable, in the order of the table."""
+        return self._values.figures
+
+    @property
+    def task_count(self) -> int:
+        """How many tasks there are rows of, as far as can be told."""
+        return max(len(self._of_task), 1) if self.rows else 0
+
+    @property
+    def interval_ns(self) -> int | None:
+        """The interval that rows are judged by: of several tasks, the shortest. None of a table of changes."""
+        if self._judge is not None:
+            return None
+        found = [interval_ns for task in self._of_task.values() if (interval_ns := self._interval_ns(task)) is not None]
+        return min(found, default=None)
+
+    @property
+    def needs_another_look(self) -> int | None:
+        """The interval to audit the same rows by again, where that became known too late; None where all is well."""
+        if self._judge is not None or self._known_ns is not None:
+            return None
+        for task in self._of_task.values():
+            interval_ns = self._interval_ns(task)
+            if interval_ns is not None and task.intervals.is_incomplete(interval_ns):
+                return interval_ns
+        return None
+
+    @property
+    def covered(self) -> float | None:
+        """The share of the time from the first row to the last in which nothing is missing, None where that is none."""
+        if self.first_ns is None or self.last_ns is None or self.last_ns <= self.first_ns:
+            return None
+        span_ns = (self.last_ns - self.first_ns) * max(len(self._of_task), 1)
+        return min(max(0.0, 1 - self.missing_ns / span_ns), 1.0)
+
+    def _look_at_times(self, chunk: Chunk, timed: Bool, notes: Notes) -> None:
+        stamp = chunk.times.stamp
+        known = chunk.time_ns if timed.all() else chunk.time_ns[timed]
+        if len(known):
+            self.first_ns = int(known[0]) if self.first_ns is None else self.first_ns
+            self.last_ns = int(known.max()) if self.last_ns is None else max(self.last_ns, int(known.max()))
+            self.strip.take(known)
+        low, high = int(stamp.min()), int(stamp.max())
+        if low == Stamp.NONE:
+            rows = np.flatnonzero(~timed)
+            self.untimed += len(rows)
+            notes.of(topics.NO_TIME).add(chunk.rowid[rows], chunk.time_ns[rows], timed[rows])
+        present = (
+            {int(one) for one in {low, high}} if high - low < 2 else set(np.flatnonzero(np.bincount(stamp)).tolist())
+        )
+        present.discard(Stamp.NONE)
+        if not present:
+            return
+        self.forms |= {_FORMS[Stamp(one)] for one in present}
+        if self._form is None:
+            self._form = _FORMS[Stamp(int(stamp[timed][0]))]
+        if any(_FORMS[Stamp(one)] != self._form for one in present):
+            others = np.array([one in _FORMS and one != Stamp.RAW_LOCAL and _FORMS[one] != self._form for one in Stamp])
+            rows = np.flatnonzero(others[stamp])
+            notes.of(topics.OTHER_FORM).add(chunk.rowid[rows], chunk.time_ns[rows], timed[rows])
+        if Stamp.RAW_LOCAL in present:
+            rows = np.flatnonzero(stamp == Stamp.RAW_LOCAL)
+            notes.of(topics.LOCAL).add(chunk.rowid[rows], chunk.time_ns[rows], timed[rows])
+
+    def _look_at_intervals(self, chunk: Chunk, timed: Bool, notes: Notes) -> None:
+        groups = list(self.tasks.rows(chunk))
+        for gone, other in self.tasks.merged:
+            self._join(gone, other)
+        # A row without a time leaves open how long it was to the next one.
+        stretch = chunk.stretch + self._untimed_before * _UNTIMED
+        if not timed.all():
+            stretch += np.cumsum(~timed) * _UNTIMED
+            self._untimed_before = self.untimed
+        for group, rows in groups:
+            task = self._of_task.setdefault(group, _Task(self._new_intervals()))
+            task.rows += len(chunk) if rows is None else len(rows)
+            own = np.flatnonzero(timed) if rows is None else rows[timed[rows]]
+            if len(own):
+                self._look_at_task(task, chunk, own, stretch, notes)
+
+    def _look_at_task(self, task: _Task, chunk: Chunk, rows: I64, stretch: I64, notes: Notes) -> None:
+        time_ns, of_stretch = chunk.time_ns[rows], stretch[rows]
+        before_ns = np.concatenate([[task.time_ns], time_ns[:-1]])
+        follows = of_stretch == np.concatenate([[task.stretch], of_stretch[:-1]])
+        length_ns = time_ns - before_ns
+        local = chunk.times.stamp[rows] == Stamp.RAW_LOCAL
+        if local.any():
+            # The clocks of local time are set by an hour twice a year.
+            was_local = np.concatenate([[task.local], local[:-1]])
+            hour = np.abs(np.abs(length_ns) - _HOUR_NS) < _HOUR_NS // 60
+            follows &= ~(local & was_local & hour & (length_ns < 0))
+        current = len(self._files) - 1
+        back = follows & (length_ns < 0)
+        if task.file != current and task.file >= 0 and back[0]:
+            # Files that overlap are told as such.
+            back[0] = False
+            self.overlaps[current] = max(self.overlaps.get(current, 0), int(-length_ns[0]))
+        if back.any():
+            places = np.flatnonzero(back)
+            notes.of(topics.RUN_BACK).add(
+                chunk.rowid[rows[places]], time_ns[places], np.ones(len(places), np.bool_), -length_ns[places]
+            )
+            for place in places[:_MOST_MARKED].tolist():
+                self.strip.mark(Mark.CLOCK_SET, int(time_ns[place]), int(time_ns[place]))
+        if self._judge is None:
+            forward = follows & (length_ns > 0)
+            gaps = Gaps(length_ns, before_ns, chunk.rowid[rows], np.full(len(rows), current), chunk.lost[rows])
+            task.intervals.take(gaps if forward.all() else gaps.take(forward))
+            if task.intervals.is_full:
+                self._decide(task, fix=True)
+        else:
+            self._note_uncovered(chunk, rows, before_ns, follows & (length_ns > 0))
+        if not follows.all():
+            before = np.concatenate([[task.stretch], of_stretch[:-1]])
+            unread = (before >= 0) & (before % _UNTIMED != of_stretch % _UNTIMED) & (length_ns > 0)
+            self.unread += int(np.count_nonzero(unread))
+            self.missing_ns += total(length_ns[unread])
+            self._mark(Mark.UNREAD, before_ns[unread], time_ns[unread])
+        task.time_ns, task.stretch = int(time_ns[-1]), int(of_stretch[-1])
+        task.local, task.file = bool(local[-1]), current
+
+    def _note_uncovered(self, chunk: Chunk, rows: I64, before_ns: I64, follows: Bool) -> None:
+        """Count what is not covered in a table of changes: only what the logger says is known there."""
+        places = np.flatnonzero(chunk.lost[rows] & follows)
+        if not len(places):
+            return
+        time_ns = chunk.time_ns[rows[places]]
+        self.told += len(places)
+        self.missing_ns += total(time_ns - before_ns[places])
+        self._mark(Mark.TOLD, before_ns[places], time_ns)
+
+    def _note_lost(self, chunk: Chunk, rows: I64, timed: Bool, notes: Notes) -> None:
+        if len(rows):
+            notes.of(topics.LOST).add(chunk.rowid[rows], chunk.time_ns[rows], timed[rows])
+
+    def _new_intervals(self) -> Intervals:
+        intervals = Intervals(self._asked_ns)
+        if self._known_ns is not None:
+            intervals.fix(self._known_ns)
+        return intervals
+
+    def _interval_ns(self, task: _Task) -> int | None:
+        return task.intervals.interval_ns(alone=len(self._of_task) == 1)
+
+    def _decide(self, task: _Task, *, fix: bool = False) -> None:
+        """Note what turned out to be a gap."""
+        interval_ns = self._interval_ns(task)
+        if interval_ns is None:
+            task.intervals.give_up()
+            return
+        if fix:
+            task.intervals.fix(interval_ns)
+        gaps = task.intervals.gaps(interval_ns)
+        self.missing_ns += total(gaps.length_ns - interval_ns)
+        untold = gaps.take(~gaps.told)
+        told = gaps.take(gaps.told)
+        self.told += len(told)
+        self.untold += len(untold)
+        for file in dict.fromkeys(untold.file.tolist()):
+            own = untold.take(untold.file == file)
+            self._notes[file].of(topics.GAP).add(
+                own.rowid, own.before_ns + own.length_ns, np.ones(len(own), np.bool_), own.length_ns
+            )
+        for mark, some in ((Mark.TOLD, told), (Mark.GAP, untold)):
+            self._mark(mark, some.before_ns, some.before_ns + some.length_ns)
+
+    def _mark(self, mark: Mark, first_ns: I64, last_ns: I64) -> None:
+        some = slice(0, max(_MOST_MARKED - self._marked, 0))
+        self._marked += len(first_ns)
+        for first, last in zip(first_ns[some].tolist(), last_ns[some].tolist(), strict=True):
+            self.strip.mark(mark, first, last)
+
+    def _join(self, gone: int, other: int) -> None:
+        task = self._of_task.pop(gone, None)
+        if task is None:
+            return
+        kept = self._of_task.setdefault(other, _Task(self._new_intervals()))
+        kept.intervals.join(task.intervals)
+        kept.rows += task.rows
+        if (task.file, task.time_ns) > (kept.file, kept.time_ns):
+            kept.time_ns, kept.stretch, kept.local, kept.file = task.time_ns, task.stretch, task.local, task.file
+
+    def _look_at_values(self, chunk: Chunk) -> None:
+        """Take the values of a table that stores all of them."""
+        for number, variable in enumerate(self.table.variables):
+            if chunk.rows.is_empty(variable.column):
+                continue
+            filled = chunk.rows.filled(variable.column)
+            rows = None if filled.all() else np.flatnonzero(filled)
+            self._values.take(number, chunk, rows, chunk.rows.cells(variable.column, rows))
+
+    def _count_unknown(self, chunk: Chunk, known: I64) -> None:
+        """Count, in a table of changes, the rows in front of the first value by which a variable is known.
+
+        ``known`` are the stretches in which values were known before.
+        """
+        if self._judge is None or (chunk.stretch[0] == chunk.stretch[-1] and (known == chunk.stretch[0]).all()):
+            return
+        bounds = np.flatnonzero(np.diff(chunk.stretch, prepend=chunk.stretch[0] - 1)).tolist()
+        for number, variable in enumerate(self.table.variables):
+            filled = np.flatnonzero(chunk.rows.filled(variable.column))
+            for first, behind in zip(bounds, [*bounds[1:], len(chunk)], strict=True):
+                if known[number] == chunk.stretch[first]:
+                    continue
+                place = int(np.searchsorted(filled, first))
+                value = int(filled[place]) if place < len(filled) else behind
+                self._values.figures[number].unknown += min(value, behind) - first

@@ -1,0 +1,74 @@
+"""The ways in which findings come, each with the sentence that has its figures."""
+
+from __future__ import annotations
+
+from nvscope.datalogger.audit.finding import Noted, Topic
+from nvscope.findings.datalogger import (
+    CHANGE_WITHOUT_CHANGE,
+    CHANGES_MISSED,
+    CLOCK_SET,
+    COUNTER_CORRUPT,
+    DOCUMENT_STYLE,
+    LOSS_NOT_TOLD,
+    LOSS_TOLD,
+    MIXED_TIME,
+)
+from nvscope.findings.kind import Severity
+from nvscope.units import count_of, duration
+
+
+def _times(noted: Noted) -> str:
+    return "once" if noted.count == 1 else f"{count_of(noted.count, 'time')}"
+
+
+def _told(noted: Noted) -> str:
+    missed = f"; {count_of(noted.total, 'change')} were counted and not stored" if noted.total > 1 else ""
+    missed = "; 1 change was counted and not stored" if noted.total == 1 else missed
+    return f"The logger says {_times(noted)} that data was lost before a row{missed}."
+
+
+def _not_told(noted: Noted) -> str:
+    longest = f"{duration(noted.most)} passed" if noted.count == 1 else f"up to {duration(noted.most)} passed"
+    return f"Rows are missing {_times(noted)}, and none says so: {longest} between two rows."
+
+
+def _missed(noted: Noted) -> str:
+    places = "" if noted.count == 1 else f" in {noted.count} places, up to {noted.most} in one"
+    changes = "1 change was" if noted.total == 1 else f"{count_of(noted.total, 'change')} were"
+    return f"{changes} counted and not stored{places}."
+
+
+def _run_back(noted: Noted) -> str:
+    most = "" if noted.count == 1 else "up to "
+    return f"Timestamps run back {_times(noted)}, by {most}{duration(noted.most)}."
+
+
+LOST = Topic(LOSS_TOLD, _told)
+GAP = Topic(LOSS_NOT_TOLD, _not_told)
+MISSED = Topic(CHANGES_MISSED, _missed)
+BACK = Topic(COUNTER_CORRUPT, lambda noted: f"The counter goes back {_times(noted)}, and the row is no restart.")
+STUCK = Topic(
+    COUNTER_CORRUPT, lambda noted: f"The value changes {_times(noted)} while its counter stands still."
+)  # fmt: skip
+NO_COUNT = Topic(
+    COUNTER_CORRUPT, lambda noted: f"The counter is no count {_times(noted)}: a text, a fraction, negative."
+)
+RESTART = Topic(
+    COUNTER_CORRUPT,
+    lambda noted: f"The logger started anew {_times(noted)}: a row with every value, and all counters at 0.",
+    Severity.NOTE,
+)
+RUN_BACK = Topic(CLOCK_SET, _run_back)
+OTHER_FORM = Topic(
+    MIXED_TIME, lambda noted: f"{count_of(noted.count, 'timestamp')} of another form than the first of the table."
+)  # fmt: skip
+LOCAL = Topic(MIXED_TIME, lambda noted: f"{count_of(noted.count, 'timestamp')} with the kind bits of local time.")
+NO_TIME = Topic(MIXED_TIME, lambda noted: f"{count_of(noted.count, 'timestamp')} of which no time can be told.")
+HALF = Topic(
+    DOCUMENT_STYLE,
+    lambda noted: f"{count_of(noted.count, 'row')} with a counter without its value, or a value without its counter.",
+)
+EQUAL = Topic(
+    CHANGE_WITHOUT_CHANGE,
+    lambda noted: f"{count_of(noted.count, 'value')} stored as a change, equal to the one before.",
+)

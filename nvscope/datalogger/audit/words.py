@@ -1,0 +1,158 @@
+"""What an audit says in words, the same for a terminal and for Markdown."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from nvscope import units
+from nvscope.datalogger.audit.audit import Audit, AuditedFile, AuditedTable
+from nvscope.datalogger.audit.finding import Finding
+from nvscope.datalogger.audit.values import Value
+from nvscope.findings.kind import FindingKind, Severity
+
+_MOST_NAMED = 3
+_LONGEST_VALUE = 24
+
+
+def verdict(audit: Audit) -> tuple[Severity | None, str]:
+    """Return how bad it is, and whether the databases can be trusted, in a sentence; None: nothing could be read."""
+    if audit.is_unreadable:
+        files = "the file" if len(audit.files) == 1 else f"any of {units.count_of(len(audit.files), 'file')}"
+        return None, f"Nothing of {files} can be read" if audit.files else "No database was found"
+    counts = {severity: len(audit.of(severity)) for severity in Severity}
+    told = [units.count_of(counts[one], one.word) for one in sorted(Severity, reverse=True) if counts[one]]
+    listed = f": {', '.join(told)}" if told else ""
+    if counts[Severity.ERROR]:
+        return Severity.ERROR, f"Not to be trusted as it is{listed}"
+    if counts[Severity.WARNING]:
+        return Severity.WARNING, f"To be trusted with care{listed}"
+    if not any(table.audit.rows for table in audit.tables):
+        return Severity.NOTE, "Empty: no row was written yet"
+    return Severity.NOTE, f"To be trusted{listed or ': nothing is missing that is not told'}"
+
+
+def about(table: AuditedTable) -> list[str]:
+    """Return what a table is, and of what time, in parts."""
+    audit = table.audit
+    parts = [_named(table.files), audit.table.name, units.count_of(audit.rows, "row")]
+    if audit.first_ns is not None and audit.last_ns is not None:
+        since = f"{units.absolute_time(audit.first_ns, utc=True)} UTC"
+        parts.append(f"{units.duration(audit.last_ns - audit.first_ns)} from {since}")
+    parts.append("changes only" if audit.table.only_changes else "every value")
+    if audit.interval_ns is not None:
+        parts.append(f"every {units.duration(audit.interval_ns)}")
+    elif not audit.table.only_changes and audit.rows > 2:
+        parts.append("at no regular interval")
+    if audit.task_count > 1:
+        parts.append(units.count_of(audit.task_count, "task"))
+    return parts
+
+
+def coverage(table: AuditedTable) -> str:
+    """Say how much of its time a table covers, '' where it has no time."""
+    audit = table.audit
+    if audit.covered is None:
+        return ""
+    gaps = audit.told + audit.untold + audit.unread
+    share = units.percent(round(audit.covered * 1_000_000), 1_000_000)
+    if gaps and share == "100 %":
+        share = "nearly 100 %"
+    if not gaps:
+        what = "no gap" if audit.interval_ns is not None else "no loss is told"
+        return f"{share} of the time covered: {what}"
+    kinds = ((audit.told, "told by the logger"), (audit.untold, "not told"), (audit.unread, "not readable"))
+    listed = ", ".join(f"{units.count(number)} {what}" for number, what in kinds if number)
+    missing = f"{units.duration(audit.missing_ns)} missing in {units.count_of(gaps, 'gap')} ({listed})"
+    return f"{share} of the time covered: {missing}"
+
+
+def _named(files: Sequence[str]) -> str:
+    names = [os.path.basename(path) for path in files]
+    return names[0] if len(names) == 1 else f"{names[0]} to {names[-1]} ({len(names)} files)"
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Findings of one kind that people read as one."""
+
+    kind: FindingKind
+    severity: Severity
+    findings: tuple[Finding, ...]
+
+    @property
+    def shown(self) -> tuple[Finding, ...]:
+        """The first of them."""
+        return self.findings[:_MOST_NAMED]
+
+    @property
+    def more(self) -> str:
+        """What is left out, '' where nothing is."""
+        left = self.findings[_MOST_NAMED:]
+        if not left:
+            return ""
+        places = sum(one.count for one in left)
+        variables = {one.variable for one in left} - {None}
+        files = {one.file for one in left}
+        where = units.count_of(len(variables), "variable") if variables else units.count_of(len(files), "file")
+        return f"and {units.count_of(places, 'place')} more in {where}; --json has all"
+
+
+def groups(audit: Audit) -> list[Group]:
+    """Return findings by their kind, the worst first; what is said of files that cannot be read is none of them."""
+    unreadable = {file.path for file in audit.files if file.status == "unreadable"}
+    findings = [one for one in audit.findings if one.file not in unreadable]
+    found: dict[tuple[str, Severity], list[Finding]] = {}
+    for one in findings:
+        found.setdefault((one.kind.code, one.severity), []).append(one)
+    ordered = sorted(found.items(), key=lambda item: (-item[0][1], item[0][0]))
+    return [Group(own[0].kind, severity, tuple(own)) for (_, severity), own in ordered]
+
+
+def place(finding: Finding) -> str:
+    """Say where a finding is: variable, file, rows, time."""
+    parts = [finding.variable or "", os.path.basename(finding.file)]
+    if finding.rows:
+        rows = ", ".join(map(str, sorted(finding.rows)))
+        more = f" and {units.count(finding.rows_cut)} more" if finding.rows_cut else ""
+        parts.append(f"{'row' if finding.count == 1 else 'rows'} {rows}{more}")
+    if finding.first_ns is not None and finding.last_ns is not None:
+        first = units.absolute_time(finding.first_ns, utc=True)
+        same_day = units.date(finding.first_ns, utc=True) == units.date(finding.last_ns, utc=True)
+        last = (
+            units.clock_time(finding.last_ns, utc=True) if same_day else units.absolute_time(finding.last_ns, utc=True)
+        )
+        parts.append(first if finding.first_ns == finding.last_ns else f"{first} to {last}")
+    return " · ".join(filter(None, parts))
+
+
+def told_of_files(files: Sequence[AuditedFile]) -> Iterator[tuple[Severity, str]]:
+    """Yield what people should know of files, and how bad it is."""
+    for file in files:
+        if file.status == "unreadable":
+            yield (
+                Severity.ERROR,
+                f"{file.path}: {file.what}" + (f". {_sentence(file.next_step)}" if file.next_step else ""),
+            )
+        for note in file.notes:
+            yield Severity.NOTE, f"{file.path}: {note}"
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:].rstrip('.')}."
+
+
+def shown_value(value: Value) -> str:
+    """Return a value for a table, not escaped."""
+    if value is None:
+        return ""
+    if isinstance(value, bytes):
+        text = f"0x{value.hex()}"
+    elif isinstance(value, str):
+        text = f"'{value}'"
+    elif isinstance(value, float):
+        text = f"{value:.9g}"
+    else:
+        text = str(value)
+    return text if len(text) <= _LONGEST_VALUE else f"{text[: _LONGEST_VALUE - 1]}…"

@@ -1,0 +1,158 @@
+"""The rules of an audit a second time, row by row in plain Python, over what sqlite3 hands out.
+
+For tables of one task, whose first row has a value of every variable or whose first rows were deleted.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections import defaultdict
+from contextlib import closing
+from datetime import UTC, datetime
+from itertools import pairwise
+from pathlib import Path
+from statistics import median_low
+from typing import Any
+
+Key = tuple[str, str, str | None]
+"""Code, severity and variable."""
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_WRAP = 1 << 32
+
+
+def expected(path: Path, table: str, *, changes: bool) -> dict[Key, list[int]]:
+    """Return the row ids of each finding."""
+    with closing(sqlite3.connect(path)) as database:
+        columns = [(name, declared) for _, name, declared, *_ in database.execute(f"PRAGMA table_info({table})")]
+        rows = list(database.execute(f"SELECT rowid, * FROM {table} ORDER BY rowid"))
+    found: dict[Key, list[int]] = defaultdict(list)
+    _times(rows, found, changes=changes)
+    if changes:
+        _Changes(columns[2:], found).judge(rows)
+    else:
+        for row in rows[1:]:
+            if row[2] == 0:
+                found["NV951", "note", None].append(row[0])
+    return {key: sorted(own) for key, own in found.items() if own}
+
+
+def _ns(stamp: Any) -> int:
+    if isinstance(stamp, str):
+        since = datetime.fromisoformat(stamp).replace(tzinfo=UTC) - _EPOCH
+        return ((since.days * 86_400 + since.seconds) * 1_000_000 + since.microseconds) * 1_000
+    return ((stamp & ((1 << 62) - 1)) - 621_355_968_000_000_000) * 100
+
+
+def _times(rows: list[tuple[Any, ...]], found: dict[Key, list[int]], *, changes: bool) -> None:
+    steps = [(later[0], later[2], _ns(later[1]) - _ns(earlier[1])) for earlier, later in pairwise(rows)]
+    found["NV955", "warning", None] += [rowid for rowid, _, step in steps if step < 0]
+    forward = [step for _, _, step in steps if step > 0]
+    if not changes and forward:
+        median = median_low(forward)
+        if 3 * sum(4 * abs(step - median) <= median for step in forward) < len(forward):
+            return
+        limit = median * 3 // 2
+        found["NV952", "error", None] += [rowid for rowid, told, step in steps if step > limit and told != 0]
+
+
+class _Changes:
+    def __init__(self, columns: list[tuple[str, str]], found: dict[Key, list[int]]) -> None:
+        self.names = [name for name, _ in columns[::2]]
+        self.real = {name for name, declared in columns[::2] if declared == "FLOAT"}
+        self.found = found
+        self.count: dict[str, int] = {}
+        self.value: dict[str, Any] = {}
+        self.lost_at: dict[str, int] = {}
+        self.stored: set[str] = set()
+        self.losses = 0
+        self.start: list[tuple[int, bool, dict[str, str]]] = []
+        self.seen_beginning = False
+
+    def tell(self, code: str, severity: str, name: str | None, rowid: int) -> None:
+        self.found[code, severity, name].append(rowid)
+
+    def judge(self, rows: list[tuple[Any, ...]]) -> None:
+        for number, (rowid, _, consistent, *cells) in enumerate(rows):
+            self.judge_row(
+                number == 0,
+                rowid,
+                consistent == 0,
+                dict(zip(self.names, zip(cells[::2], cells[1::2], strict=True), strict=True)),
+            )
+        self.close()
+
+    def judge_row(self, first: bool, rowid: int, lost: bool, cells: dict[str, tuple[Any, Any]]) -> None:
+        self.losses += lost
+        counted = {name: count for name, (_, count) in cells.items() if count is not None}
+        zero = bool(counted) and not any(counted.values())
+        if first:
+            self.seen_beginning = zero
+        if lost and not first and not zero:
+            self.tell("NV951", "note", None, rowid)
+        if not zero and self.start and set(counted) - {name for *_, own in self.start for name in own}:
+            self.close()
+        says: dict[str, str] = {}
+        for name, (value, count) in cells.items():
+            if count is None:
+                if value is not None:
+                    self.tell("NV957", "note", name, rowid)
+                    self.value[name] = value
+                continue
+            says[name] = self.judge_cell(name, value, count, rowid, zero=zero)
+        if zero:
+            self.take_zero(rowid, lost, says)
+
+    def judge_cell(self, name: str, value: Any, count: int, rowid: int, *, zero: bool) -> str:
+        known = name in self.count
+        step = count - self.count[name] if known else 0
+        if step < 0 and 0 < step + _WRAP <= 1_000:
+            step += _WRAP
+        had, before = name in self.value, self.value.get(name)
+        says = "unknown" if not known else "back" if step < 0 else "equal"
+        if value is not None and had and value != before and known and step == 0:
+            says = "stuck"
+        alike = value is not None and had and value == before and not (name in self.real and value == 0)
+        if known and not zero:
+            if step > 1 and self.losses == self.lost_at[name]:
+                self.tell("NV953", "error", name, rowid)
+            if step < 0:
+                self.tell("NV954", "error", name, rowid)
+            if step == 0 and says == "stuck":
+                self.tell("NV954", "error", name, rowid)
+            if step in (0, 1) and alike:
+                self.tell("NV958", "note", name, rowid)
+        if not known and count < 0:
+            self.tell("NV954", "error", name, rowid)
+        if value is None:
+            if name not in self.real or (known and step == 0 and not zero):
+                self.tell("NV957", "note", name, rowid)
+            elif not known or step != 0:
+                self.value[name] = None
+        else:
+            self.value[name] = value
+        self.count[name], self.lost_at[name] = count, self.losses
+        self.stored.add(name)
+        return says
+
+    def take_zero(self, rowid: int, lost: bool, says: dict[str, str]) -> None:
+        if {name for *_, own in self.start for name in own} & set(says):
+            self.close()
+        self.start.append((rowid, lost, says))
+        missing = set(self.names) - {name for *_, own in self.start for name in own}
+        if not missing or (self.seen_beginning and not missing & self.stored):
+            if any(one != "unknown" for *_, own in self.start for one in own.values()):
+                self.tell("NV954", "note", None, self.start[0][0])
+            self.start = []
+
+    def close(self) -> None:
+        known = any(one != "unknown" for *_, own in self.start for one in own.values())
+        for rowid, lost, says in self.start:
+            if lost and known:
+                self.tell("NV951", "note", None, rowid)
+            for name, one in says.items():
+                if one in ("back", "stuck"):
+                    self.tell("NV954", "error", name, rowid)
+                if one == "equal":
+                    self.tell("NV958", "note", name, rowid)
+        self.start = []

@@ -1,0 +1,161 @@
+"""Files of a logger are one series, in the order in which they were written."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from nvscope.datalogger.audit.audit import audited
+from nvscope.datalogger.audit.series import series_of
+from tests.datalogger.audit.built import DECLARED, Row, every_value, later, only_changes, with_cells, write
+from tests.datalogger.audit.test_planted import told
+
+
+def split(folder: Path, rows: list[Row], names: list[str], *, changes: bool) -> None:
+    """Write rows into files, as many into each."""
+    size = -(-len(rows) // len(names))
+    for number, name in enumerate(names):
+        write(folder / name, rows[number * size : (number + 1) * size], DECLARED, changes=changes)
+
+
+def rolled(folder: Path, names: list[str], *, changes: bool) -> None:
+    split(folder, only_changes(90) if changes else every_value(90), names, changes=changes)
+
+
+def found(*paths: Path | str) -> list[tuple[str, str]]:
+    return [(one.kind.code, Path(one.file).name) for one in audited([str(path) for path in paths]).findings]
+
+
+@pytest.mark.parametrize("changes", [False, True])
+@pytest.mark.parametrize("names", [["x.db.0", "x.db.1", "x.db"], ["x.db.9", "x.db.10", "x.db"], ["x.db.0", "x.db.1"]])
+def test_rows_go_on_from_one_file_to_the_next(tmp_path: Path, names: list[str], changes: bool) -> None:
+    rolled(tmp_path, names, changes=changes)
+    paths = [str(tmp_path / name) for name in reversed(names)]
+    audit = audited(paths)
+    assert told(audit) == []
+    assert [Path(file.path).name for file in audit.files] == names
+    (table,) = audit.tables
+    assert table.audit.rows == 90
+    if not changes:
+        assert table.audit.covered == 1
+
+
+def test_the_last_file_takes_its_closed_files_along(tmp_path: Path) -> None:
+    rolled(tmp_path, ["x.db.0", "x.db.1", "x.db"], changes=True)
+    write(tmp_path / "y.db", every_value(), DECLARED, changes=False)
+    audit = audited([str(tmp_path / "x.db")])
+    assert [Path(file.path).name for file in audit.files] == ["x.db.0", "x.db.1", "x.db"]
+    assert audit.notes == ["2 closed files of x.db taken along"]
+    alone = audited([str(tmp_path / "x.db.1")])
+    assert [Path(file.path).name for file in alone.files] == ["x.db.1"]
+    assert alone.notes == ["1 other closed file of its series lies beside: name x.db to have all of them"]
+    assert told(alone) == []
+    both = audited([str(tmp_path / "x.db.1"), str(tmp_path / "y.db")])
+    assert [Path(file.path).name for file in both.files] == ["x.db.1", "y.db"]
+    folder = audited([str(tmp_path)])
+    assert [Path(file.path).name for file in folder.files] == ["x.db.0", "x.db.1", "x.db", "y.db"]
+
+
+def test_what_lies_beside_a_database_is_no_other_one(tmp_path: Path) -> None:
+    paths = [str(tmp_path / name) for name in ("x.db", "x.db-wal", "x.db.0", "x.db-shm", "x.db-journal")]
+    (series,) = series_of(paths)
+    assert [Path(member.path).name for member in series.members] == ["x.db.0", "x.db"]
+    (alone,) = series_of([str(tmp_path / "y.db-wal")])
+    assert alone.members[0].path.endswith("y.db-wal")
+
+
+@pytest.mark.parametrize("changes", [False, True])
+def test_a_missing_file_is_told_and_nothing_that_follows_from_it(tmp_path: Path, changes: bool) -> None:
+    rolled(tmp_path, ["x.db.0", "x.db.1", "x.db.2", "x.db"], changes=changes)
+    (tmp_path / "x.db.1").unlink()
+    audit = audited([str(tmp_path / "x.db")])
+    (finding,) = audit.findings
+    assert (finding.kind.code, finding.message) == ("NV959", "File 1 of the series is missing.")
+    rolled(tmp_path, ["x.db.0", "x.db.1", "x.db.2", "x.db"], changes=changes)
+    (tmp_path / "x.db.0").unlink()
+    assert found(tmp_path / "x.db") == []
+
+
+@pytest.mark.parametrize("changes", [False, True])
+def test_a_damaged_member_is_told_and_nothing_that_follows_from_it(tmp_path: Path, changes: bool) -> None:
+    rolled(tmp_path, ["x.db.0", "x.db.1", "x.db"], changes=changes)
+    (tmp_path / "x.db.1").write_bytes(b"no database")
+    assert found(tmp_path / "x.db") == [("NV959", "x.db.1")]
+    assert audited([str(tmp_path / "x.db")]).files[1].status == "unreadable"
+
+
+@pytest.mark.parametrize("changes", [False, True])
+def test_files_that_overlap_are_told(tmp_path: Path, changes: bool) -> None:
+    rows = only_changes(60) if changes else every_value(60)
+    write(tmp_path / "x.db.0", rows[:30], DECLARED, changes=changes)
+    write(tmp_path / "x.db", later(rows[30:], -2_000), DECLARED, changes=changes)
+    assert found(tmp_path / "x.db") == [("NV959", "x.db")]
+
+
+def test_a_file_may_begin_with_every_value_or_go_on(tmp_path: Path) -> None:
+    rows = only_changes(60)
+    write(tmp_path / "x.db.0", rows[:30], DECLARED, changes=True)
+    # Every value, with counters as they were; or all at 0.
+    again = with_cells(rows, 30, {"b": rows[28].values["b"], "c": rows[28].values["c"]}, {"b": 14, "c": 4})[30:]
+    assert rows[28].counts == {"a": 28, "b": 14, "c": 4}
+    again = with_cells(again, 0, {"b": rows[30].values["b"]}, {"b": 15})
+    write(tmp_path / "x.db", again, DECLARED, changes=True)
+    assert found(tmp_path / "x.db") == []
+    (tmp_path / "x.db").unlink()
+    write(tmp_path / "x.db", later(only_changes(30), 60_000), DECLARED, changes=True)
+    assert found(tmp_path / "x.db") == []
+
+
+def test_rows_that_are_lost_between_files_are_found(tmp_path: Path) -> None:
+    rows = only_changes(60)
+    write(tmp_path / "x.db.0", rows[:30], DECLARED, changes=True)
+    write(tmp_path / "x.db", rows[33:], DECLARED, changes=True)
+    assert found(tmp_path / "x.db") == [("NV953", "x.db")] * 2
+    values = every_value(60)
+    write(tmp_path / "y.db.0", values[:30], DECLARED, changes=False)
+    write(tmp_path / "y.db", values[33:], DECLARED, changes=False)
+    assert found(tmp_path / "y.db") == [("NV952", "y.db")]
+
+
+@pytest.mark.parametrize("changes", [False, True])
+def test_a_page_that_is_lost_is_told_and_nothing_that_follows_from_it(tmp_path: Path, changes: bool) -> None:
+    rows = only_changes(2_000) if changes else every_value(2_000)
+    path = write(tmp_path / "x.db", rows, DECLARED, changes=changes, page_bytes=1024)
+    raw = bytearray(path.read_bytes())
+    raw[20 * 1024 : 20 * 1024 + 40] = bytes(40)
+    path.write_bytes(raw)
+    audit = audited([str(path)])
+    (finding,) = audit.findings
+    assert finding.kind.code == "NV959"
+    assert "page 21 is no page of a table: rows between" in finding.message
+    assert audit.files[0].status == "damaged"
+
+
+@pytest.mark.parametrize("changes", [False, True])
+def test_a_file_that_is_cut_is_told(tmp_path: Path, changes: bool) -> None:
+    rows = only_changes(2_000) if changes else every_value(2_000)
+    path = write(tmp_path / "x.db", rows, DECLARED, changes=changes)
+    path.write_bytes(path.read_bytes()[: 10 * 4096 + 17])
+    (finding,) = audited([str(path)]).findings
+    assert finding.kind.code == "NV959"
+    assert finding.message.startswith("Cut short: ")
+
+
+def test_tables_of_several_sessions_are_told_apart(tmp_path: Path) -> None:
+    write(tmp_path / "x.db", every_value(), DECLARED, changes=False)
+    write(tmp_path / "y.db", only_changes(), DECLARED, changes=True)
+    shutil.copy(tmp_path / "x.db", tmp_path / "both.db")
+    with closing(sqlite3.connect(tmp_path / "both.db")) as database:
+        database.execute("ATTACH ? AS other", (str(tmp_path / "y.db"),))
+        (sql,) = database.execute("SELECT sql FROM other.sqlite_master").fetchone()
+        database.execute(sql)
+        database.execute("INSERT INTO log_changes_1 SELECT * FROM other.log_changes_1")
+        database.execute("CREATE TABLE notes(a)")
+        database.commit()
+    audit = audited([str(tmp_path / "both.db")])
+    assert [table.audit.table.name for table in audit.tables] == ["log_1", "log_changes_1"]
+    assert told(audit) == []
