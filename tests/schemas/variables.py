@@ -89,10 +89,10 @@ _OF_LOG: Properties = {
     "name": text("its full name"),
     "type": text("what its column is declared as"),
 }
-_STORED: Schema = {"type": ["number", "string", "null"]}
+VALUE_OF_LOG: Schema = {"type": ["number", "string", "null"]}
 _LOGGED_VALUE: Properties = {
     "unit": unknown(),
-    "value": _STORED | {"description": "as it is stored; null of bytes, of what is no finite number, and of NULL"},
+    "value": VALUE_OF_LOG | {"description": "as it is stored; null of bytes, of what is no finite number, and of NULL"},
     "text": maybe(text("as an engineer writes it; bytes in hexadecimal")),
 }
 _LOGGED_VARIABLE: Properties = {
@@ -196,7 +196,7 @@ def history() -> Schema:
     page_variable = {name: one for name, one in page_variable.items() if name not in of_lists}
     of_nobody = (*of_lists, "sender", "telegrams")
     of_log = {name: part for name, part in _OF_LOG.items() if name != "type"}
-    logged_change = {**change, **of_log, "unit": unknown(), "old": _STORED, "new": _STORED}
+    logged_change = {**change, **of_log, "unit": unknown(), "old": VALUE_OF_LOG, "new": VALUE_OF_LOG}
     logged_variable = {**variable, **_OF_LOG, "rows": whole("with a value", 1)}
     told = {
         "change": change, "page_change": page_change, "variable": variable, "page_variable": page_variable,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from nvscope.tracker.readings.last_values import LastValues
+from nvscope.tracker.readings.readings import ReadVariable
 from nvscope.tracker.readings.value_history import ReadEntry, ValueHistory
 from nvscope.tracker.readings.values_at import ValuesAt
 from nvscope.view.documents import read_variables as shaped
@@ -53,5 +54,9 @@ def summary_rows(known: Mapping[str, ValueHistory]) -> list[dict[str, Any]]:
 
 def row_of_reading(entry: ReadEntry, *, secrets: bool = False) -> dict[str, Any]:
     """Return the row of one value."""
-    name = entry.variable.list.partition("/")[0]
-    return shaped.change_row(entry, _TOLD[name].shape, secrets=secrets)
+    return shaped.change_row(entry, shape_of(entry.variable), secrets=secrets)
+
+
+def shape_of(variable: ReadVariable) -> RowShape:
+    """Return the shape of the rows of a variable."""
+    return _TOLD[variable.list.partition("/")[0]].shape

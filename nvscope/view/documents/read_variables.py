@@ -60,17 +60,17 @@ def value_rows(values: LastValues, shape: RowShape, *, secrets: bool = False) ->
         rows.append(
             {
                 **_called(variable, shape),
-                "unit": _unit(variable, last),
-                "value": None if last is None else _json(variable, last, hidden=hidden),
-                "text": None if last is None else _text(variable, last, hidden=hidden),
+                "unit": reading_unit(variable, last),
+                "value": None if last is None else reading_json(variable, last, hidden=hidden),
+                "text": None if last is None else reading_text(variable, last, hidden=hidden),
                 "last_ns": str(int(columns.last_ns[number])) if readings else None,
                 "changed_ns": str(int(columns.changed_ns[number])) if readings else None,
                 shape.counted: readings,
                 "changes": int(columns.changes[number]),
-                "min": None if least is None else _json(variable, least, hidden=False),
-                "max": None if most is None else _json(variable, most, hidden=False),
-                "min_text": None if least is None else _text(variable, least, hidden=False),
-                "max_text": None if most is None else _text(variable, most, hidden=False),
+                "min": None if least is None else reading_json(variable, least, hidden=False),
+                "max": None if most is None else reading_json(variable, most, hidden=False),
+                "min_text": None if least is None else reading_text(variable, least, hidden=False),
+                "max_text": None if most is None else reading_text(variable, most, hidden=False),
                 **shape.further(variable),
                 **(
                     {"unreadable": int(columns.unreadable[number]), "hidden": hidden and bool(readings)}
@@ -91,9 +91,9 @@ def rows_at(values: ValuesAt, time_ns: int, shape: RowShape, *, secrets: bool = 
         rows.append(
             {
                 **_called(variable, shape),
-                "unit": None if last is None else _unit(variable, last.reading),
-                "value": None if last is None else _json(variable, last.reading, hidden=hidden),
-                "text": None if last is None else _text(variable, last.reading, hidden=hidden),
+                "unit": None if last is None else reading_unit(variable, last.reading),
+                "value": None if last is None else reading_json(variable, last.reading, hidden=hidden),
+                "text": None if last is None else reading_text(variable, last.reading, hidden=hidden),
                 "frame": None if last is None else last.frame,
                 "sent_ns": None if last is None else str(last.time_ns),
                 "age_ns": None if last is None else time_ns - last.time_ns,
@@ -117,9 +117,9 @@ def change_row(entry: ReadEntry, shape: RowShape, *, secrets: bool = False) -> d
         **shape.whence(variable),
         "name": entry.name,
         "changed": entry.changed,
-        "unit": _unit(variable, new),
-        "old": None if old is None else _json(variable, old, hidden=hides_old),
-        "new": _json(variable, new, hidden=hides_new),
+        "unit": reading_unit(variable, new),
+        "old": None if old is None else reading_json(variable, old, hidden=hides_old),
+        "new": reading_json(variable, new, hidden=hides_new),
         "old_text": None if old is None else _exact(variable, old, hidden=hides_old),
         "new_text": _exact(variable, new, hidden=hides_new),
         **shape.further(variable),
@@ -161,7 +161,8 @@ def _called(variable: ReadVariable, shape: RowShape) -> dict[str, Any]:
     }
 
 
-def _unit(variable: ReadVariable, last: Reading | None) -> str | None:
+def reading_unit(variable: ReadVariable, last: Reading | None) -> str | None:
+    """Return in which unit ``reading_json`` is, None of what has none."""
     form, bits = (Form.NOTHING, 0) if last is None else (last.form, last.bits)
     kind = variable.kind_of(form, bits)
     return None if kind is None else unit_of(kind)
@@ -184,13 +185,15 @@ def _value(variable: ReadVariable, reading: Reading) -> Value | None:
     return reading.text if reading.form is Form.TEXT else value_of_bits(variable, reading.form, reading.bits)
 
 
-def _json(variable: ReadVariable, reading: Reading, *, hidden: bool) -> Any:
+def reading_json(variable: ReadVariable, reading: Reading, *, hidden: bool) -> Any:
+    """Return a value as JSON has it, None of what is hidden or none of its type."""
     value = None if hidden else _value(variable, reading)
     kind = variable.kind_of(reading.form, reading.bits)
     return None if value is None or kind is None else json_value(kind, value)
 
 
-def _text(variable: ReadVariable, reading: Reading, *, hidden: bool) -> str:
+def reading_text(variable: ReadVariable, reading: Reading, *, hidden: bool) -> str:
+    """Return a value as an engineer writes it; its text where it is none of its type."""
     if hidden:
         return HIDDEN
     value = _value(variable, reading)
