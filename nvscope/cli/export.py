@@ -104,7 +104,7 @@ def export(
             "--list",
             metavar="LIST",
             help="Only this list: its name, identifier, or key as udp/1202/7; visu/ADDRESS for what pages asked a "
-            "controller for.",
+            "controller for, db/FILE for a database.",
             autocompletion=completion.lists,
         ),
     ] = None,
@@ -136,9 +136,9 @@ def export(
 
     With several lists, the name of each stands in the name of its file: values.parquet becomes values.axis.parquet.
     Values of web visualization stand in the long form between those of lists; else a row a value in a file of their
-    own, values.visu.parquet, which is there where pages asked for any. Passwords among them are hidden. What a telegram
-    does not send is null. Files appear when they are complete. Exits with 3 where a capture could not be read to its
-    end.
+    own, values.visu.parquet, which is there where pages asked for any. Passwords among them are hidden. So do values of
+    DataLogger databases (values.db.parquet). What a telegram does not send is null. Files appear when they are
+    complete. Exits with 3 where a capture could not be read to its end.
 
     TIME, LTIME and times of day are durations: in Parquet by their type, elsewhere nanoseconds, in CSV and NDJSON with
     the unit in the name (tRun_ns), in the long form in the column integer. DATE, DT, LDATE and LDT are times without a

@@ -28,8 +28,8 @@ SourcesArgument = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="SOURCE...",
-        help="Capture files, directories of them, or - for stdin; or an interface, udp://ADDRESS:PORT or "
-        "can:INTERFACE:CHANNEL; and definition files, as for --gvl.",
+        help="Capture files, DataLogger databases, directories of them, or - for stdin; or an interface, "
+        "udp://ADDRESS:PORT or can:INTERFACE:CHANNEL; and definition files, as for --gvl.",
         show_default=False,
     ),
 ]

@@ -64,7 +64,7 @@ def variables(
             metavar="NAME",
             help="Show every change of a variable, of all elements of a structure or array, or of what a pattern "
             "with * stands for, in each list, and on each page, that has it. LIST:NAME, or --list, for one of them; "
-            "visu/ADDRESS/NAME for those of pages.",
+            "visu/ADDRESS/NAME for those of pages, db/FILE/NAME for those of databases.",
         ),
     ] = None,
     every: Annotated[bool, typer.Option("--all", help="With --history: every telegram, not only changes.")] = False,
@@ -86,7 +86,7 @@ def variables(
             "--list",
             metavar="LIST",
             help="Only this list: its name, identifier, or key as udp/1202/7; visu/ADDRESS for what pages asked a "
-            "controller for.",
+            "controller for, db/FILE for a database.",
             autocompletion=lists,
         ),
     ] = None,
@@ -118,7 +118,8 @@ def variables(
 
     Names of variables of lists come from the definition files that the PLC project exports. Variables of web
     visualization stand beside them, without any file; their names come from variable lists that are in the capture, or
-    that the project names. Exits with 3 where a capture could not be read to its end.
+    that the project names. So do those of DataLogger databases. Exits with 3 where a capture could not be read to its
+    end.
     """
     files_named = named_files(sources, read, gvl, live.interfaces)
     paths, gvl = files_named.captures, files_named.definitions

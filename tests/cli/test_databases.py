@@ -10,10 +10,12 @@ import os
 import sqlite3
 from contextlib import closing
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from nvscope.cli.completion import lists
 from tests.program import run_text
 from tests.tracker.datalogger.logs import Row, write_log
 
@@ -294,3 +296,8 @@ def test_nothing_is_made_beside_a_database(tmp_path: Path) -> None:
     os.chmod(path, 0o444)
     run_text("vars", str(path))
     assert [one.name for one in tmp_path.iterdir()] == ["x.db"]
+
+
+def test_a_shell_proposes_the_databases_that_are_named() -> None:
+    context = SimpleNamespace(params={"sources": [PEERS, GENUINE]})
+    assert lists(context, "db/") == ["db/genuine-5min.db"]

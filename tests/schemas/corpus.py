@@ -118,6 +118,8 @@ ODD_COMMANDS = (
     "report pages.pcap --project named.toml",
     "report shown.pcap --gvl shown.gvl --compare",
     "report shown.pcap --gvl shown.gvl --compare --show-secrets",
+    "report shown.pcap shown.db --gvl shown.gvl --compare",
+    "report shown_once.pcap shown.db --gvl shown.gvl --compare",
     "report shown_once.pcap --gvl shown.gvl --compare",
     "report timed_pages.pcap --project named.toml",
     "vars timed_pages.pcap",

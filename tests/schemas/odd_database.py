@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from pathlib import Path
 
+from tests.oracle.builders import START
 from tests.tracker.datalogger.logs import Row, write_log
 
 _VARIABLES = [
@@ -26,3 +28,6 @@ def make_odd_database(folder: Path) -> None:
         Row(500, (3.5, "zu", None, 1, 1)),
     ]
     write_log(folder / "odd.db", _VARIABLES, rows)
+    logged = [("Plc/nCount", "SMALLINT"), ("Plc/sText", "TEXT"), ("Plc/bOdd", "TINYINT"), ("Plc/tRun", "INT")]
+    at = [datetime.fromtimestamp(START / 10**9 + place / 10, UTC).strftime("%Y-%m-%dT%H:%M:%S.%f") for place in (0, 2)]
+    write_log(folder / "shown.db", logged, [Row(at[0], (0, "ab", b"", 0)), Row(at[1], (4, "ab", b"", 4))])
