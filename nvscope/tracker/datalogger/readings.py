@@ -43,6 +43,7 @@ class ReadRows:
         self._meant_of: dict[RowTable, I64] = {}
         self._stretch: dict[str, int] = {}
         self.missed = 0
+        self._came: list[tuple[I64, I64, I64]] = []
 
     @property
     def known(self) -> Sequence[DatabaseVariable]:
@@ -60,6 +61,7 @@ class ReadRows:
             _TableRows(table, rows, records, self._numbers(table, told.max_streams), self._stretches(table, records))
             for table, rows, records in part.by_table()
         ]
+        self._came = [(one.numbers, part.row[one.rows], one.stretch) for one in tables if one.table.log.only_changes]
         chosen = None if told.chosen is None else told.chosen[part.row]
         variables = max((len(one.numbers) for one in tables), default=1)
         most = max(MOST_AT_ONCE // max(variables, 1), 1)
@@ -67,6 +69,16 @@ class ReadRows:
             found = [cells for one in tables for cells in one.cells(begin, begin + most, chosen)]
             if found:
                 yield self._readings(part.row, found, in_turn=len(tables) > 1)
+
+    def rows_of(self, number: int) -> tuple[I64, I64]:
+        """Return the packets of the rows, in the batch read last, of tables in which only changes of a variable are.
+
+        In those it is what it was before, where there is no value of it, as long as nothing was lost: the numbers of
+        their stretches are the second.
+        """
+        own = [(rows, stretch) for numbers, rows, stretch in self._came if (numbers == number).any()]
+        rows, stretch = (np.concatenate([np.empty(0, np.int64), *(one[at] for one in own)]) for at in range(2))
+        return rows, stretch
 
     def _stretches(self, table: RowTable, records: Records) -> I64:
         """Return numbers of rows that are the same where nothing was lost between these."""

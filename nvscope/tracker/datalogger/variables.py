@@ -40,6 +40,12 @@ class DatabaseVariable:
         """Its name behind the last slash: that in its program."""
         return self.name.rpartition("/")[2]
 
+    @property
+    def usual_form(self) -> int:
+        """The form of its values: as its column is declared."""
+        declared = self.type.upper()
+        return Form.REAL if declared in ("FLOAT", "DOUBLE") else Form.TEXT if declared == "TEXT" else Form.WHOLE
+
     def kind_of(self, form: int, bits: int) -> Elementary | None:
         """Return the type by which a value is shown: as it is stored, whatever the column is declared as."""
         if form == Form.WHOLE:

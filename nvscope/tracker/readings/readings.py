@@ -49,6 +49,11 @@ class ReadVariable(Protocol):
         """What variables of one protocol are sorted by."""
         ...
 
+    @property
+    def usual_form(self) -> int:
+        """The ``Form`` that its values have, as far as its type says it."""
+        ...
+
     def kind_of(self, form: int, bits: int) -> Elementary | None:
         """Return the type of a value, given by its ``Form`` and bits; None where texts are all that is known."""
         ...

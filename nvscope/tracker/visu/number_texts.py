@@ -32,7 +32,7 @@ class Kinds:
 
     def add(self, kind: Elementary | None) -> None:
         """Take the type of the next variable; None where texts are all that is known."""
-        form = _form_of(kind)
+        form = form_of(kind)
         row = int(form), 0, 0, False, False
         if isinstance(kind, Scalar):
             low, high = bounds_of(kind) if form is Form.WHOLE else (0, 0)
@@ -88,7 +88,8 @@ def forms_and_bits(kinds: Kinds, kind: I64, data: bytes, start: I64, stop: I64) 
     return form, bits
 
 
-def _form_of(kind: Elementary | None) -> Form:
+def form_of(kind: Elementary | None) -> Form:
+    """Return what values of a type are, if they are of it."""
     if isinstance(kind, String):
         return Form.TEXT
     if not isinstance(kind, Scalar):

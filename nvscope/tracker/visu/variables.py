@@ -19,7 +19,7 @@ from nvscope.definition.visu_values import type_at
 from nvscope.tracker.readings.readings import LEFT_OUT, in_order
 from nvscope.tracker.visu.controllers import Controller
 from nvscope.tracker.visu.names import is_secret, name_of
-from nvscope.tracker.visu.number_texts import Kinds
+from nvscope.tracker.visu.number_texts import Kinds, form_of
 
 Where = Place | str
 
@@ -61,6 +61,11 @@ class PageVariable:
     def order(self) -> tuple[Any, ...]:
         """What variables are sorted by: controller, those with a name first, its numbers as numbers, and place."""
         return self.controller.order, self.name == self.place, in_order(self.name), self.place
+
+    @property
+    def usual_form(self) -> int:
+        """The form of its values: as its type has them."""
+        return form_of(self.kind)
 
     def kind_of(self, form: int, bits: int) -> Elementary | None:
         """Return its type, which all values have that are more than a text."""
