@@ -47,6 +47,7 @@ class Progress:
     start_ns: int | None = None
     end_ns: int | None = None
     topics: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 class Reader(ABC):

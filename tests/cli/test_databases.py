@@ -17,7 +17,7 @@ import pytest
 
 from nvscope.cli.completion import lists
 from tests.program import run_text
-from tests.tracker.datalogger.logs import Row, write_log
+from tests.tracker.datalogger.logs import Row, at_ms, write_log
 
 ROOT = Path(__file__).parents[2]
 GENUINE = str(ROOT / "captures" / "datalogger" / "genuine-5min.db")
@@ -240,6 +240,7 @@ def test_what_was_left_beside_a_database_is_read_and_stays(tmp_path: Path) -> No
         assert "x.db-wal" in kept
         told = run_text("vars", str(path), "--json")
         assert [row["value"] for row in json.loads(told.stdout)["logged_variables"]] == [1]
+        assert (told.returncode, "x.db-wal was left beside it, and was taken in" in told.stderr) == (0, True)
         assert {one.name: one.read_bytes() for one in tmp_path.iterdir() if not one.name.endswith("-shm")} == kept
 
 
@@ -301,3 +302,42 @@ def test_nothing_is_made_beside_a_database(tmp_path: Path) -> None:
 def test_a_shell_proposes_the_databases_that_are_named() -> None:
     context = SimpleNamespace(params={"sources": [PEERS, GENUINE]})
     assert lists(context, "db/") == ["db/genuine-5min.db"]
+
+
+def test_tables_that_only_sqlite_can_read_have_the_same_rows(tmp_path: Path) -> None:
+    path = tmp_path / "x.db"
+    values = [None, 0, 1, -1, 127, 128, -129, 2**31, -(2**47), 2**62, 0.5, -1e300, "", "ä" * 60, b"", b"\xff" * 300]
+    with closing(sqlite3.connect(path)) as database:
+        # A default for rows that have not the column, which no record tells.
+        database.execute('CREATE TABLE log_1("Timestamp" TEXT, "ConsistentDataSeries" INT, "a" BLOB)')
+        rows = [(at_ms(place), 1, value) for place, value in enumerate(values)]
+        database.executemany("INSERT INTO log_1 VALUES (?, ?, ?)", rows)
+        database.execute('ALTER TABLE log_1 ADD COLUMN "b" INT DEFAULT 7')
+        database.commit()
+    told = as_json("vars", str(path), "--history", "a", "--all")
+    plain = [value.hex(" ") if isinstance(value, bytes) else value for value in values[1:]]
+    assert [row["new_text"] if row["new"] is None else row["new"] for row in told["logged_changes"]] == plain
+    (row,) = [row for row in as_json("vars", str(path))["logged_variables"] if row["name"] == "b"]
+    assert (row["value"], row["rows"]) == (7, len(values))
+
+
+def test_a_database_that_is_being_written_is_read_as_far_as_it_is(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "x.db", [("a", "INT")], [Row(0, (0,)), Row(10, (1,))])
+    with closing(sqlite3.connect(path, isolation_level=None)) as database:
+        database.execute("BEGIN IMMEDIATE")
+        database.execute("INSERT INTO log_1 VALUES ('2026-01-31T08:00:01.000000', 1, 2)")
+        done = run_text("vars", path, "--json")
+        database.execute("COMMIT")
+    assert [row["value"] for row in json.loads(done.stdout)["logged_variables"]] == [1]
+    assert "is writing to it now" in done.stderr
+    assert as_json("vars", path)["logged_variables"][0]["value"] == 2
+
+
+def test_texts_of_utf_16_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "x.db"
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("PRAGMA encoding = 'UTF-16le'")
+        database.execute("CREATE TABLE other(a)")
+        database.commit()
+    write_log(path, [("a", "TEXT")], [Row(0, ("grün",)), Row(10, ("rot",))])
+    assert [row["new"] for row in as_json("vars", str(path), "--history", "a")["logged_changes"]] == ["grün", "rot"]

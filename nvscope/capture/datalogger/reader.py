@@ -92,7 +92,7 @@ class LogReader(Reader):
         if database.file.pages_missing or (database.path == path and sqlite_file.left_beside(path)):
             lost[:0] = database.notes
         else:
-            self.progress.comments += [(None, note) for note in database.notes]
+            self.progress.notes = database.notes
         self._lost += lost
 
     def _tell_table(self, track: _Table, name: str) -> None:
