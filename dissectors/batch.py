@@ -15,6 +15,8 @@ import numpy as np
 if TYPE_CHECKING:
     import numpy.typing as npt
 
+    from dissectors.datalogger.logged import Logged
+
     U8 = npt.NDArray[np.uint8]
     U16 = npt.NDArray[np.uint16]
     U32 = npt.NDArray[np.uint32]
@@ -32,7 +34,10 @@ PAD_BYTES = 128
 
 
 class LinkType(IntEnum):
-    """Link types as numbered in capture files (https://www.tcpdump.org/linktypes.html)."""
+    """Link types as numbered in capture files (https://www.tcpdump.org/linktypes.html).
+
+    Rows of databases have a number of ours, and are in no capture file.
+    """
 
     NULL = 0
     ETHERNET = 1
@@ -44,6 +49,7 @@ class LinkType(IntEnum):
     IPV6 = 229
     UPPER_PDU = 252
     LINUX_SLL2 = 276
+    DATABASE_ROW = 0xDB00
 
 
 class Direction(IntEnum):
@@ -87,6 +93,7 @@ class PacketBatch:
     ``direction`` (``Direction``, uint8) is None where it is unknown of all.
     ``source`` tells as int32 of which of several sources a packet is, usually one broadcast value; None where there is
     one alone. ``ends`` are the sources that ended in front of the packets; of a slice, where it begins with the first.
+    ``logged`` tells of packets that are rows of databases of which tables they are; None where there is none.
     Shapes: all columns (n,); offset int64, captured int32, original int64, ts_ns int64, link uint16.
     """
 
@@ -101,6 +108,7 @@ class PacketBatch:
     direction: U8 | None = None
     source: I32 | None = None
     ends: tuple[End, ...] = ()
+    logged: Logged | None = None
 
     def __len__(self) -> int:
         return len(self.offset)
@@ -113,6 +121,7 @@ class PacketBatch:
             self.data, self.offset[rows], self.captured[rows], self.original[rows], self.ts_ns[rows], self.link[rows],
             channel, self.until_ns if whole else None, None if self.direction is None else self.direction[rows],
             None if self.source is None else self.source[rows], () if rows.indices(len(self))[0] else self.ends,
+            None if self.logged is None else self.logged.take(rows),
         )  # fmt: skip
 
     def take(self, rows: I64) -> PacketBatch:
@@ -124,6 +133,7 @@ class PacketBatch:
             None if self.channel is None else self.channel[rows],
             direction=None if self.direction is None else self.direction[rows],
             source=None if self.source is None else self.source[rows],
+            logged=None if self.logged is None else self.logged.take(rows),
         )  # fmt: skip
 
     @staticmethod

@@ -1,4 +1,4 @@
-"""Dissector: how a protocol is read that has ports of its own."""
+"""Dissector: how a protocol is read that has ports, or a link type, of its own."""
 
 from __future__ import annotations
 
@@ -49,18 +49,20 @@ Dissect = Callable[[PacketBatch, DatagramBatch, SegmentBatch], Part]
 
 @dataclass(frozen=True, slots=True)
 class Dissector:
-    """A protocol on ports of its own; ``name`` is what its fields begin with.
+    """A protocol on ports, or a link type, of its own; ``name`` is what its fields begin with.
 
     ``dissect`` is given a packet batch, and the datagrams and segments in it that go over the ports of ``claims``. It
     is total: no bytes raise, what is wrong with a message is a column of its part, and what is none is left out. Only
     of what is ``holding`` so many bytes may so many be gathered. It keeps nothing from one batch to the next. Where
-    messages span frames, ``begin`` makes in its place what follows the connections of one capture.
+    messages span frames, ``begin`` makes in its place what follows the connections of one capture. Packets of a link
+    type of its ``own_link`` are its own, too.
     """
 
     name: str
     claims: Claims
     dissect: Dissect | None = None
     begin: Callable[[], Follower] | None = None
+    own_link: int | None = None
 
     def part_of(
         self, packets: PacketBatch, datagrams: DatagramBatch, segments: SegmentBatch, first_frame: int = 1,
@@ -78,7 +80,7 @@ class Dissector:
         else:
             assert self.dissect is not None
             part = self.dissect(packets, datagrams, segments)
-        given = np.zeros(len(packets), np.bool_)
+        given = np.zeros(len(packets), np.bool_) if self.own_link is None else packets.link == self.own_link
         given[datagrams.row] = given[segments.row] = True
         row = part.row
         if len(row) and not ((np.diff(row) > 0).all() and row[0] >= 0 and row[-1] < len(given) and given[row].all()):

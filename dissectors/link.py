@@ -115,7 +115,7 @@ def peel(batch: PacketBatch, rows: I64 | None = None, claims: Claims = NO_CLAIMS
             transport, in_fragments = ip_packets(batch.data, network, is_ipv4=is_ipv4)
             fragments += len(in_fragments)
             _peel_transport(batch, transport, claims, found)
-        if link not in _LINK_READERS:
+        if link not in _LINK_READERS or (link == LinkType.DATABASE_ROW and batch.logged is None):
             unsupported = np.zeros(len(batch), np.bool_) if unsupported is None else unsupported
             unsupported[mine] = True
     return Peeled(
@@ -155,8 +155,8 @@ def _sll2(data: U8, frame: Place) -> list[tuple[bool, Place]]:
     return _by_ethertype(data, frame, head["type"].astype(np.uint16), group, SLL2.size_bytes)
 
 
-def _can(data: U8, frame: Place) -> list[tuple[bool, Place]]:
-    """No network layer: ``dissectors.can.frame`` reads these frames."""
+def _no_network(data: U8, frame: Place) -> list[tuple[bool, Place]]:
+    """No network layer: ``dissectors.can.frame`` reads these frames, ``dissectors.datalogger.rows`` these rows."""
     return []
 
 
@@ -197,7 +197,8 @@ _LINK_READERS: dict[int, Callable[[U8, Place], list[tuple[bool, Place]]]] = {
     LinkType.ETHERNET: _ethernet,
     LinkType.LINUX_SLL: _sll,
     LinkType.LINUX_SLL2: _sll2,
-    LinkType.CAN_SOCKETCAN: _can,
+    LinkType.CAN_SOCKETCAN: _no_network,
+    LinkType.DATABASE_ROW: _no_network,
     LinkType.NULL: _null,
     LinkType.LOOP: _loop,
     LinkType.RAW: _raw,

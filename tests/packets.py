@@ -20,6 +20,7 @@ from nvscope.view.display_filter import DisplayFilter, PacketChoice
 from nvscope.view.documents.report import report_document
 from nvscope.view.rows.frames import FrameRows, PacketRows
 from tests.oracle.frame import Frame
+from tests.protocols.rows import logged_of
 
 AnyObserver = TypeVar("AnyObserver", bound=Observer)
 
@@ -35,6 +36,7 @@ def batch_of(frames: Sequence[Frame]) -> PacketBatch:
         np.array([frame.original for frame in frames], np.int64),
         np.array([frame.ts_ns for frame in frames], np.int64),
         np.array([frame.link for frame in frames], np.uint16),
+        logged=logged_of(frames),
     )
 
 

@@ -7,7 +7,7 @@ from heapq import merge
 from typing import TYPE_CHECKING
 
 from nvscope.analysis.inquiry import Inquiry, Watch
-from nvscope.analysis.page_values import is_of_pages, nothing_meant, page_history, selection
+from nvscope.analysis.read_values import meant, nothing_meant, read_source, value_history
 from nvscope.analysis.seen_lists import SeenLists
 from nvscope.definition.selection import Selection, names_of_lists, select, unplaced_text
 from nvscope.engine.run import Observer
@@ -16,8 +16,7 @@ from nvscope.tracker.variables.data_telegrams import DataTelegrams
 from nvscope.tracker.variables.history import Entry, History
 
 if TYPE_CHECKING:
-    from nvscope.tracker.visu.on_demand import PageObserver
-    from nvscope.tracker.visu.value_history import PageEntry, ValueHistory
+    from nvscope.tracker.readings.value_history import ReadEntry
 
 
 class Changes:
@@ -26,8 +25,9 @@ class Changes:
     ``listed`` is the list, None for all that have such a variable. With ``every``, the values of each telegram, changed
     or not; ``expression`` is a filter. UsageError where nothing has the name, or no definition is given.
 
-    ``with_pages``: variables of web visualization are meant, too, by ``pages``. Which there are is known in the end:
-    where no list has the name, ``check`` raises what is raised at once without them; there is no ``history`` then.
+    ``with_read``: variables whose values come one by one are meant, too, by ``read_ones``. Which there are is known in
+    the end: where no list has the name, ``check`` raises what is raised at once without them; there is no ``history``
+    then.
     """
 
     def __init__(
@@ -38,14 +38,15 @@ class Changes:
         listed: str | None = None,
         every: bool = False,
         expression: str | None = None,
-        with_pages: bool = False,
+        with_read: bool = False,
     ) -> None:
         self._inquiry = inquiry
         self._name = name
-        self._of_pages = with_pages and (is_of_pages(name) or (listed is not None and is_of_pages(listed)))
+        self._named_so = with_read and (read_source(name) or read_source(listed)) is not None
         self._problem: UsageError | None = None
-        meant = selection(name, listed) if with_pages else None
-        self.pages: PageObserver[ValueHistory] | None = None if meant is None else page_history(meant, every=every)
+        wanted = meant(name, listed) if with_read else {}
+        self._any_meant = bool(wanted)
+        self.read_ones = value_history(wanted, every=every)
         self.selection = self._select(listed)
         self._chosen = None if expression is None else inquiry.filter(expression)
         self.source = inquiry.open()
@@ -57,32 +58,32 @@ class Changes:
 
     def _select(self, listed: str | None) -> Selection:
         try:
-            if self._of_pages:
+            if self._named_so:
                 raise nothing_meant(self._name, ())
             return select(self._inquiry.defined_layouts(), self._name, listed)
         except UsageError as error:
-            if self.pages is None:
+            if not self._any_meant:
                 raise
             self._problem = error
             return Selection()
 
     @property
-    def pages_alone(self) -> bool:
-        """Whether only pages may have the variables."""
+    def read_alone(self) -> bool:
+        """Whether only what comes one by one may have the variables."""
         return self._problem is not None
 
     @property
     def came_from_nobody(self) -> bool:
-        """Whether neither a list is defined nor any page seen."""
-        return self._inquiry.layouts is None and (self.pages is None or self.pages.known is None)
+        """Whether neither a list is defined nor any value seen that comes one by one."""
+        return self._inquiry.layouts is None and not self.read_ones.known
 
     def check(self) -> None:
         """Raise UsageError where nothing has the name, now that all was read."""
-        known = self.pages.known if self.pages else None
-        if self._problem is None or (known is not None and known.read.meant):
+        known = self.read_ones.known.values()
+        if self._problem is None or any(one.read.meant for one in known):
             return
-        if known is not None and (self._of_pages or self._inquiry.layouts is None):
-            raise nothing_meant(self._name, known.read.variables.known)
+        if known and (self._named_so or self._inquiry.layouts is None):
+            raise nothing_meant(self._name, [variable for one in known for variable in one.read.known])
         raise self._problem
 
     @property
@@ -103,17 +104,18 @@ class Changes:
         """What of the name cannot be shown, as a sentence; '' if nothing."""
         return unplaced_text(self.selection.unplaced) if self.selection.unplaced else ""
 
-    def batches(self, watch: Watch | None = None) -> Iterator[Iterator[Entry | PageEntry]]:
+    def batches(self, watch: Watch | None = None) -> Iterator[Iterator[Entry | ReadEntry]]:
         """Yield the changes of each batch in turn."""
         observers: list[Observer] = [self.seen]
-        observers += [one for one in (self.history, self.pages) if one is not None]
+        observers += [self.history] if self.history is not None else []
+        observers += [self.read_ones] if self._any_meant else []
         for _ in self._inquiry.run(self.source, observers, self._chosen, watch=watch):
             yield self._entries()
 
-    def _entries(self) -> Iterator[Entry | PageEntry]:
-        pages = self.pages.known if self.pages else None
-        of_lists: Iterator[Entry | PageEntry] = self.history.entries() if self.history else iter(())
-        return of_lists if pages is None else merge(of_lists, pages.entries(), key=lambda entry: entry.frame)
+    def _entries(self) -> Iterator[Entry | ReadEntry]:
+        of_lists: Iterator[Entry | ReadEntry] = self.history.entries() if self.history else iter(())
+        read_ones = [one.entries() for one in self.read_ones.known.values()]
+        return merge(of_lists, *read_ones, key=lambda entry: entry.frame) if read_ones else of_lists
 
     def __iter__(self) -> Iterator[Entry]:
         """Yield the changes of variables of lists."""

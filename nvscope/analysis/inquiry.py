@@ -337,7 +337,7 @@ class Inquiry:
         if wanted.compare and self.layouts is not None:
             from nvscope.analysis.compared import Comparisons  # noqa: PLC0415
 
-            compared = Comparisons.by(self.layouts)
+            compared = Comparisons.by(self.layouts, self.project)
             observers += compared.observers
         for _ in self.run(source, observers, chosen):
             pass

@@ -148,10 +148,4 @@ def _by_chunk(recent: Recent, numbers: I64) -> Iterator[tuple[Chunk, I64]]:
 def _only(packets: PacketBatch, rows: I64) -> PacketBatch:
     """Return some packets of a batch, over the same buffer."""
 
-    def part(column: Any) -> Any:
-        return None if column is None else column[rows]
-
-    return PacketBatch(
-        packets.data, packets.offset[rows], packets.captured[rows], packets.original[rows], packets.ts_ns[rows],
-        packets.link[rows], part(packets.channel), None, part(packets.direction), part(packets.source),
-    )  # fmt: skip
+    return packets.take(rows)

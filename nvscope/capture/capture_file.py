@@ -97,6 +97,7 @@ class CaptureFile:
             end_ns=progress.end_ns,
             topics=progress.topics,
             lost=progress.lost,
+            notes=progress.notes,
         )
 
     @property

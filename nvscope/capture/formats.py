@@ -36,12 +36,13 @@ class CaptureFormat:
     """One capture format; ``name`` is what reports call it, ``suffixes`` those of its files.
 
     A binary format is told by ``magics``, any of which its files begin with, a text format by ``is_line``: given one of
-    the first lines, and whether all of that is there, it tells whether it is one of the format's.
+    the first lines, and whether all of that is there, it tells whether it is one of the format's. One that begins as
+    the files of another format, ``within``, do is told by ``told_by``, ``module:function``, given the Content.
 
     ``reader`` (``module:class``, made of Content and ReadingSizes) is a ``nvscope.capture.reader.Reader``. ``sink``
     (made of a path and names of channels, or None) is a ``nvscope.capture.source.Sink``, '' where nothing writes the
     format. It can hold link types side by side (``mixes_links``), names of channels, attachments, drops, directions of
-    packets, comments to packets, or CAN frames only.
+    packets, comments to packets, or CAN frames only. In it are rows of a database (``holds_rows``), else frames.
     """
 
     name: str
@@ -50,6 +51,8 @@ class CaptureFormat:
     sink: str = ""
     magics: tuple[bytes, ...] = ()
     is_line: Callable[[bytes, bool], bool] | None = None
+    within: str = ""
+    told_by: str = ""
     only_can: bool = False
     mixes_links: bool = False
     names_channels: bool = False
@@ -57,10 +60,16 @@ class CaptureFormat:
     holds_drops: bool = False
     holds_directions: bool = False
     holds_comments: bool = False
+    holds_rows: bool = False
 
     def reader_class(self) -> Any:
         """Return the class of its readers; what it is made of, this table does not need to know."""
         return _named(self.reader)
+
+    def among(self, content: Any) -> CaptureFormat:
+        """Return the format of a content that begins like files of this one: this one, or another one within."""
+        others = (one for one in FORMATS if one.within == self.name)
+        return next((one for one in others if _named(one.told_by)(content)), self)
 
     def open_sink(self, path: str, channels: Sequence[str] | None) -> Sink:
         """Return a sink that writes to ``path``; raises CaptureError where it cannot be written."""
@@ -192,6 +201,14 @@ FORMATS = (
         only_can=True,
     ),
     CaptureFormat(
+        name="datalogger",
+        suffixes=(),
+        reader="nvscope.capture.datalogger.reader:LogReader",
+        within="sqlite",
+        told_by="nvscope.capture.datalogger.reader:is_log",
+        holds_rows=True,
+    ),
+    CaptureFormat(
         name="mf4",
         suffixes=(".mf4",),
         reader="nvscope.capture.can.mdf:MdfReader",
@@ -203,6 +220,9 @@ FORMATS = (
 
 CAN_LOGS = frozenset(known.name for known in FORMATS if known.only_can)
 """The names of formats that hold CAN frames and nothing else."""
+
+DATABASES = frozenset(known.name for known in FORMATS if known.holds_rows)
+"""The names of formats of which packets are rows of a database."""
 
 _TEXT = re.compile(rb"\xef\xbb\xbf|[\t\n\r -~]{32}")
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
@@ -254,5 +274,7 @@ def either(names: Sequence[str]) -> str:
     return f"{', '.join(others)} or {last}" if others else last
 
 
-READABLE = f"a {either([known.name for known in FORMATS if not known.only_can])} file or a CAN log"
+_NETWORK = either([known.name for known in FORMATS if known.sink and not known.only_can])
+
+READABLE = f"a {_NETWORK} file, a CAN log or a database of a DataLogger"
 """What a person may give as a capture."""

@@ -10,7 +10,7 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Self, overload
 
-from dissectors.batch import U8
+from dissectors.batch import U8, PacketBatch
 from nvscope.capture.source import Attachment, Circumstances
 from nvscope.errors import CaptureError, UsageError
 
@@ -79,6 +79,21 @@ class OutputFile:
             where=self._path,
             next_step="check the directory, its permissions and the space left",
         )
+
+
+def check_frames(batch: PacketBatch) -> None:
+    """Raise UsageError for packets that are rows of a database: no format of captures has a place for these."""
+    if batch.logged is not None:
+        raise rows_are_no_frames()
+
+
+def rows_are_no_frames(path: str = "") -> UsageError:
+    """Return the error that rows of a database cannot be written as frames."""
+    return UsageError(
+        "rows of a database are no frames, and no capture format can hold them", where=path,
+        next_step="`nvscope export DATABASE -w FILE.csv`, .parquet or .ndjson writes their values; leave the database "
+        "out to write the frames of the others",
+    )  # fmt: skip
 
 
 class ChannelNames(Sequence[str]):

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dissectors.batch import I64, PAD_BYTES, U8, PacketBatch
 from nvscope.capture.spans import copy_spans
+
+if TYPE_CHECKING:
+    from dissectors.datalogger.logged import Logged
 
 
 def gathered(parts: Sequence[PacketBatch]) -> tuple[U8, list[I64]]:
@@ -61,7 +65,17 @@ def packed(parts: Sequence[PacketBatch]) -> PacketBatch:
         channel=np.concatenate([part.channels for part in parts]) if _any(parts, "channel") else None,
         direction=np.concatenate([part.directions for part in parts]) if _any(parts, "direction") else None,
         source=source,
+        logged=logged_of(parts),
     )
+
+
+def logged_of(parts: Sequence[PacketBatch]) -> Logged | None:
+    """Return of which tables the packets of batches are, one behind the other; None where none is a row."""
+    if not _any(parts, "logged"):
+        return None
+    from dissectors.datalogger.logged import Logged  # noqa: PLC0415  # captures have none
+
+    return Logged.joined([part.logged for part in parts], [len(part) for part in parts])
 
 
 def _any(parts: Sequence[PacketBatch], column: str) -> bool:

@@ -18,7 +18,7 @@ import numpy as np
 from dissectors.batch import I64, U8, Bool, LinkType, PacketBatch
 from nvscope.capture.byte_window import View
 from nvscope.capture.content import Content
-from nvscope.capture.output import FileSink
+from nvscope.capture.output import FileSink, check_frames
 from nvscope.capture.reader import ReadingSizes
 from nvscope.capture.record_reader import MAX_PACKET_BYTES, MAX_SNAP_BYTES, RecordReader, Taken
 from nvscope.capture.spans import BATCH_BYTES, copy_spans, put_blocks, stretches
@@ -145,6 +145,7 @@ class PcapSink(FileSink):
     def write(self, batch: PacketBatch) -> None:
         if not len(batch):
             return
+        check_frames(batch)
         link = int(batch.link[0]) if self._link is None else self._link
         if batch.single_link != link:
             raise UsageError(

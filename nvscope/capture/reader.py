@@ -47,6 +47,7 @@ class Progress:
     start_ns: int | None = None
     end_ns: int | None = None
     topics: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 class Reader(ABC):
@@ -120,5 +121,6 @@ def reader_of(content: Content, sizes: ReadingSizes) -> tuple[str, Reader]:
     known = format_of(content.head)
     if known is None:
         raise NoCapture(f"the bytes {content.head[:4].hex(' ')}, expected {EXPECTED}", where=content.begin)
+    known = known.among(content)
     make: type[Reader] = known.reader_class()
     return known.name, make(content, sizes)

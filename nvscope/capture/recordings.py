@@ -46,7 +46,8 @@ def is_seamless(end_ns: int, path: str, start_ns: int, following: str) -> bool:
 
 def _series(path: str) -> tuple[str, str]:
     folder, name = os.path.split(path)
-    return folder, re.sub("[0-9]+", "", name)
+    # A database that is rolled over gets a number behind its name: x.db, x.db.0.
+    return folder, re.sub("[0-9]+", "", name).rstrip(".")
 
 
 def is_apart(end_ns: int, start_ns: int) -> bool:

@@ -86,7 +86,8 @@ class SourceInfo:
     where it did not. ``without_carrier`` are the times in which its interface had no cable, as (begin, end or None
     where it is still so). Without ``hears_answers``, it gets what is for everybody and for this machine: what others
     answer to each other is unknown. ``topics`` are those of a recording in which there is nothing else. ``lost`` says
-    when packets were lost, as far as that is told.
+    when packets were lost, as far as that is told. ``notes`` are sentences on the state in which a file was, of which
+    nothing is missing.
     """
 
     path: str
@@ -106,6 +107,7 @@ class SourceInfo:
     hears_answers: bool = True
     topics: tuple[str, ...] = ()
     lost: tuple[LostSpan, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,7 +28,7 @@ from dissectors.batch import I64, End, PacketBatch
 from dissectors.can.frame import channels_of
 from dissectors.can.pdo import channel_name
 from nvscope.capture.between import Between
-from nvscope.capture.packed import gathered
+from nvscope.capture.packed import gathered, logged_of
 from nvscope.capture.recordings import is_apart, is_seamless
 from nvscope.capture.source import Attachment, FileSource, Source, SourceInfo
 from nvscope.capture.spans import BATCH_BYTES, stretches
@@ -358,6 +358,8 @@ class Timeline:
         source = None
         if all(batch.source is not None for batch in batches):
             source = np.concatenate([batch.source for batch in batches if batch.source is not None])[order]
+        logged = logged_of(batches)
+        logged = None if logged is None else logged.take(order)
         done = [0] * len(batches)
         for rows in stretches(captured, self._batch_packets, self._batch_bytes):
             counts = np.bincount(origin[rows], minlength=len(batches)).tolist()
@@ -371,6 +373,7 @@ class Timeline:
             way = None if direction is None else direction[rows]
             of = None if source is None else source[rows]
             yield PacketBatch(
-                data, offset, captured[rows], original[rows], ts_ns[rows], column, own, direction=way, source=of
+                data, offset, captured[rows], original[rows], ts_ns[rows], column, own, direction=way, source=of,
+                logged=None if logged is None else logged.take(rows),
             )  # fmt: skip
             done = [at + count for at, count in zip(done, counts, strict=True)]

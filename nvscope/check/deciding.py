@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from nvscope.check.check import Evidence
 from nvscope.check.lists import CalledLists
+from nvscope.check.read_variables import are_all_read
 from nvscope.check.rules import Mistakes, Rule
 from nvscope.check.stage import StageKey
 from nvscope.check.verdict import Judged, Verdict, worst_of
@@ -77,7 +78,7 @@ def decided(watched: WatchedRule, evidence: Mapping[StageKey, Evidence], called:
         came = (known.keys[one.list] for one in known.of(Of.LIST, lists) if one.list is not None)
         told_of = {one.list for one in judged}.union(came)
         judged += [_never_came(key) for key in lists if key not in told_of]
-    is_heard = known.heard and rule.check.of_requests
+    is_heard = known.heard and (rule.check.of_requests or are_all_read(rule.parameters))
     if not is_heard and not any(one.measured.telegrams for one in known.of(Of.LIST, known.keys.values())):
         # What must not be there never is where nothing was recorded: that keeps no rule.
         nothing = Judged(Verdict.INCONCLUSIVE, reason="no telegram was recorded", vacuous=True)

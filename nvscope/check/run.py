@@ -18,6 +18,7 @@ from nvscope.check.check import Evidence, Setting
 from nvscope.check.condition import compiled
 from nvscope.check.deciding import Decided, WatchedRule, called_lists, decided, tell_of_unknown, unknown_lists
 from nvscope.check.lists import CalledLists
+from nvscope.check.read_variables import are_all_read
 from nvscope.check.rules import Mistakes, Rule, Rules
 from nvscope.check.stage import Stage, StageKey, as_of_all, stage_of
 from nvscope.check.verdict import Verdict
@@ -185,7 +186,8 @@ def _watching(
             setting, lists=tuple(rule.lists), when=rule.when, common=setting.common.setdefault(stage, {}),
             since_ns=first_ns + stage.warmup_ns if first_ns is not None and stage.warmup_ns else None,
         )  # fmt: skip
-        if setting.layouts is None and (rule.check.needs_definitions or rule.names_variables):
+        one_by_one = rule.check.needs_definitions and are_all_read(rule.parameters)
+        if setting.layouts is None and not one_by_one and (rule.check.needs_definitions or rule.names_variables):
             one.reason = "no definition is given"
             continue
         wrong = list(_mistakes(rule, inquiry))

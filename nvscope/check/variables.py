@@ -57,7 +57,7 @@ class Values:
 class Watch:
     """What is known of one variable so far: how many values were judged, which broke the rule, and where first."""
 
-    place: VariablePlace
+    place: Any
     judged: int = 0
     broken: int = 0
     worst: float | None = None

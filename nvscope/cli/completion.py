@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from nvscope.errors import NvscopeError
@@ -46,15 +47,34 @@ def expressions(incomplete: str) -> list[str]:
     return completions(incomplete, _fields())
 
 
-def lists(incomplete: str) -> list[str]:
-    """Return the names of the lists that the project defines and that begin like this."""
+def lists(ctx: Any, incomplete: str) -> list[str]:
+    """Return the names of the lists that the project defines, and of the databases named, that begin like this."""
     from nvscope.cli.definitions import project_of
 
+    databases = _databases(ctx.params.get("sources") or ())
     try:
         entries = project_of(None, None).definition.lists
     except NvscopeError:
-        return []  # nobody reads a message between two keys
-    return beginning((entry.name for entry in entries if entry.key), incomplete)
+        entries = ()  # nobody reads a message between two keys
+    return beginning([*(entry.name for entry in entries if entry.key), *databases], incomplete)
+
+
+def _databases(sources: Sequence[str]) -> list[str]:
+    """Return what stands for the databases among some sources in the place of lists."""
+    if not any(".db" in path for path in sources):
+        return []
+    from nvscope.capture.capture_file import CaptureFile
+    from nvscope.capture.datalogger.names import title_of
+    from nvscope.capture.formats import DATABASES
+
+    found: dict[str, None] = {}
+    for path in sources:
+        try:
+            if ".db" in path and CaptureFile(path).info.format in DATABASES:
+                found[title_of(path)] = None
+        except NvscopeError:
+            continue
+    return list(found)
 
 
 def nodes(incomplete: str) -> list[str]:

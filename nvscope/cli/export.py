@@ -7,16 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from nvscope.analysis.page_values import is_of_pages
+from nvscope.analysis.read_values import read_source
 from nvscope.cli import completion
 from nvscope.cli.definitions import GvlOption, ProjectOption, flaws_told_first, project_of, tell_of_lists
-from nvscope.cli.exported_pages import (
-    check_pages_alone,
+from nvscope.cli.exported_readings import (
+    are_databases,
+    check_read_alone,
     nothing_defined,
-    observed_pages,
-    tell_of_exported_pages,
+    observed_readings,
+    tell_of_exported_readings,
     tell_of_values_of_pages,
-    write_pages_alone,
+    write_read_alone,
 )
 from nvscope.cli.live import LiveOptions, captured, with_live_options
 from nvscope.cli.named_files import named_files
@@ -43,8 +44,9 @@ from nvscope.extras import require
 
 if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
+    from nvscope.capture.source import Source
     from nvscope.export.lists import Lists
-    from nvscope.export.values import Pages
+    from nvscope.export.values import ReadOnes
     from nvscope.view.fields.field import TelegramField
     from nvscope.view.rows.defined import DefinedRows, DefinedTelegrams
     from nvscope.view.rows.frames import FrameRows, PacketRows
@@ -102,7 +104,7 @@ def export(
             "--list",
             metavar="LIST",
             help="Only this list: its name, identifier, or key as udp/1202/7; visu/ADDRESS for what pages asked a "
-            "controller for.",
+            "controller for, db/FILE for a database.",
             autocompletion=completion.lists,
         ),
     ] = None,
@@ -134,9 +136,9 @@ def export(
 
     With several lists, the name of each stands in the name of its file: values.parquet becomes values.axis.parquet.
     Values of web visualization stand in the long form between those of lists; else a row a value in a file of their
-    own, values.visu.parquet, which is there where pages asked for any. Passwords among them are hidden. What a telegram
-    does not send is null. Files appear when they are complete. Exits with 3 where a capture could not be read to its
-    end.
+    own, values.visu.parquet, which is there where pages asked for any. Passwords among them are hidden. So do values of
+    DataLogger databases (values.db.parquet). What a telegram does not send is null. Files appear when they are
+    complete. Exits with 3 where a capture could not be read to its end.
 
     TIME, LTIME and times of day are durations: in Parquet by their type, elsewhere nanoseconds, in CSV and NDJSON with
     the unit in the name (tRun_ns), in the long form in the column integer. DATE, DT, LDATE and LDT are times without a
@@ -176,26 +178,31 @@ def export(
     inquiry = Inquiry(captured(paths, live, plant, ports), plant, ports, watch=watching(quiet=quiet), asked=between)
     layouts = None if wants_telegrams else inquiry.layouts
     lists: Lists = []
-    of_pages = [name for name in listed or () if is_of_pages(name)]
-    pages = None if wants_telegrams else observed_pages(listed or (), secrets=show_secrets)
-    # Where no list is defined, telegrams are what is written, unless values are asked for.
-    pages_alone = pages is not None and (
-        (layouts is None and (what == "values" or form == "long"))
-        or (bool(of_pages) and len(of_pages) == len(listed or ()))
+    of_read_ones = [name for name in listed or () if read_source(name)]
+    read_ones = None if wants_telegrams else observed_readings(listed or (), secrets=show_secrets)
+    source: Source | None = None
+    of_databases = False
+    if read_ones is not None and layouts is None and not gvl and inquiry.paths:
+        source = inquiry.open()
+        of_databases = are_databases(source)
+    # Where no list is defined, telegrams are what is written, unless values are asked for, or there is nothing else.
+    read_alone = read_ones is not None and (
+        (layouts is None and (what == "values" or form == "long" or of_databases))
+        or (bool(of_read_ones) and len(of_read_ones) == len(listed or ()))
     )
     with flaws_told_first(plant.definition):
-        if pages_alone:
-            check_pages_alone(form, by)
+        if read_alone:
+            check_read_alone(form, by)
         elif layouts is not None:
             from nvscope.export.lists import lists_to_write
 
-            lists = lists_to_write(layouts, [name for name in listed or () if name not in of_pages])
+            lists = lists_to_write(layouts, [name for name in listed or () if name not in of_read_ones])
         elif not wants_telegrams and (what == "values" or form_text or gvl):
             if not plant.files:
                 next_step = "name the exported lists and their types with --gvl FILE"
                 raise UsageError("no list is defined", next_step=next_step)
             inquiry.defined_layouts()
-        if not lists and form_text and not pages_alone:
+        if not lists and form_text and not read_alone:
             raise UsageError(f"{form_text} is for values", next_step="leave it out, or leave out --what and -e")
         named = _fields(fields or (), inquiry)
         filtered = None if wanted is None else inquiry.filter(wanted)
@@ -203,16 +210,16 @@ def export(
     if inquiry.paths:
         keep_freed_memory()
     warn_of_secrets(shown=show_secrets)
-    source, reading = inquiry.open(), inquiry.reading(filtered)
-    columns = [] if lists or pages_alone else named or default_fields(inquiry, source)
+    source, reading = source or inquiry.open(), inquiry.reading(filtered)
+    columns = [] if lists or read_alone else named or default_fields(inquiry, source)
     inputs = [*(info.path for info in source.infos), *inquiry.project.inputs]
     files = WholeFiles(inputs, force=force)
     try:
         with watching(quiet=quiet)(source) as progress:
-            if pages_alone:
-                assert pages is not None
-                frames, fragments = write_pages_alone(inquiry, source, filtered, pages, write, files), 0
-                if pages.known is None and not of_pages:
+            if read_alone:
+                assert read_ones is not None
+                frames, fragments = write_read_alone(inquiry, source, filtered, read_ones, write, files), 0
+                if not read_ones.known and not of_read_ones:
                     raise nothing_defined(inquiry)
             elif lists:
                 from nvscope.analysis.values import values
@@ -220,9 +227,9 @@ def export(
 
                 assert layouts is not None
                 told = DefinedTelegrams(layouts, keys=[key for key, _ in lists])
-                rows = values(source, reading, told, progress, [pages] if pages else ())
+                rows = values(source, reading, told, progress, [read_ones] if read_ones else ())
                 row = "cycle" if by == "cycle" else form or "wide"
-                written = _write_values(told, rows, lists, write, row, files, pages)
+                written = _write_values(told, rows, lists, write, row, files, read_ones)
                 frames, fragments = told.frames, told.fragments
             else:
                 from nvscope.analysis.packets import packets
@@ -235,9 +242,9 @@ def export(
     except BaseException:
         files.discard()
         raise
-    if pages is not None:
-        tell_of_exported_pages(
-            pages, write, alone=pages_alone, long=form == "long", secrets=show_secrets, quiet=quiet
+    if read_ones is not None:
+        tell_of_exported_readings(
+            read_ones, write, alone=read_alone, long=form == "long", secrets=show_secrets, quiet=quiet
         )  # fmt: skip
     if lists:
         _tell_of_values(
@@ -245,7 +252,7 @@ def export(
         )
         if not listed:
             tell_of_lists(inquiry)
-    elif not pages_alone:
+    elif not read_alone:
         _tell_of_telegrams(telegrams, beyond, write)
         if what is None and not named and not quiet and any(one.name.startswith("visu.") for one in columns):
             tell_of_values_of_pages(write)
@@ -267,18 +274,19 @@ def _write_values(
     path: str,
     form: Form | Rows,
     files: WholeFiles,
-    pages: Pages | None,
+    read_ones: ReadOnes | None,
 ) -> list[Written]:
-    from nvscope.export.values import PageFile, path_of_pages, paths_of, write_long, write_wide
+    from nvscope.export.values import ReadFiles, path_of_read_ones, paths_of, write_long, write_wide
     from nvscope.whole_files import Existing, is_stdout
 
     if form == "long":
-        return [(path, write_long(telegrams, rows, path, files, pages), 0)]
+        return [(path, write_long(telegrams, rows, path, files, read_ones), 0)]
     paths = paths_of(path, lists)
     beside = None
-    if pages is not None and not is_stdout(path):
-        beside = PageFile(path_of_pages(path), files, pages, Existing.KEPT)
-    told = write_wide(telegrams, rows, paths, files, by_cycle=form == "cycle", pages=beside)
+    if read_ones is not None and not is_stdout(path):
+        beside_of = {name: path_of_read_ones(path, name) for name in read_ones.makes}
+        beside = ReadFiles(beside_of, files, read_ones, Existing.KEPT)
+    told = write_wide(telegrams, rows, paths, files, by_cycle=form == "cycle", read_ones=beside)
     return [(name, count, beyond) for name, (count, beyond) in zip(paths, told, strict=True)]
 
 

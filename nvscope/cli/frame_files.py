@@ -35,6 +35,7 @@ def write_frames(
     from nvscope.view.escape import visible
     from nvscope.whole_files import WholeFiles, is_stdout
 
+    check_sources(source.infos)
     files = WholeFiles([*(info.path for info in source.infos), *inquiry.project.inputs], force=force)
     target = written_as(path)
     if target is None:
@@ -83,6 +84,17 @@ def write_frames(
     if not quiet:
         of = f" of {units.count(written.frames)}" if chosen is not None else ""
         echo(f"nvscope: {units.count(written.written)}{of} frames in {visible(path)}.", err=True)
+
+
+def check_sources(infos: Sequence[SourceInfo]) -> None:
+    """Raise UsageError where one of some sources is a database, whose rows cannot be written as frames."""
+    from nvscope.capture.formats import DATABASES
+
+    for info in infos:
+        if info.format in DATABASES:
+            from nvscope.capture.output import rows_are_no_frames
+
+            raise rows_are_no_frames(info.path)
 
 
 def tell_of_one_file(infos: Sequence[SourceInfo], path: str) -> None:

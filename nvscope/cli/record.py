@@ -10,6 +10,7 @@ import typer
 
 from nvscope.cli.counts import at_least_one
 from nvscope.cli.definitions import GvlOption, ProjectOption, project_of, tell_of_flaws
+from nvscope.cli.frame_files import check_sources
 from nvscope.cli.limits import file_limits
 from nvscope.cli.live import LiveOptions, LiveRun, captured, with_live_options
 from nvscope.cli.named_files import named_files
@@ -181,6 +182,7 @@ def record(
     tell_of_flaws(plant.definition)
     inquiry = Inquiry(captured(paths, live, plant, ports), plant, ports, watch=watching(quiet=quiet))
     source = inquiry.open()
+    check_sources(source.infos)
     inputs = {identity_of(path) for path in (*paths, *(one.path for one in source.infos), *plant.inputs)}
     if (identity := identity_of(write)) is not None and identity in inputs:
         raise is_input(write)

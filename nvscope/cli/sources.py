@@ -28,8 +28,8 @@ SourcesArgument = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="SOURCE...",
-        help="Capture files, directories of them, or - for stdin; or an interface, udp://ADDRESS:PORT or "
-        "can:INTERFACE:CHANNEL; and definition files, as for --gvl.",
+        help="Capture files, DataLogger databases, directories of them, or - for stdin; or an interface, "
+        "udp://ADDRESS:PORT or can:INTERFACE:CHANNEL; and definition files, as for --gvl.",
         show_default=False,
     ),
 ]
@@ -241,6 +241,8 @@ def tell_of_losses(infos: Sequence[SourceInfo]) -> ExitCode:
             told = visible(", ".join(info.topics[:_MOST_TOPICS]))
             more = f" and {len(info.topics) - _MOST_TOPICS} more" if len(info.topics) > _MOST_TOPICS else ""
             echo(f"nvscope: {visible(info.path)}: no packets are in it; its topics are {told}{more}.", err=True)
+        for note in info.notes:
+            echo(f"nvscope: {visible(info.path)}: {visible(note)}.", err=True)
     failed = [info for info in infos if info.failure]
     for info in failed:
         echo(f"nvscope: {visible(info.path)}: {visible(info.failure)}; this is what came until then.", err=True)

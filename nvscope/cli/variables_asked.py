@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from nvscope.analysis.page_values import is_of_pages, nothing_asked
+from nvscope.analysis.read_values import nothing_asked, read_source
 from nvscope.cli.terminal import tell
 from nvscope.errors import UsageError
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.capture.source import Source, SourceInfo
     from nvscope.list_key import ListKey
-    from nvscope.tracker.visu.readings import ReadValues
+    from nvscope.tracker.readings.readings import ReadValues
 
 
 class VariablesRead(NamedTuple):
@@ -58,15 +58,15 @@ class VariablesAsked:
             )
         return self.inquiry.nothing_defined()
 
-    def nothing_of(self, listed: str | None, read: ReadValues | None) -> UsageError | None:
-        """Return the error that there is nothing of what was asked for, where no page has any of it."""
-        if listed is not None and is_of_pages(listed):
-            return nothing_asked(listed, read)
+    def nothing_of(self, listed: str | None, read: Sequence[ReadValues]) -> UsageError | None:
+        """Return the error that there is nothing of what was asked for, where nobody told a value of it."""
+        if listed is not None and read_source(listed):
+            return nothing_asked(listed, [variable for one in read for variable in one.known])
         return self.nothing_defined
 
     def keys(self, listed: str | None) -> Collection[ListKey] | None:
         """Return the keys of the lists of a name, None for all; UsageError where there is none."""
-        if listed is not None and is_of_pages(listed):
+        if read_source(listed):
             return ()
         if listed is None and self.inquiry.layouts is None:
             return None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -22,7 +22,7 @@ from nvscope.cli.drafted_lists import propose
 from nvscope.cli.encodings import as_data
 from nvscope.cli.live import LiveOptions, captured, with_live_options
 from nvscope.cli.named_files import named_files
-from nvscope.cli.page_notes import tell_of_pages
+from nvscope.cli.read_notes import hidden_in, tell_of_read_ones
 from nvscope.cli.secrets import SecretsOption, warn_of_secrets
 from nvscope.cli.sources import (
     ChannelMapOption,
@@ -44,6 +44,9 @@ from nvscope.cli.undecoded import tell_of_truncated, tell_of_unfitting
 from nvscope.cli.variables_asked import VariablesAsked, VariablesRead
 from nvscope.errors import UsageError
 
+if TYPE_CHECKING:
+    from nvscope.view.documents.variables import ReadRows
+
 
 @with_live_options
 def variables(
@@ -61,7 +64,7 @@ def variables(
             metavar="NAME",
             help="Show every change of a variable, of all elements of a structure or array, or of what a pattern "
             "with * stands for, in each list, and on each page, that has it. LIST:NAME, or --list, for one of them; "
-            "visu/ADDRESS/NAME for those of pages.",
+            "visu/ADDRESS/NAME for those of pages, db/FILE/NAME for those of databases.",
         ),
     ] = None,
     every: Annotated[bool, typer.Option("--all", help="With --history: every telegram, not only changes.")] = False,
@@ -83,7 +86,7 @@ def variables(
             "--list",
             metavar="LIST",
             help="Only this list: its name, identifier, or key as udp/1202/7; visu/ADDRESS for what pages asked a "
-            "controller for.",
+            "controller for, db/FILE for a database.",
             autocompletion=lists,
         ),
     ] = None,
@@ -115,7 +118,8 @@ def variables(
 
     Names of variables of lists come from the definition files that the PLC project exports. Variables of web
     visualization stand beside them, without any file; their names come from variable lists that are in the capture, or
-    that the project names. Exits with 3 where a capture could not be read to its end.
+    that the project names. So do those of DataLogger databases. Exits with 3 where a capture could not be read to its
+    end.
     """
     files_named = named_files(sources, read, gvl, live.interfaces)
     paths, gvl = files_named.captures, files_named.definitions
@@ -184,7 +188,7 @@ def _check(
 
 
 def _last_values(asked: VariablesAsked, listed: str | None) -> VariablesRead:
-    from nvscope.analysis.page_values import last_page_values, selection
+    from nvscope.analysis.read_values import last_values, meant
     from nvscope.analysis.seen_lists import SeenLists
     from nvscope.cli.memory import keep_freed_memory
     from nvscope.report import variables as face
@@ -193,14 +197,15 @@ def _last_values(asked: VariablesAsked, listed: str | None) -> VariablesRead:
     keys = asked.keys(listed)
     if asked.inquiry.paths:
         keep_freed_memory()
-    seen, pages = SeenLists(), last_page_values(selection(None, listed))
-    found = asked.inquiry.analyze(asked.wanted, values=True, causes=False, others=[seen, pages])
-    rows: Sequence[Mapping[str, Any]] = ()
-    if pages.known is not None:
-        from nvscope.view.documents.page_variables import page_rows
+    seen, read_ones = SeenLists(), last_values(meant(None, listed))
+    found = asked.inquiry.analyze(asked.wanted, values=True, causes=False, others=[seen, read_ones])
+    rows: ReadRows = {}
+    if read_ones.known:
+        from nvscope.view.documents.read_rows import last_rows
 
-        rows = page_rows(pages.known, secrets=asked.secrets)
-    if not rows and (problem := asked.nothing_of(listed, pages.known.read if pages.known else None)):
+        rows = last_rows(read_ones.known, secrets=asked.secrets)
+    read = [one.read for one in read_ones.known.values()]
+    if not any(rows.values()) and (problem := asked.nothing_of(listed, read)):
         raise problem
     layouts = asked.inquiry.layouts
     undecoded = left_out(found.state, found.values, keys) if found.values else None
@@ -213,7 +218,7 @@ def _last_values(asked: VariablesAsked, listed: str | None) -> VariablesRead:
         missing = missing_of_lists(found, asked.inquiry.project, keys, asked.names)
     asked.tell(
         variables_document(
-            found.state, found.values, keys=keys, expression=asked.wanted, missing=missing, pages=rows
+            found.state, found.values, keys=keys, expression=asked.wanted, missing=missing, read_ones=rows
         ),
         lambda document: face.render(
             document, colour=asked.colour, width=width(), wide=asked.wide, utc=asked.utc, node_names=asked.names,
@@ -224,8 +229,7 @@ def _last_values(asked: VariablesAsked, listed: str | None) -> VariablesRead:
         tell_of_unfitting(undecoded.unfitting, undecoded.unlike_known_part)
         if undecoded.truncated:
             tell_of_truncated(undecoded.truncated)
-    if pages.known is not None:
-        tell_of_pages(pages.known.read, hidden=sum(row["hidden"] for row in rows))
+    tell_of_read_ones(read, hidden=hidden_in(rows))
     if listed is None and layouts:
         tell_of_missing(asked.inquiry, seen)
     return VariablesRead(found.infos, [bus.channel for bus in found.summary.can.buses])
@@ -234,25 +238,25 @@ def _last_values(asked: VariablesAsked, listed: str | None) -> VariablesRead:
 def _history(asked: VariablesAsked, name: str, listed: str | None, every: bool) -> VariablesRead:
     """Write changes as they are found."""
     from nvscope.analysis.history import Changes
-    from nvscope.analysis.page_values import is_of_pages
+    from nvscope.analysis.read_values import read_source
     from nvscope.cli.progress import watching
     from nvscope.report.history import Json, Text
     from nvscope.view.documents.history import change_summary, row_of_change
     from nvscope.view.documents.variables import filter_told
     from nvscope.view.escape import visible
 
-    changes = Changes(asked.inquiry, name, listed=listed, every=every, expression=asked.wanted, with_pages=True)
+    changes = Changes(asked.inquiry, name, listed=listed, every=every, expression=asked.wanted, with_read=True)
     wanted, history = changes.selection, changes.history
     if asked.as_json:
         as_data()
     face = (
-        Json(pages=changes.pages_alone)
+        Json(read_alone=changes.read_alone)
         if asked.as_json
         else Text(
             wanted.names(),
             changes.lists,
             subindexes=wanted.repeated,
-            pages=changes.pages_alone,
+            read_alone=changes.read_alone,
             width=width(),
             wide=asked.wide,
             colour=asked.colour,
@@ -268,18 +272,17 @@ def _history(asked: VariablesAsked, name: str, listed: str | None, every: bool) 
                 out.write(face.begin())
             out.write(face.line(row_of_change(entry, secrets=asked.secrets)))
         out.flush()
-    if changes.came_from_nobody and not is_of_pages(name) and (problem := asked.nothing_defined):
+    if changes.came_from_nobody and read_source(name) is None and (problem := asked.nothing_defined):
         raise problem
     changes.check()
     if not begun:
         out.write(face.begin())
     chosen = filter_told(asked.wanted, changes.read.chosen, changes.read.telegrams)
     summary = change_summary(history) if history else []
-    pages = changes.pages.known if changes.pages else None
-    if pages is not None:
-        from nvscope.view.documents.page_variables import page_change_summary
+    if changes.read_ones.known:
+        from nvscope.view.documents.read_rows import summary_rows
 
-        summary += page_change_summary(pages)
+        summary += summary_rows(changes.read_ones.known)
     for text in face.end(summary, chosen, some_came=changes.some_came):
         out.write(text)
     out.flush()
@@ -287,8 +290,8 @@ def _history(asked: VariablesAsked, name: str, listed: str | None, every: bool) 
         echo(f"nvscope: {visible(changes.unplaced)}.", err=True)
     if history:
         tell_of_unfitting(history.unfitting, history.unlike_known_part)
-    if pages is not None:
-        tell_of_pages(pages.read, hidden=0 if asked.secrets else pages.read.hidden)
+    read = [one.read for one in changes.read_ones.known.values()]
+    tell_of_read_ones(read, hidden=0 if asked.secrets else sum(one.hidden for one in read))
     if listed is None and history:
         tell_of_missing(asked.inquiry, changes.seen)
     return VariablesRead.of(changes.source)
@@ -297,31 +300,31 @@ def _history(asked: VariablesAsked, name: str, listed: str | None, every: bool) 
 def _at(asked: VariablesAsked, text: str, listed: str | None) -> VariablesRead:
     """Show the values as they were at a time."""
     from nvscope.analysis.moment import at
-    from nvscope.analysis.page_values import NO_PAGES, selection
+    from nvscope.analysis.read_values import meant
     from nvscope.report import history as face
     from nvscope.view.asked_time import parse_time
     from nvscope.view.documents.history import at_document
 
     keys = asked.keys(listed)
     moment_asked = parse_time("--at", text, utc=asked.utc)
-    meant = selection(None, listed) or NO_PAGES
     found = at(
-        asked.inquiry, moment_asked, expression=asked.wanted, utc=asked.utc, told=f"--at {text}", pages=meant
+        asked.inquiry, moment_asked, expression=asked.wanted, utc=asked.utc, told=f"--at {text}",
+        read_ones=meant(None, listed),
     )  # fmt: skip
-    pages = found.pages.known if found.pages else None
-    rows: Sequence[Mapping[str, Any]] = ()
-    if pages is not None and pages.read.meant:
-        from nvscope.view.documents.page_variables import page_rows_at
+    known = found.read_ones.known if found.read_ones else {}
+    rows: ReadRows = {}
+    if known:
+        from nvscope.view.documents.read_rows import rows_at
 
-        rows = page_rows_at(pages, found.time_ns, secrets=asked.secrets)
-    if not rows and (problem := asked.nothing_of(listed, pages.read if pages else None)):
+        rows = rows_at(known, found.time_ns, secrets=asked.secrets)
+    read = [one.read for one in known.values()]
+    if not any(rows.values()) and (problem := asked.nothing_of(listed, read)):
         raise problem
     asked.tell(
         at_document(
-            found.moment, asked.inquiry.layouts, found.time_ns, keys=keys, expression=asked.wanted, pages=rows
+            found.moment, asked.inquiry.layouts, found.time_ns, keys=keys, expression=asked.wanted, read_ones=rows
         ),
         lambda document: face.render_at(document, colour=asked.colour, width=width(), wide=asked.wide, utc=asked.utc),
     )  # fmt: skip
-    if pages is not None:
-        tell_of_pages(pages.read, hidden=sum(row["hidden"] for row in rows))
+    tell_of_read_ones(read, hidden=hidden_in(rows))
     return VariablesRead.of(found.source)

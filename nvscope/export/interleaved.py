@@ -1,8 +1,8 @@
-"""Tables of pages between those of lists, by the numbers of their frames."""
+"""Tables of values that come one by one between those of lists, by the numbers of their frames."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import pyarrow as pa
 from nvscope.export.arrays import LABEL, MOMENT, numbers_in, numbers_of
 from nvscope.export.files import TableFile
 
-PAGE_SCHEMA = pa.schema(
+_OF_PAGES = pa.schema(
     [
         pa.field("frame.time", MOMENT),
         pa.field("frame.number", pa.int64()),
@@ -25,13 +25,17 @@ PAGE_SCHEMA = pa.schema(
         pa.field("text", pa.string()),
     ]
 )
-"""The columns of values of pages by themselves."""
+
+_OF_DATABASES = pa.schema([field for field in _OF_PAGES if field.name not in ("ip.src", "place")])
+
+READ_SCHEMAS: Mapping[str, Any] = {"visu": _OF_PAGES, "db": _OF_DATABASES}
+"""The columns of values by themselves, by name of who tells them (``nvscope.analysis.read_values.SOURCES``)."""
 
 
 class Interleaved:
-    """A ``TableFile`` that puts tables of pages between those that are written to it, in the order of the frames.
+    """A ``TableFile`` that puts tables of single values between those that are written to it, by their frames.
 
-    No frame is in both. For each batch of the capture, ``begin`` takes the tables of pages, and ``end`` writes what is
+    No frame is in both. For each batch of the capture, ``begin`` takes those tables, and ``end`` writes what is
     left of them.
     """
 
@@ -41,7 +45,7 @@ class Interleaved:
         self._held: Any | None = None
 
     def begin(self, tables: Iterator[Any]) -> None:
-        """Take the tables of pages in a batch."""
+        """Take the tables of single values in a batch."""
         self._tables = tables
 
     def write(self, table: Any) -> None:

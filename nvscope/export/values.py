@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -12,20 +12,20 @@ from nvscope.errors import UsageError
 from nvscope.export.cycle_rows import CycleRows
 from nvscope.export.files import TableFile, table_file
 from nvscope.export.held import Slabs
-from nvscope.export.interleaved import PAGE_SCHEMA, Interleaved
+from nvscope.export.interleaved import READ_SCHEMAS, Interleaved
 from nvscope.export.long import LongTable, long_schema
 from nvscope.export.wide import WideTable, WideTables
 from nvscope.list_key import ListKey
-from nvscope.tracker.visu.on_demand import PageObserver
+from nvscope.tracker.readings.observed import Observed
 from nvscope.units import count
 from nvscope.view.rows.defined import DefinedRows, DefinedTelegrams, Place
 from nvscope.whole_files import Existing, WholeFiles, is_stdout
 
 if TYPE_CHECKING:
-    from nvscope.export.page_tables import PageTables
+    from nvscope.export.read_tables import ReadTables
 
-Pages: TypeAlias = "PageObserver[PageTables]"
-"""What makes tables of the values of pages, once there are any."""
+ReadOnes: TypeAlias = "Observed[ReadTables]"
+"""What makes tables of values that come one by one, by name of who tells them, once there are any."""
 
 MAX_FILES = 500
 MAX_COLUMNS = 10_000
@@ -41,13 +41,13 @@ def write_wide(
     files: WholeFiles,
     *,
     by_cycle: bool = False,
-    pages: PageFile | None = None,
+    read_ones: ReadFiles | None = None,
 ) -> list[tuple[int, int]]:
     """Write the ``rows`` of each list to the file of its number; return how many there are of each.
 
     With ``by_cycle`` it is a row a cycle and not a telegram (``CycleRows``), without the bytes that nobody has
     described of several telegrams of a list: they have one column, and a row would hold the last of them. Values of
-    ``pages`` go to a file of their own, since nobody knows beforehand which variables they have. The second
+    ``read_ones`` go to files of their own, since nobody knows beforehand which variables they have. The second
     number is how many times no column of times holds: they are null. Raises UsageError for more lists or columns than
     can be written side by side.
     """
@@ -93,65 +93,69 @@ def write_wide(
     )
     for batch in rows:
         wide.add(batch)
-        if pages is not None:
-            pages.add()
+        if read_ones is not None:
+            read_ones.add()
     wide.finish()
-    if pages is not None:
-        pages.finish()
+    if read_ones is not None:
+        read_ones.finish()
     return [(rows_written, table.beyond_time) for rows_written, table in zip(wide.rows, tables, strict=True)]
 
 
 def write_long(
     telegrams: DefinedTelegrams, rows: Iterable[DefinedRows], path: str, files: WholeFiles,
-    pages: Pages | None = None,
+    read_ones: ReadOnes | None = None,
 ) -> int:  # fmt: skip
-    """Write the values of all ``rows`` to one file, and those of ``pages`` between them, by frame.
+    """Write the values of all ``rows`` to one file, and those of ``read_ones`` between them, by frame.
 
     Returns how many telegrams there are.
     """
     schema = long_schema(telegrams.keys)
-    file = Interleaved(table_file(files.open(path), schema))
+    file: TableFile = table_file(files.open(path), schema)
+    between: dict[str, Interleaved] = {}
+    for name in READ_SCHEMAS:
+        file = between[name] = Interleaved(file)
     long = LongTable(telegrams.places, telegrams.keys, lambda: telegrams.senders, file)
     for batch in rows:
-        if pages is not None and pages.known is not None:
-            file.begin(pages.known.tables(schema))
+        for name, known in read_ones.known.items() if read_ones is not None else ():
+            between[name].begin(known.tables(schema))
         long.add(batch)
-        file.end()
+        for one in reversed(between.values()):
+            one.end()
     long.finish()
     return long.telegrams
 
 
-class PageFile:
-    """A file of the values of pages alone; it is there from the first value on."""
+class ReadFiles:
+    """Files of the values of each who tells them one by one; they are there from the first value on."""
 
-    def __init__(self, path: str, files: WholeFiles, pages: Pages, existing: Existing) -> None:
-        self.path = path
-        self._files, self._pages, self._existing = files, pages, existing
-        self._file: TableFile | None = None
+    def __init__(self, paths: Mapping[str, str], files: WholeFiles, read_ones: ReadOnes, existing: Existing) -> None:
+        self._paths = paths
+        self._files, self._read_ones, self._existing = files, read_ones, existing
+        self._opened: dict[str, TableFile] = {}
 
     def add(self) -> None:
         """Write the values of the batch that was observed last."""
-        if self._pages.known is None:
-            return
-        for table in self._pages.known.tables(PAGE_SCHEMA):
-            self.open().write(table)
+        for name, known in self._read_ones.known.items():
+            for table in known.tables(READ_SCHEMAS[name]):
+                self.open(name).write(table)
 
-    def open(self) -> TableFile:
-        """Return the file, as one that has no row yet where there is none."""
-        if self._file is None:
-            self._file = table_file(self._files.open(self.path, self._existing), PAGE_SCHEMA)
-        return self._file
+    def open(self, name: str) -> TableFile:
+        """Return the file of those whom one tells, as one that has no row yet where there is none."""
+        if name not in self._opened:
+            file = self._files.open(self._paths[name], self._existing)
+            self._opened[name] = table_file(file, READ_SCHEMAS[name])
+        return self._opened[name]
 
     def finish(self) -> None:
         """Write what stands at the end."""
-        if self._file is not None:
-            self._file.close()
+        for file in self._opened.values():
+            file.close()
 
 
-def path_of_pages(path: str) -> str:
-    """Return the file of the values of pages, beside those of lists."""
+def path_of_read_ones(path: str, name: str) -> str:
+    """Return the file of the values that somebody tells one by one, beside those of lists."""
     whole = Path(path)
-    return str(whole.with_name(f"{whole.stem}.visu{whole.suffix}"))
+    return str(whole.with_name(f"{whole.stem}.{name}{whole.suffix}"))
 
 
 def paths_of(path: str, lists: Sequence[tuple[ListKey, ListDefinition]]) -> list[str]:

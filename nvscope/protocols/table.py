@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from nvscope.protocols.can import CAN
+from nvscope.protocols.datalogger import DATALOGGER
 from nvscope.protocols.netvar import NETVAR
 from nvscope.protocols.other_frames import OTHER_FRAMES
 from nvscope.protocols.protocol import Protocol
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from nvscope.tracker.state import TrackerState
     from nvscope.view.fields.field import TelegramField
 
-PROTOCOLS: Sequence[Protocol] = (NETVAR, CAN, VISU, OTHER_FRAMES)
+PROTOCOLS: Sequence[Protocol] = (NETVAR, CAN, VISU, DATALOGGER, OTHER_FRAMES)
 """In the order in which fields are listed; of frames that several could read, the first one's."""
 
 

@@ -7,12 +7,20 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import IO, Any
 
 from nvscope import units
 from nvscope.report.ansi import paint
-from nvscope.report.variables import VALUE_WIDTH, filter_lines, never_readable, page_rows_by_list
+from nvscope.report.variables import (
+    VALUE_WIDTH,
+    filter_lines,
+    has_read_rows,
+    is_of_pages,
+    never_told,
+    read_rows_by_list,
+)
 from nvscope.version import head
 from nvscope.view.documents.history import HISTORY_SCHEMA
 from nvscope.view.escape import json_ascii, visible, visible_document
@@ -57,8 +65,8 @@ class Text:
 
     Lines have at most ``width`` columns, or as many as they need (``wide``). ``names`` of variables and ``lists``
     (their keys and names) are all that can occur: columns that would say the same in each line are left out.
-    ``subindexes``: a name alone does not say which telegram has it. ``pages``: only variables of web
-    visualization can occur, of which nothing is known beforehand.
+    ``subindexes``: a name alone does not say which telegram has it. ``read_alone``: only variables
+    whose values come one by one can occur, of which nothing is known beforehand.
     """
 
     def __init__(
@@ -67,7 +75,7 @@ class Text:
         lists: Collection[tuple[str, str]],
         *,
         subindexes: bool = False,
-        pages: bool = False,
+        read_alone: bool = False,
         width: int = 80,
         wide: bool = False,
         colour: bool = False,
@@ -77,7 +85,7 @@ class Text:
         self._wide = wide
         self._colour = colour
         self._utc = utc
-        self._pages = pages
+        self._read_alone = read_alone
         self._day = ""
         self._second: int | None = None
         # They come again in each telegram of a stream.
@@ -95,19 +103,19 @@ class Text:
             self._list = longest if wide else min(longest, _LIST_WIDTH, max(room // 4, 4))
             self._short_lists = short_names(told, self._list)
             room -= self._list + 2
-        if pages:
+        if read_alone:
             self._list = _PAGE_LIST_WIDTH if wide else min(_PAGE_LIST_WIDTH, max(room // 4, 4))
             room -= self._list + 2
         self._subindex = len(_SUBINDEX) if subindexes else 0
         room -= self._subindex + 2 if subindexes else 0
         # Of pages, what stands for the list has the address.
-        self._sender = _SENDER_WIDTH if room - _SENDER_WIDTH - 2 >= _LEAST_REST and not pages else 0
+        self._sender = _SENDER_WIDTH if room - _SENDER_WIDTH - 2 >= _LEAST_REST and not read_alone else 0
         room -= self._sender + 2 if self._sender else 0
         self._frame = room - _FRAME_WIDTH - 2 >= _LEAST_REST
         room -= _FRAME_WIDTH + 2 if self._frame else 0
         longest = max(map(display_width, [*shown, "Variable"]))
         self._name = min(longest, max(room // 2, 8)) if len(shown) > 1 else 0
-        if pages:
+        if read_alone:
             self._name = max(min(_PAGE_NAME_WIDTH, room // 2), 8)
         self._short_names = short_names(shown, self._name) if shown and self._name else {}
         self._change = room - (self._name + 2 if self._name else 0)
@@ -141,8 +149,8 @@ class Text:
         cells = [clock, Cell("  ")]
         if self._frame:
             cells.append(Cell(f"{row['frame']:>{_FRAME_WIDTH}}  ", Tone.FAINT))
-        label, sender = row.get(self._label), row["sender"]
-        if "place" in row:  # of a page: it is of no list, but of a controller
+        label, sender = row.get(self._label), row.get("sender", "")
+        if is_single(row):  # it is of no list, but of a controller or a database
             label, sender = row["list"], sender if self._list else row["list"]
         cells.append(self._columns(label, sender, row.get("subindex"), row["name"]))
         lines.append([*cells, *self._values(row)])
@@ -170,7 +178,7 @@ class Text:
             return [Cell(shorten(new, max(self._change, 1)))]
         room = max(self._change - len(_ARROW), 2)
         half = max(room - display_width(new), room // 2)
-        if "place" in row and half < display_width(row["old_text"]) and row["old_text"] == new:
+        if is_single(row) and half < display_width(row["old_text"]) and row["old_text"] == new:
             # Two values that are hidden: that it changed is all that can be told.
             return [Cell(_ARROW.lstrip(), Tone.FAINT), Cell(shorten(new, room), Tone.STRONG)]
         old = shorten(visible(row["old_text"]), max(half, 1))
@@ -185,10 +193,10 @@ class Text:
         """
         rows = visible_document(summary)
         told_filter = None if chosen is None else visible_document(chosen)
-        there = ("Frame", self._frame), ("Sender", self._sender or self._pages)
+        there = ("Frame", self._frame), ("Sender", self._sender or self._read_alone)
         gone = [title for title, is_there in there if not is_there]
         lines: list[Line] = [*hidden(gone if self._day else [], self._width), *filter_lines(told_filter, self._width)]
-        if not rows and self._pages:
+        if not rows and self._read_alone:
             lines += wrap([Cell("No value of this variable came that could be read.", Tone.WARNING)], self._width)
         elif not rows and told_filter is None and not some_came:
             text = (
@@ -200,11 +208,20 @@ class Text:
             lines += wrap([Cell(_no_history(told_filter), Tone.WARNING)], self._width)
         else:
             lines[:0] = [[]] if lines else []
-            lines += [[], *align(_SUMMARY, [_figures(row) for row in rows], None if self._wide else self._width)]
+            lines += [[], *align(*_summary(rows), None if self._wide else self._width)]
             steps = sum(row["changes"] for row in rows)
             told = f"{units.count_of(steps, 'change')}; shortest and longest are times between two changes."
             lines += [[], *wrap([Cell(told.replace("\u00a0", NO_BREAK), Tone.FAINT)], self._width)]
         yield paint(lines, colour=self._colour)
+
+
+def _summary(rows: Sequence[Row]) -> tuple[Sequence[Column], list[list[Cell]]]:
+    """Return the columns of a summary, without a sender where nobody sent anything, and their cells."""
+    columns, cells = _SUMMARY, [_figures(row) for row in rows]
+    if any("sender" in row for row in rows):
+        return columns, cells
+    titled = [replace(one, title="Rows") if one.title == "Telegrams" else one for one in columns]
+    return titled[:2] + titled[3:], [line[:2] + line[3:] for line in cells]
 
 
 def _figures(row: Row) -> list[Cell]:
@@ -212,8 +229,8 @@ def _figures(row: Row) -> list[Cell]:
     return [
         Cell(row["name"], Tone.STRONG),
         Cell(units.list_key(row["list"])),
-        Cell(row["sender"]),
-        Cell(units.count(row["telegrams"])),
+        Cell(row.get("sender", "-")),
+        Cell(units.count(row["rows"] if "rows" in row else row["telegrams"])),
         Cell(units.count(row["changes"])),
         *(Cell(text or "-") for text in between),
     ]
@@ -227,49 +244,63 @@ def _no_history(chosen: Row | None) -> str:
     return "No value: no telegram that the filter chooses has this variable."
 
 
+def is_single(row: Row) -> bool:
+    """Tell whether a row is of a variable whose values come one by one."""
+    return "list_name" not in row
+
+
 class Json:
     """One document of schema ``nvscope.history/1``, each change on a line of its own; in constant memory.
 
-    Plain printable ASCII, as the other documents. Changes of variables of pages stand behind those of lists: until
-    then they are kept in a file, but where there can be no others (``pages``).
+    Plain printable ASCII, as the other documents. Changes of variables of pages and databases stand behind those of
+    lists: until then they are kept in files, but those that come first where there can be none of lists
+    (``read_alone``).
     """
 
-    def __init__(self, *, pages: bool = False) -> None:
-        self._any = self._any_page = False
-        self._pages = pages
-        self._kept: IO[str] | None = None
+    def __init__(self, *, read_alone: bool = False) -> None:
+        self._any: set[str] = set()
+        self._now = "" if read_alone else "changes"
+        self._kept: dict[str, IO[str]] = {}
 
     def begin(self) -> str:
-        return f'{_ascii(head(HISTORY_SCHEMA))[:-1]}, "changes": [' + ('], "page_changes": [' if self._pages else "")
+        return f'{_ascii(head(HISTORY_SCHEMA))[:-1]}, "changes": ['
 
     def line(self, row: Row) -> str:
-        if "place" not in row:
-            separator = ",\n" if self._any else "\n"
-            self._any = True
-            return separator + _ascii(row)
-        text = (",\n" if self._any_page else "\n") + _ascii(row)
-        self._any_page = True
-        if self._pages:
-            return text
-        if self._kept is None:
-            from tempfile import SpooledTemporaryFile  # noqa: PLC0415  # most captures have no pages
+        key = "changes" if not is_single(row) else "page_changes" if is_of_pages(row) else "logged_changes"
+        begin = ""
+        if not self._now:
+            self._now, begin = key, f'], "{key}": ['
+        separator = ",\n" if key in self._any else "\n"
+        self._any.add(key)
+        if key == self._now:
+            return begin + separator + _ascii(row)
+        if key not in self._kept:
+            from tempfile import SpooledTemporaryFile  # noqa: PLC0415  # most captures have lists alone
 
-            self._kept = SpooledTemporaryFile(_KEPT_CHARACTERS, "w+", encoding="ascii")  # noqa: SIM115  # as long as this
-        self._kept.write(text)
+            self._kept[key] = SpooledTemporaryFile(_KEPT_CHARACTERS, "w+", encoding="ascii")  # noqa: SIM115  # as long as this
+        self._kept[key].write(separator + _ascii(row))
         return ""
 
     def end(self, summary: Sequence[Row], chosen: Row | None = None, *, some_came: bool = False) -> Iterator[str]:
         """Yield the rest of the document."""
-        if self._kept is not None:
-            yield '\n], "page_changes": ['
-            self._kept.seek(0)
-            while piece := self._kept.read(_KEPT_CHARACTERS):
+        for key, kept in sorted(self._kept.items(), reverse=True):
+            yield f'\n], "{key}": ['
+            kept.seek(0)
+            while piece := kept.read(_KEPT_CHARACTERS):
                 yield piece
-            self._kept.close()
-        of_pages = [row for row in summary if "place" in row]
-        rows, pages = (",\n".join(map(_ascii, part)) for part in ([r for r in summary if "place" not in r], of_pages))
-        told = f', "page_variables": [\n{pages}\n]' if of_pages else ""
-        yield f'\n], "variables": [\n{rows}\n]{told}, "filter": {_ascii(chosen)}}}\n'
+            kept.close()
+        parts: dict[str, list[Row]] = {"variables": [], "page_variables": [], "logged_variables": []}
+        for row in summary:
+            parts[
+                "variables" if not is_single(row) else "page_variables" if is_of_pages(row) else "logged_variables"
+            ].append(row)
+        rows, *others = (
+            f'"{key}": [\n{told}\n]'
+            for key, told in (
+                (key, ",\n".join(map(_ascii, part))) for key, part in parts.items() if part or key == "variables"
+            )
+        )
+        yield f'\n], {", ".join([rows, *others])}, "filter": {_ascii(chosen)}}}\n'
 
 
 def _ascii(value: Any) -> str:
@@ -281,6 +312,9 @@ _NEVER = {
     "not chosen": "sent, but the filter chooses none of its telegrams",
     "not decoded": "sent, but no telegram that could be decoded",
 }
+_NO_VALUE = ("not readable", "no value")
+"""Why there is no value of a variable that is read in single values, at no time at all."""
+
 _AT = (
     Column("Variable", shortest=12, identifier=True),
     Column("Value", shortest=VALUE_WIDTH),
@@ -310,12 +344,15 @@ def render_at(
         lines += wrap([*title, whence], width)
         unseen = "not yet seen" if shown["filter"] is None else "not yet chosen"
         lines += align(_AT, [_at_cells(row, unseen) for row in rows], None if wide else width, 2)
-    for key, of_page in page_rows_by_list(shown).items():
-        lines += [[], *wrap([Cell(key, Tone.STRONG), Cell(", web visualization")], width)]
-        known = [row for row in of_page if row["missing"] != "not readable"]
+    for key, of_page in read_rows_by_list(shown).items():
+        of_pages = is_of_pages(of_page[0])
+        what = ", web visualization" if of_pages else ", logged"
+        lines += [[], *wrap([Cell(key, Tone.STRONG), Cell(what)], width)]
+        known = [row for row in of_page if row["missing"] not in _NO_VALUE]
         lines += align(_AT, [_at_cells(row, "not yet seen") for row in known], None if wide else width, 2)
-        lines += never_readable([row["name"] for row in of_page if row["missing"] == "not readable"], width)
-    if not groups and not shown.get("page_variables"):
+        never = [row["name"] for row in of_page if row["missing"] in _NO_VALUE]
+        lines += never_told(never, width, of_pages=of_pages)
+    if not groups and not has_read_rows(shown):
         lines += wrap([Cell("The definition files have no list that can be decoded.", Tone.WARNING)], width)
     return paint(lines, colour=colour)
 

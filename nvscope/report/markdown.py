@@ -99,6 +99,12 @@ def _lines(
 
         measures, rows, _ = visu_others.others(report)
         yield from _titled(visu_others.TITLE, measures, rows)
+    if "databases" in report:
+        from nvscope.view.lines.plant import databases  # noqa: PLC0415
+
+        yield from _titled(databases.TITLE, *databases.databases(report, clock))
+        for sentence in databases.remarks(report):
+            yield from ("", markdown_safe(sentence))
     if "hops" in report:
         yield ""
         yield f"### {hops.TITLE}"

@@ -135,6 +135,13 @@ def _lines(
 
         measures, rows, left = visu_others.others(report, None if asked.details else visu_others.MOST_ROWS)
         yield from _pairs(visu_others.TITLE, measures, rows, left, width, room)
+    if "databases" in report:
+        from nvscope.view.lines.plant import databases  # noqa: PLC0415
+
+        measures, rows = databases.databases(report, clock)
+        yield from _pairs(databases.TITLE, measures, rows, 0, width, room)
+        for sentence in databases.remarks(report):
+            yield from wrap([Cell(sentence, Tone.FAINT)], text_width, 0, 2)
     measures, rows = hops.hops(report)
     if "hops" in report:
         yield from _section(hops.TITLE, width)

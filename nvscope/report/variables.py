@@ -55,10 +55,10 @@ def render(
     shown, width = visible_document(document), max(width, MIN_WIDTH)
     parts = [filter_lines(shown["filter"], width)]
     absent = [*missing.lines(shown["missing"], min(width, _TEXT_WIDTH))]
-    if shown["variables"] or shown.get("page_variables"):
+    if shown["variables"] or has_read_rows(shown):
         parts += [absent, [*_lines(shown, width, wide, utc, names)]]
-        for rows in page_rows_by_list(shown).values():
-            parts.append([*_page_lines(rows, width, wide, utc, names.get(rows[0]["sender"], ""))])
+        for rows in read_rows_by_list(shown).values():
+            parts.append([*_read_lines(rows, width, wide, utc, names.get(rows[0].get("sender", ""), ""))])
     else:
         told = _nothing_told(shown["filter"], some_came, of_one_list)
         parts[0] = [*parts[0], *wrap([Cell(told, Tone.WARNING)], width)]
@@ -111,32 +111,49 @@ def _lines(document: Mapping[str, Any], width: int, wide: bool, utc: bool, names
         yield from align(_COLUMNS, [_cells(row, utc) for row in rows], None if wide else width, 2)
 
 
-def page_rows_by_list(document: Mapping[str, Any]) -> Mapping[str, Sequence[Mapping[str, Any]]]:
-    """Return the rows of variables of pages by controller; none where there are none."""
+_READ_KEYS = ("page_variables", "logged_variables")
+
+
+def has_read_rows(document: Mapping[str, Any]) -> bool:
+    """Tell whether there are variables whose values come one by one."""
+    return any(document.get(key) for key in _READ_KEYS)
+
+
+def read_rows_by_list(document: Mapping[str, Any]) -> Mapping[str, Sequence[Mapping[str, Any]]]:
+    """Return the rows of variables whose values come one by one, by what stands for the list."""
     found: dict[str, list[Mapping[str, Any]]] = {}
-    for row in document.get("page_variables", ()):
-        found.setdefault(row["list"], []).append(row)
+    for key in _READ_KEYS:
+        for row in document.get(key, ()):
+            found.setdefault(row["list"], []).append(row)
     return found
 
 
-def _page_lines(
+def _read_lines(
     rows: Sequence[Mapping[str, Any]], width: int, wide: bool, utc: bool, name: str
 ) -> Iterator[Line]:  # fmt: skip
-    """Yield the variables of one controller that pages asked for; those that it never could read by their names."""
-    known = [row for row in rows if row["telegrams"]]
-    told = f"{' ' + name if name else ''}, {units.count_of(len(known), 'variable')} of web visualization"
+    """Yield the variables of one controller or database; those that never had a value by their names."""
+    of_pages = is_of_pages(rows[0])
+    known = [row for row in rows if row["text"] is not None]
+    whose = "of web visualization" if of_pages else "logged"
+    told = f"{' ' + name if name else ''}, {units.count_of(len(known), 'variable')} {whose}"
     yield from wrap([Cell(rows[0]["list"], Tone.STRONG), Cell(told)], width)
     if known:
         yield from align(_COLUMNS, [_cells(row, utc) for row in known], None if wide else width, 2)
-    yield from never_readable([row["name"] for row in rows if not row["telegrams"]], width)
+    yield from never_told([row["name"] for row in rows if row["text"] is None], width, of_pages=of_pages)
 
 
-def never_readable(names: Sequence[str], width: int) -> Sequence[Line]:
-    """Return which variables pages asked for, and controllers could never read; nothing where there are none."""
+def is_of_pages(row: Mapping[str, Any]) -> bool:
+    """Tell whether a variable whose values come one by one is one of pages."""
+    return "place" in row
+
+
+def never_told(names: Sequence[str], width: int, *, of_pages: bool) -> Sequence[Line]:
+    """Return which variables never had a value, though somebody asked for it; nothing where there are none."""
     if not names:
         return []
+    told = "Never readable (???)" if of_pages else "Never a value (NULL in each row)"
     more = f" and {units.count(len(names) - _MOST_NAMED)} more" if len(names) > _MOST_NAMED else ""
-    return wrap([Cell(f"Never readable (???): {'; '.join(names[:_MOST_NAMED])}{more}.", Tone.WARNING)], width, 2, 4)
+    return wrap([Cell(f"{told}: {'; '.join(names[:_MOST_NAMED])}{more}.", Tone.WARNING)], width, 2, 4)
 
 
 def _telegrams(rows: Sequence[Mapping[str, Any]]) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 from nvscope import units
 from nvscope.report.ansi import paint
 from nvscope.report.sdo import MIN_WIDTH, Failure
-from nvscope.tracker.visu.writes import HIDDEN
+from nvscope.tracker.readings.form import HIDDEN
 from nvscope.units import count_of, duration
 from nvscope.view.escape import visible_document
 from nvscope.view.lines.table import Cell, Column, Line, Tone, align, wrap

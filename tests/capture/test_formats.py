@@ -43,7 +43,8 @@ def test_a_row_names_a_reader_and_is_told_in_one_way(known: CaptureFormat) -> No
     assert issubclass(reader, Reader)
     assert not inspect.isabstract(reader)
     assert list(inspect.signature(reader).parameters) == ["content", "sizes"]
-    assert bool(known.magics) != bool(known.is_line)
+    assert [bool(known.magics), bool(known.is_line), bool(known.within)].count(True) == 1
+    assert bool(known.within) == bool(known.told_by)
     for magic in known.magics:
         assert format_of(magic + bytes(32)) is known
 
@@ -92,9 +93,14 @@ def test_captures_have_no_attachments(tmp_path: Path) -> None:
 
 def test_error_texts_come_from_the_table(tmp_path: Path) -> None:
     (tmp_path / "notes").write_text("something that is no capture, and is long enough")
-    with pytest.raises(UnreadableInput, match="expected a pcap, pcapng or mcap file or a CAN log, plain or com"):
+    with pytest.raises(
+        UnreadableInput,
+        match="expected a pcap, pcapng or mcap file, a CAN log or a database of a DataLogger, plain or com",
+    ):
         CaptureFile(str(tmp_path / "notes"))
-    with pytest.raises(UnreadableInput, match=r"among 1 files, expected a pcap, pcapng or mcap file or a CAN log"):
+    with pytest.raises(
+        UnreadableInput, match="among 1 files, expected a pcap, pcapng or mcap file, a CAN log or a data"
+    ):
         open_source([str(tmp_path)])
     with pytest.raises(UsageError) as caught:
         open_sink("x.docx")

@@ -11,6 +11,7 @@ from tests.oracle.traffic import generate, mutate
 from tests.oracle.visu_traffic import conversations
 from tests.protocols import beacon
 from tests.protocols.probe import probe
+from tests.protocols.rows import rows
 
 
 def beacons(seed: int, count: int = 40) -> list[Frame]:
@@ -64,11 +65,11 @@ def can_frame(ts_ns: int, identifier: int, data: bytes) -> Frame:
 
 
 def mixed(seed: int) -> list[Frame]:
-    """Return telegrams, beacons, probes and CAN frames of one time; of odd seeds some are broken."""
+    """Return telegrams, beacons, probes, CAN frames and rows of one time; of odd seeds some are broken."""
     chance = random.Random(seed)
     frames = generate(seed, frames=60, link=[ETHERNET, None][seed // 2 % 2])
     start_ns = min((frame.ts_ns for frame in frames), default=0)
-    others = [*beacons(seed), *probes(seed, start_ns), *pages(seed, start_ns)]
+    others = [*beacons(seed), *probes(seed, start_ns), *pages(seed, start_ns), *rows(seed, start_ns)]
     for place in range(10):
         others.append(can_frame(start_ns + place * 11 * MILLISECOND, 0x181 + place % 2, bytes([place] * (place % 9))))
     if seed % 2:

@@ -16,6 +16,7 @@ from nvscope.errors import ExitCode
 from nvscope.view.documents.drawn import plain
 from tests.program import run
 from tests.schemas.asking import make_asking
+from tests.schemas.odd_database import make_odd_database
 from tests.schemas.odd_logs import make_odd_logs
 from tests.schemas.odd_plant import make_odd_plant
 from tests.simulate.simulation import simulated
@@ -40,6 +41,7 @@ COMMANDS = (
     "report captures/telegrams.pcap",
     "report captures/visu/panel.pcap",
     "report captures/interfaces.pcapng",
+    "report captures/datalogger/genuine-5min.db",
     "report captures/truncated.pcap",
     f"report {_PLANT} --from-time 5s --to-time -2s",
     "report captures/peers/peers.pcap --from-time 1h",
@@ -116,11 +118,17 @@ ODD_COMMANDS = (
     "report pages.pcap --project named.toml",
     "report shown.pcap --gvl shown.gvl --compare",
     "report shown.pcap --gvl shown.gvl --compare --show-secrets",
+    "report shown.pcap shown.db --gvl shown.gvl --compare",
+    "report shown_once.pcap shown.db --gvl shown.gvl --compare",
     "report shown_once.pcap --gvl shown.gvl --compare",
     "report timed_pages.pcap --project named.toml",
     "vars timed_pages.pcap",
     "vars timed_pages.pcap --history 'visu/*/*'",
     "vars timed_pages.pcap --at 40ms",
+    "report odd.db",
+    "vars odd.db",
+    "vars odd.db --history '*' --all",
+    "vars odd.db --at 100ms",
     "report one.log",
     "report bus_off.log",
     "report dropped.log",
@@ -183,6 +191,7 @@ def odd_plant() -> Path:
     make_odd_plant(folder)
     make_odd_logs(folder)
     make_asking(folder)
+    make_odd_database(folder)
     return folder
 
 

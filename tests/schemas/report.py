@@ -50,7 +50,7 @@ from tests.schemas.shapes import (
     whole,
     word,
 )
-from tests.schemas.variables import MISSING, VALUE, VALUE_OF_LIST
+from tests.schemas.variables import MISSING, VALUE, VALUE_OF_LIST, VALUE_OF_LOG
 from tests.schemas.visu import visu, visu_other, visu_unchanging, visu_write
 
 SCOPES = [*SCOPE_NAMES.values(), SCOPE_UNUSED]
@@ -78,26 +78,44 @@ def report() -> Schema:
             "visu_unchanging": several(shared("visu_unchanging"), "what pages saw no change of, where there is any"),
             "visu_writes": several(shared("visu_write"), "the first variables that were written, where there are any"),
             "visu_others": several(shared("visu_other"), "other protocols on the same ports, where there are any"),
+            "databases": several(shared("database"), "of DataLoggers, where there are any"),
             "buses": several(shared("bus"), "the channels of CAN, where there are any"),
             "filter": record({"expression": text(), "telegrams": whole("those it chooses")}),
             "missing": several(MISSING, "with definitions: what does not arrive of what is defined"),
             "hops": several(shared("hop"), "with --compare: variables that several lists have"),
             "hops_of_other_types": several(text(), "with --compare: names of variables that differ in type"),
             "page_hops": several(shared("page_hop"), "with --compare: what pages showed of variables of lists"),
+            "logged_hops": several(shared("logged_hop"), "with --compare: what databases have of variables of lists"),
         },
         optional=(
-            "evidence_left_out", "sdo", "sdo_writes", "visu", "visu_writes", "visu_unchanging", "visu_others", "buses",
-            "filter", "missing", *_OF_COMPARE, "page_hops",
+            "evidence_left_out", "sdo", "sdo_writes", "visu", "visu_writes", "visu_unchanging", "visu_others",
+            "databases", "buses", "filter", "missing", *_OF_COMPARE, "page_hops", "logged_hops",
         ),
     )  # fmt: skip
     parts = {
         "list": _list(), "node": _node(), "stream": _stream(), "can_list": _can_list(), "can_stream": _can_stream(),
         "value": VALUE_OF_LIST, "cause": cause(), "finding": _finding(), "bus": bus(), "hop": _hop(),
-        "page_hop": _page_hop(),
+        "page_hop": _page_hop(), "logged_hop": _logged_hop(),
+        "database": _database(),
         "canopen_node": canopen_node(), "sdo": sdo(), "sdo_write": sdo_write(),
         "visu": visu(), "visu_write": visu_write(), "visu_unchanging": visu_unchanging(), "visu_other": visu_other(),
     }  # fmt: skip
     return found | {"dependentRequired": {key: [other] for key, other in permutations(_OF_COMPARE)}, "$defs": parts}
+
+
+def _database() -> Schema:
+    return record(
+        {
+            "database": text("db/FILE, as variables have it in the place of a list", "^db/"),
+            "rows": whole("they are frames of the capture, and no telegrams", 1),
+            "tables": whole("", 1),
+            "variables": whole("names that are different"),
+            "start_ns": time(),
+            "end_ns": time(),
+            "lost": whole("rows that say that data was lost before them, the first of all aside"),
+            "first_lost_frame": maybe(whole("", 1)),
+        }
+    )
 
 
 def capture() -> Schema:
@@ -299,6 +317,14 @@ def _finding() -> Schema:
 def _page_hop() -> Schema:
     end = record({"list": text("key, or visu/ADDRESS"), "sender": text(), "telegrams": whole(), **VALUE})
     return record({**_hop_of(end), "hidden": truth("it is, or may be, a password, and stays hidden")})
+
+
+def _logged_hop() -> Schema:
+    listed = record({"list": LIST_KEY, "sender": text(), "telegrams": whole(), **VALUE})
+    told = {"value": VALUE_OF_LOG, "unit": unknown()}
+    logged = record({"list": text("db/FILE", "^db/"), "rows": whole("with a value"), **VALUE, **told})
+    missed = whole("changes of the list that the database has not, while it was written")
+    return record({**_hop_of(listed), "to": logged, "missed": missed})
 
 
 def _hop() -> Schema:

@@ -142,6 +142,7 @@ UNSEEN = {
     "report/capture.drops_by.queue integer": "what is captured live",
     "report/capture.drops_by.ring integer": "the same",
     "report/capture.until_ns string": "the same",
+    "report/logged_hops[].from.value null": "a list whose last value is no finite number",
     "report/evidence_left_out integer": "what has hundreds of thousands of events",
     "report/findings[].parts[].extent number": "many identifiers of one channel that are irregular",
     "report/findings[].parts[].subindex null": "many lists of one channel with incomplete cycles",

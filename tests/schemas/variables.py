@@ -83,6 +83,31 @@ _PAGE_VARIABLE: Properties = {
     **_PLACE,
 }
 
+_OF_LOGS = "variables of databases of DataLoggers; absent without any"
+_OF_LOG: Properties = {
+    "list": text("db/FILE: the database, or the series of files", "^db/"),
+    "name": text("its full name"),
+    "type": text("what its column is declared as"),
+}
+VALUE_OF_LOG: Schema = {"type": ["number", "string", "null"]}
+_LOGGED_VALUE: Properties = {
+    "unit": unknown(),
+    "value": VALUE_OF_LOG | {"description": "as it is stored; null of bytes, of what is no finite number, and of NULL"},
+    "text": maybe(text("as an engineer writes it; bytes in hexadecimal")),
+}
+_LOGGED_VARIABLE: Properties = {
+    **_OF_LOG,
+    **_LOGGED_VALUE,
+    "last_ns": maybe(time("of the last row with a value")),
+    "changed_ns": maybe(time("of the last change, or of the first value")),
+    "rows": whole("with a value: where only changes are stored, those with a change"),
+    "changes": whole(),
+    "min": maybe(number("of the numbers among the values")),
+    "max": maybe(number()),
+    "min_text": maybe(text()),
+    "max_text": maybe(text()),
+}
+
 _MISSING: Properties = {
     "kind": word(KINDS),
     "severity": word(SEVERITIES),
@@ -108,10 +133,17 @@ def last_values() -> Schema:
             "variables": several(shared("variable")),
             "earlier": several(shared("variable"), "of telegrams with a layout that another one took the place of"),
             "page_variables": several(shared("page_variable"), _OF_PAGES),
+            "logged_variables": several(shared("logged_variable"), _OF_LOGS),
         },
-        optional=["page_variables"],
+        optional=["page_variables", "logged_variables"],
     )  # fmt: skip
-    return found | {"$defs": {"variable": record({**_LISTED, **_VARIABLE}), "page_variable": record(_PAGE_VARIABLE)}}
+    return found | {
+        "$defs": {
+            "variable": record({**_LISTED, **_VARIABLE}),
+            "page_variable": record(_PAGE_VARIABLE),
+            "logged_variable": record(_LOGGED_VARIABLE),
+        }
+    }
 
 
 def history() -> Schema:
@@ -121,11 +153,13 @@ def history() -> Schema:
         {
             "changes": several(shared("change")),
             "page_changes": several(shared("page_change"), _OF_PAGES),
+            "logged_changes": several(shared("logged_change"), _OF_LOGS),
             "variables": several(shared("variable")),
             "page_variables": several(shared("page_variable"), _OF_PAGES),
+            "logged_variables": several(shared("logged_variable"), _OF_LOGS),
             "filter": FILTER,
         },
-        optional=["page_changes", "page_variables"],
+        optional=["page_changes", "page_variables", "logged_changes", "logged_variables"],
     )  # fmt: skip
     change = {
         "frame": whole("", 1),
@@ -160,7 +194,17 @@ def history() -> Schema:
     page_change = {name: one for name, one in {**change, **of_page, **_PLACE}.items() if name not in of_lists}
     page_variable = {**variable, **_OF_PAGE, "place": _PLACE["place"]}
     page_variable = {name: one for name, one in page_variable.items() if name not in of_lists}
-    told = {"change": change, "page_change": page_change, "variable": variable, "page_variable": page_variable}
+    of_nobody = (*of_lists, "sender", "telegrams")
+    of_log = {name: part for name, part in _OF_LOG.items() if name != "type"}
+    logged_change = {**change, **of_log, "unit": unknown(), "old": VALUE_OF_LOG, "new": VALUE_OF_LOG}
+    logged_variable = {**variable, **_OF_LOG, "rows": whole("with a value", 1)}
+    told = {
+        "change": change, "page_change": page_change, "variable": variable, "page_variable": page_variable,
+        **{
+            name: {key: one for key, one in properties.items() if key not in of_nobody}
+            for name, properties in (("logged_change", logged_change), ("logged_variable", logged_variable))
+        },
+    }  # fmt: skip
     return found | {"$defs": {name: record(properties) for name, properties in told.items()}}
 
 
@@ -187,9 +231,10 @@ def at() -> Schema:
             "filter": FILTER,
             "variables": several({"oneOf": [shared("seen"), shared("unseen")]}),
             "page_variables": several({"oneOf": [shared("on_page"), shared("not_on_page")]}, _OF_PAGES),
+            "logged_variables": several({"oneOf": [shared("logged"), shared("not_logged")]}, _OF_LOGS),
         },
-        optional=["page_variables"],
-    ) | {"$defs": {"seen": seen, "unseen": unseen, **_on_pages_at(known)}}  # fmt: skip
+        optional=["page_variables", "logged_variables"],
+    ) | {"$defs": {"seen": seen, "unseen": unseen, **_on_pages_at(known), **_logged_at(known)}}  # fmt: skip
 
 
 def _on_pages_at(known: Properties) -> dict[str, Schema]:
@@ -202,6 +247,15 @@ def _on_pages_at(known: Properties) -> dict[str, Schema]:
         "on_page": record(on_page),
         "not_on_page": record({**_OF_PAGE, **nothing, **_PLACE, "hidden": word((False,)), "missing": why}),
     }
+
+
+def _logged_at(known: Properties) -> dict[str, Schema]:
+    """Return what is told of variables of databases at a time: of those with a value, and of the others."""
+    told = {name: part for name, part in known.items() if name != "sender"}
+    logged = {**_OF_LOG, **told, **_LOGGED_VALUE, "text": text(), "missing": unknown()}
+    nothing = {name: unknown() for name in told}
+    why = word(("later", "no value"), "why there is no value")
+    return {"logged": record(logged), "not_logged": record({**_OF_LOG, **nothing, "missing": why})}
 
 
 def inference() -> Schema:

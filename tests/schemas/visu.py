@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dissectors.web_protocols import WebProtocol
-from nvscope.tracker.visu.writes import MOST_CHARACTERS, WriteOutcome
+from nvscope.tracker.readings.form import MOST_CHARACTERS
+from nvscope.tracker.visu.writes import WriteOutcome
 from nvscope.view.documents.visu import MOST_NAMED
 from tests.schemas.shapes import (
     PORT,

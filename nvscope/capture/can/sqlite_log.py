@@ -35,6 +35,9 @@ _FIRST_ROW = -(1 << 63)
 _DATABASE_FAULTS = (sqlite3.Error, UnicodeError, OverflowError)
 
 
+_NO_TABLE = "an SQLite file without a table 'messages' as python-can writes it, and without one of a DataLogger"
+
+
 class _NoMessages(Exception):
     """An SQLite file that is no log of python-can."""
 
@@ -51,9 +54,9 @@ class SqliteReader(Reader):
                 _check(self._path, content.path)
             except _NoMessages:
                 raise NoCapture(
-                    "an SQLite file without a table 'messages' as python-can writes it",
+                    _NO_TABLE,
                     where=content.path,
-                    next_step="a recording of a CODESYS DataLogger cannot be read yet",
+                    next_step="tables of DataLoggers begin with the columns 'Timestamp' and 'ConsistentDataSeries'",
                 ) from None
         self._next = _FIRST_ROW
         self._wrong = 0
@@ -88,7 +91,8 @@ class SqliteReader(Reader):
             _check(path, self.content.path)
         except _NoMessages:
             raise UnreadableInput(
-                "an SQLite file without a table 'messages' as python-can writes it", where=self.content.path
+                _NO_TABLE,
+                where=self.content.path,
             ) from None
 
     def _add(self, batches: FrameBatches, frames: list[CanFrame]) -> Iterator[PacketBatch]:

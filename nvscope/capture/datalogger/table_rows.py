@@ -25,10 +25,15 @@ _MOST_LONG_BYTES = 1 << 23
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """Some rows of a table: their ids, which rise, and their values by column. None of them is faulty."""
+    """Some rows of a table: their ids, which rise, and their values by column. None of them is faulty.
+
+    The record of each lies at ``start`` of ``data`` and has ``length`` bytes.
+    """
 
     rowid: I64
     records: Records
+    start: I64
+    length: I64
 
     def __len__(self) -> int:
         return len(self.rowid)
@@ -76,7 +81,7 @@ def table_rows(file: PageFile, tree: Tree, columns: int, real: Sequence[int]) ->
                 whole = whole.take(~records.faulty)
                 records = Records(buffer, whole.start, whole.length, columns, real)
             if len(whole):
-                yield Rows(whole.rowid, records)
+                yield Rows(whole.rowid, records, whole.start, whole.length)
 
 
 def _together(file: PageFile, tree: Tree, most_rows: int) -> Iterator[Leaves]:

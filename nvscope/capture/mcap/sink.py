@@ -16,7 +16,7 @@ from nvscope.capture.mcap.kept_room import KeptRoom
 from nvscope.capture.mcap.packets import ENCODING, MOST_BYTES, MOST_ROWS, SCHEMA_NAME, TOPIC, cut, message
 from nvscope.capture.mcap.records import AttachedFile
 from nvscope.capture.mcap.writer import Chunk, McapWriter
-from nvscope.capture.output import FileSink
+from nvscope.capture.output import FileSink, check_frames
 from nvscope.capture.source import Attachment, Circumstances, Sink
 from nvscope.errors import CaptureError
 from nvscope.schemas.schema_files import schema_text
@@ -81,6 +81,7 @@ class McapSink(FileSink):
     def write(self, batch: PacketBatch) -> None:
         if not len(batch):
             return
+        check_frames(batch)
         self._name_channels()
         for part in cut(batch):
             if self._waiting and self._rows:

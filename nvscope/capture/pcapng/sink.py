@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dissectors.batch import U8, U32, PacketBatch
-from nvscope.capture.output import FileSink
+from nvscope.capture.output import FileSink, check_frames
 from nvscope.capture.pcapng.blocks import (
     BYTE_ORDER_MAGIC,
     ENHANCED_PACKET,
@@ -54,6 +54,7 @@ class PcapngSink(FileSink):
     def write(self, batch: PacketBatch) -> None:
         if not len(batch):
             return
+        check_frames(batch)
         key = batch.link.astype(np.int64)
         if self._channels is not None:
             key = key << 16 | batch.channels

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 from nvscope.check.check import Check, Evidence, Setting
 from nvscope.check.doubt import doubt, doubt_of_clock, parts
-from nvscope.check.moments import MomentWatcher
 from nvscope.check.parameters import NUMBER_OR_TIME, REQUIRED, VALUE, Parameter, Unfit
+from nvscope.check.read_variables import BothWatcher, ReadPlace, ReadWatcher, RefusedWatch, is_read
 from nvscope.check.variable_places import VariablePlace, variable_places
 from nvscope.check.variables import (
     NUMBERS,
@@ -36,19 +36,22 @@ _NEVER_JUDGED = "at no moment it was to be judged"
 
 _TRUTHS = {"true": True, "false": False}
 
-Make = Callable[[VariablePlace, Mapping[str, Any]], Watch]
+Place = VariablePlace | ReadPlace
+Watcher = VariableWatcher | ReadWatcher | BothWatcher
+AnyPlace = TypeVar("AnyPlace", bound=VariablePlace | ReadPlace)
+Make = Callable[[Any, Mapping[str, Any]], Watch]
 
 
-def _scale(place: VariablePlace) -> int:
+def _scale(place: Place) -> int:
     """Return what a value of one in a rule is in the column of a variable."""
     return _SECOND_NS if place.field.type is FieldType.DURATION else 1
 
 
-def _unit(place: VariablePlace) -> str:
+def _unit(place: Place) -> str:
     return "s" if place.field.type is FieldType.DURATION else ""
 
 
-def _limit(place: VariablePlace, value: float | None, key: str) -> float | None:
+def _limit(place: Place, value: float | None, key: str) -> float | None:
     if value is None:
         return None
     found = value * _scale(place)
@@ -57,7 +60,7 @@ def _limit(place: VariablePlace, value: float | None, key: str) -> float | None:
     return found
 
 
-def _numbers(places: Iterable[VariablePlace], key: str = "variable") -> list[VariablePlace]:
+def _numbers(places: Iterable[AnyPlace], key: str = "variable") -> list[AnyPlace]:
     found = list(places)
     for one in found:
         if one.field.type not in NUMBERS:
@@ -69,21 +72,34 @@ def _numbers(places: Iterable[VariablePlace], key: str = "variable") -> list[Var
     return found
 
 
-def _watching(make: Make, *, numbers: bool = True, in_order: bool = False) -> Any:
-    def watch(setting: Setting, told: Mapping[str, Any]) -> VariableWatcher:
-        places = variable_places(setting, told["variable"])
+def _watching(make: Make, *, numbers: bool = True, in_order: bool = False, lasting: bool = False) -> Any:
+    def make_one(place: Place, told: Mapping[str, Any]) -> Watch:
         if numbers:
-            places = _numbers(places)
-        return VariableWatcher(setting, [make(one, told) for one in places], in_order=in_order)
+            _numbers([place])
+        return make(place, told)
+
+    def watch(setting: Setting, told: Mapping[str, Any]) -> Watcher:
+        named = told["variable"]
+        read = [one for one in named if is_read(one)]
+        one_by_one = None
+        if read:
+            one_by_one = ReadWatcher(setting, read, lambda place: make_one(place, told), lasting=lasting)
+            if len(read) == len(named):
+                return one_by_one
+        places = variable_places(setting, [one for one in named if not is_read(one)])
+        watcher = VariableWatcher(setting, [make_one(one, told) for one in places], in_order=in_order)
+        return watcher if one_by_one is None else BothWatcher(watcher, one_by_one)
 
     return watch
 
 
-def _each(known: Evidence, watcher: VariableWatcher) -> Iterator[tuple[Any, Judged | None]]:
+def _each(known: Evidence, watcher: Watcher) -> Iterator[tuple[Any, Judged | None]]:
     """Yield what is known of each variable, and the verdict where there is nothing to judge."""
     for one in watcher.watches:
         missing = None
-        if not one.judged:
+        if isinstance(one, RefusedWatch):
+            missing = Judged(Verdict.INCONCLUSIVE, reason=one.why, variable=one.place.name)
+        elif not one.judged:
             reason = _NEVER_JUDGED if watcher.is_conditional else _NEVER_CAME
             missing = Judged(
                 Verdict.INCONCLUSIVE, _key(known, one.place), reason=reason, variable=one.place.name, vacuous=True
@@ -91,8 +107,10 @@ def _each(known: Evidence, watcher: VariableWatcher) -> Iterator[tuple[Any, Judg
         yield one, missing
 
 
-def _key(known: Evidence, place: VariablePlace) -> ListKey:
+def _key(known: Evidence, place: Place) -> ListKey | None:
     """Return the key of the list that a variable was sent in: on CAN, that of its channel, where there is one."""
+    if place.list is None:
+        return None
     own = [key for key in known.keys.values() if place.list in (key, key.on_any_channel)]
     return min(own, default=place.list)
 
@@ -128,7 +146,7 @@ def _range(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any])
         yield _judged(known, one, worst=worst, limit=limit, above=above, unit=_unit(one.place), reason=reason)
 
 
-def _make_range(place: VariablePlace, told: Mapping[str, Any]) -> Watch:
+def _make_range(place: Any, told: Mapping[str, Any]) -> Watch:
     if told["min"] is None and told["max"] is None:
         raise Unfit("a range needs min, max, or both")
     if told["min"] is not None and told["max"] is not None and told["min"] > told["max"]:
@@ -136,7 +154,7 @@ def _make_range(place: VariablePlace, told: Mapping[str, Any]) -> Watch:
     return RangeWatch(place, least=_limit(place, told["min"], "min"), most=_limit(place, told["max"], "max"))
 
 
-def _make_enum(place: VariablePlace, told: Mapping[str, Any]) -> Watch:
+def _make_enum(place: Any, told: Mapping[str, Any]) -> Watch:
     names = {name.lower(): value for name, value in place.field.values.items()}
     wanted = told["values"] or tuple(place.field.values.values())
     if not wanted:
@@ -207,7 +225,7 @@ def _frozen(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]
         yield judged
 
 
-def _is_too_short(known: Evidence, needed_ns: int, watcher: MomentWatcher) -> bool:
+def _is_too_short(known: Evidence, needed_ns: int, watcher: Watcher) -> bool:
     """Tell whether it was nowhere to be judged for so long."""
     if known.since_ns is None or known.until_ns is None:
         return True
@@ -253,7 +271,8 @@ def _hops(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) 
 
 _VARIABLE = Parameter(
     "variable", array(TEXT, single=True),
-    "variables by name, with their list in front or without; a structure stands for all it has, * for any text",
+    "variables by name, with their list in front or without; a structure stands for all it has, * for any text; "
+    "db/FILE/NAME and visu/ADDRESS/NAME are those of databases and pages",
     REQUIRED,
 )  # fmt: skip
 
@@ -308,7 +327,9 @@ CHECKS = (
         "frozen", "variable", "A value goes on changing.", "the longest time without a change while its list was sent",
         "it is longer than max", 'check = "frozen"\nvariable = "nHeartbeat"\nmax = "1s"', _frozen,
         (_VARIABLE, Parameter("max", SPAN, "so long it may stay as it is", REQUIRED)),
-        _watching(lambda place, told: FrozenWatch(place, most_ns=told["max"]), numbers=False, in_order=True),
+        _watching(
+            lambda place, told: FrozenWatch(place, most_ns=told["max"]), numbers=False, in_order=True, lasting=True
+        ),
         by_moment=True, needs_definitions=True,
     ),
     Check(

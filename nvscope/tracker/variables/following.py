@@ -86,6 +86,49 @@ class Side:
         return bool(len(self.values)) and self.until_ns is None
 
 
+@dataclass(slots=True)
+class Reached:
+    """Which changes of the leader the follower took, too: of ``led`` that could be taken, ``reached``.
+
+    A change can be taken where the follower was known, and of another value. ``taken`` has an entry for each change
+    that is remembered of the leader: whether it is no more to be waited for.
+    """
+
+    led: int = 0
+    reached: int = 0
+    taken: Bool = field(default_factory=lambda: np.zeros(0, np.bool_))
+
+    def take(self, leader: Side, led: Changed, follower: Side, new: Changed, matched: I64) -> None:
+        """Take what is new at both ends; ``matched`` are the changes of the leader that were followed, as they came."""
+        unknown = len(leader.times_ns) - len(self.taken)
+        times, values = led
+        fresh = np.zeros(len(times), np.bool_)
+        if follower.since_ns is not None:
+            when, what = np.append(follower.times_ns, new[0]), np.append(follower.values, new[1])
+            place = np.searchsorted(when, times, "right") - 1
+            fresh = (place >= 0) & (what[place] != values)
+        if leader.begins and not len(leader.times_ns) and len(fresh):
+            fresh[0] = False  # what it had when it was first seen is no change
+        self.led += int(np.count_nonzero(fresh))
+        taken = np.concatenate([np.ones(max(unknown, 0), np.bool_), self.taken, ~fresh])
+        before = int(np.count_nonzero(taken))
+        taken[matched] = True
+        self.reached += int(np.count_nonzero(taken)) - before
+        self.taken = taken[-CHANGES_KEPT:]
+
+    def missed(self, leader: Side, until_ns: int | None) -> int:
+        """Return how many changes were not taken; those behind a time may still be."""
+        times = leader.times_ns[-len(self.taken) :] if len(self.taken) else leader.times_ns[:0]
+        waiting = ~self.taken[-len(times) :] if len(times) else self.taken[:0]
+        open_ = 0 if until_ns is None else int(np.count_nonzero(waiting & (times > until_ns)))
+        return self.led - self.reached - open_
+
+    def end(self, leader: Side, until_ns: int | None) -> None:
+        """Begin anew, and wait for nothing that came behind a time."""
+        missed = self.missed(leader, until_ns)
+        self.led, self.taken = self.reached + missed, self.taken[:0]
+
+
 AnySide = TypeVar("AnySide", bound=Side)
 
 
@@ -94,6 +137,7 @@ class Pair(Generic[AnySide]):
     """Two ends of one variable: how the second follows the first, and the first the second.
 
     ``observed_ns`` is for how long both were known, ``differed_ns`` for how much of that they were not equal.
+    ``reached`` tells which changes of the first one the second took, None where nobody asks.
     """
 
     first: AnySide
@@ -103,6 +147,7 @@ class Pair(Generic[AnySide]):
     observed_ns: int = 0
     differed_ns: int = 0
     until_ns: int | None = None
+    reached: Reached | None = None
 
 
 def remember(end: Side, fresh: tuple[I64, U64] | None) -> None:
@@ -122,23 +167,29 @@ def compare(pair: Pair[Any], fresh: dict[int, tuple[I64, U64]]) -> None:
     first, second = fresh.get(id(pair.first), _NOTHING), fresh.get(id(pair.second), _NOTHING)
     if not len(first[0]) and not len(second[0]):
         return
-    _follow(pair.forth, pair.first, first, pair.second, second)
+    matched = _follow(pair.forth, pair.first, first, pair.second, second)
+    if pair.reached is not None:
+        pair.reached.take(pair.first, first, pair.second, second, matched)
     _follow(pair.back, pair.second, second, pair.first, first)
     _differ(pair, first, second)
 
 
 def _follow(
     direction: Direction, leader: Side, led: tuple[I64, U64], follower: Side, new: tuple[I64, U64]
-) -> None:  # fmt: skip
-    """Find for each new change of the follower the leader's latest change before it to the same value."""
+) -> I64:  # fmt: skip
+    """Find for each new change of the follower the leader's latest change before it to the same value.
+
+    Returns which changes of the leader, remembered and new ones, were followed so; they may be there several times.
+    """
     lead_ns, lead = np.concatenate([leader.times_ns, led[0]]), np.concatenate([leader.values, led[1]])
     times, values = new
     if not len(follower.times_ns):
         times, values = times[1:], values[1:]  # the first telegram is no change
+    nothing = np.empty(0, np.int64)
     if not len(lead) or not len(times):
-        return
+        return nothing
     if leader.until_ns is not None and (follower.since_ns or 0) > leader.until_ns:
-        return  # at no time somebody listened to both
+        return nothing  # at no time somebody listened to both
     known = times >= lead_ns[0]
     times, values = times[known], values[known]
     direction.changes += len(times)
@@ -158,6 +209,8 @@ def _follow(
     # What the leader had when it was first seen, it has had for nobody knows how long.
     timed = order[place] > 0 if leader.begins else np.ones(len(place), np.bool_)
     direction.add((times - lead_ns[place])[timed])
+    followed: I64 = order[place]
+    return followed
 
 
 def _last_until(lead_ns: I64, begin: I64, end: I64, times: I64) -> I64:

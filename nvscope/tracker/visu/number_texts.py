@@ -5,7 +5,6 @@ Most texts are digits, with a sign or a point. What is not is read one by one.
 
 from __future__ import annotations
 
-from enum import IntEnum
 from hashlib import blake2b
 
 import numpy as np
@@ -13,17 +12,7 @@ import numpy as np
 from dissectors.batch import I64, U8, U64, Bool
 from nvscope.definition.variables import Elementary, Scalar, ScalarKind, String
 from nvscope.definition.visu_values import bounds_of, value_in
-
-
-class Form(IntEnum):
-    """What a value is. ``RAW``: no more is known than its text; ``NOTHING``: the controller could not read it."""
-
-    NOTHING = 0
-    RAW = 1
-    TEXT = 2
-    WHOLE = 3
-    REAL = 4
-
+from nvscope.tracker.readings.form import Form
 
 _EXACT_DIGITS, _WHOLE_DIGITS = 15, 18
 _POWERS = 10.0 ** np.arange(_EXACT_DIGITS + 1)
@@ -43,7 +32,7 @@ class Kinds:
 
     def add(self, kind: Elementary | None) -> None:
         """Take the type of the next variable; None where texts are all that is known."""
-        form = _form_of(kind)
+        form = form_of(kind)
         row = int(form), 0, 0, False, False
         if isinstance(kind, Scalar):
             low, high = bounds_of(kind) if form is Form.WHOLE else (0, 0)
@@ -99,7 +88,8 @@ def forms_and_bits(kinds: Kinds, kind: I64, data: bytes, start: I64, stop: I64) 
     return form, bits
 
 
-def _form_of(kind: Elementary | None) -> Form:
+def form_of(kind: Elementary | None) -> Form:
+    """Return what values of a type are, if they are of it."""
     if isinstance(kind, String):
         return Form.TEXT
     if not isinstance(kind, Scalar):

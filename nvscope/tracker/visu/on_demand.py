@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, ClassVar, Generic, Protocol, TypeVar
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from nvscope.tracker.accumulator import NO_SUMMARY, ProtocolSummary
 if TYPE_CHECKING:
     from nvscope.definition.webvisu import GivenList
     from nvscope.tracker.visu.follower import VisuFollower
-    from nvscope.tracker.visu.messages import VisuBatch
     from nvscope.tracker.visu.state import VisuCounts
 
 NAME, WRITES, UNCHANGING, OTHERS = "visu", "visu_writes", "visu_unchanging", "visu_others"
@@ -99,41 +98,3 @@ class VisuState:
             OTHERS: summarize_others(self.known),
         }
         return ProtocolSummary(summarize_visu(self.known), further, tuple(self.known.clients()))
-
-
-class PageReader(Protocol):
-    """Whatever takes the messages of pages, batch by batch; ``forget``: nobody listened for a while."""
-
-    def observe(self, told: Told, part: VisuBatch) -> None:
-        """Take what a batch brings, which follows those before."""
-        ...
-
-    def forget(self) -> None:
-        """Begin anew with what comes next."""
-        ...
-
-
-Reader = TypeVar("Reader", bound=PageReader)
-
-
-class PageObserver(Generic[Reader]):
-    """An observer that makes a reader of pages with the first message, ``known``: None before there is any."""
-
-    by_stream: ClassVar[bool] = False
-
-    def __init__(self, make: Callable[[], Reader]) -> None:
-        self._make = make
-        self.known: Reader | None = None
-
-    def observe(self, told: Told) -> None:
-        """Take a batch, which follows those observed so far."""
-        part = told.parts.get(NAME)
-        if part is not None:
-            from nvscope.tracker.visu.messages import VisuBatch  # noqa: PLC0415
-
-            assert isinstance(part, VisuBatch)
-            if self.known is None:
-                self.known = self._make()
-            self.known.observe(told, part)
-        if told.is_deaf and self.known is not None:
-            self.known.forget()

@@ -1,4 +1,4 @@
-"""Readings: what values variables had, as replies to reads say, and writes that were confirmed.
+"""Readings of pages: what values variables had, as replies to reads say, and writes that were confirmed.
 
 Values of a reply are by position. Replies that may be divided in several ways have none; of one with more or fewer
 values than were asked for, those that are there count. A write counts where its reply comes.
@@ -6,24 +6,24 @@ values than were asked for, those that are there count. A write counts where its
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64, U64, Bool
+from dissectors.batch import I64
 from dissectors.columns import Columns
-from dissectors.webvisu import UNREADABLE, read_reply
+from dissectors.webvisu import UNREADABLE, Place, read_reply
 from nvscope.capture.spans import stretches
 from nvscope.engine.runs import rows_by, spans
 from nvscope.engine.told import Told
+from nvscope.tracker.readings.form import Form
+from nvscope.tracker.readings.readings import LEFT_OUT, MOST_AT_ONCE, Readings
 from nvscope.tracker.visu.controllers import controller_of
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch
-from nvscope.tracker.visu.number_texts import Form, forms_and_bits
-from nvscope.tracker.visu.variables import LEFT_OUT, PageVariable, PageVariables
-
-MOST_AT_ONCE = 1 << 18
-"""So many values are looked at in one go, and those of one reply."""
+from nvscope.tracker.visu.number_texts import forms_and_bits
+from nvscope.tracker.visu.variables import PageVariable, PageVariables
 
 _SEPARATOR = ord("|")
 _QUESTION = ord("?")
@@ -39,46 +39,28 @@ class _Spans(Columns):
     stop: I64
 
 
-@dataclass(frozen=True, slots=True)
-class Readings:
-    """Values in the order in which they came; columns of shape (n,).
+class ReadPages:
+    """The readings of pages (``nvscope.tracker.readings.readings.ReadValues``); None wants all variables."""
 
-    ``variable`` is a number of ``PageVariables``, ``message`` a row of the messages of the batch, ``row`` that of the
-    packet. ``form`` is a ``Form``, ``bits`` are those of its number (``forms_and_bits``). ``secret``: by what the
-    variable was called then, it is a password, or may be one. The text lies from ``start`` to ``stop`` in ``data``.
-    """
-
-    variable: I64
-    message: I64
-    row: I64
-    form: I64
-    bits: U64
-    secret: Bool
-    start: I64
-    stop: I64
-    data: bytes
-
-    def __len__(self) -> int:
-        return len(self.variable)
-
-    def text(self, place: int) -> str:
-        """Return the text of a value, as it came."""
-        return self.data[int(self.start[place]) : int(self.stop[place])].decode("latin-1")
-
-
-class ReadValues:
-    """Finds the readings of batches that follow each other; ``variables`` are those of which there were any.
-
-    Only those of ``wanted`` variables, as these are called when they are read, and where a filter chooses frames, of
-    the frames that it chooses. ``hidden`` counts values that are, or may be, passwords. ``meant`` are the numbers of
-    those of which there was any.
-    """
+    title: ClassVar[str] = "web visualization"
+    tells_gaps: ClassVar[bool] = False
+    missed = 0
 
     def __init__(self, wanted: Callable[[PageVariable], bool] | None = None) -> None:
         self.variables = PageVariables()
         self.hidden = 0
         self.meant: set[int] = set()
         self._wanted = wanted
+
+    @property
+    def known(self) -> Sequence[PageVariable]:
+        """The variables seen so far, by number."""
+        return self.variables.known
+
+    @property
+    def left_out(self) -> bool:
+        """Whether there was no room for some variables."""
+        return self.variables.left_out
 
     def of(self, told: Told, part: VisuBatch) -> Iterator[Readings]:
         """Yield the readings of a batch, in stretches of so many that memory stays bounded."""
@@ -131,9 +113,16 @@ class ReadValues:
             unread[unread] = octets[found.start[unread] + place] == _QUESTION
         form[unread] = int(Form.NOTHING)
         self.hidden += int(np.count_nonzero(secret & ~unread))
-        return Readings(
-            variable, found.message, messages.row[found.message], form, bits, secret, found.start, found.stop, data
-        )  # fmt: skip
+
+        def text(place: int) -> str:
+            return data[int(found.start[place]) : int(found.stop[place])].decode("latin-1")
+
+        def called(number: int, naming: int) -> str:
+            where = variables.known[number].where
+            return part.namings[naming].get(where, where.text) if isinstance(where, Place) else where
+
+        row, names = messages.row[found.message], messages.naming[found.message]
+        return Readings(variable, row, form, bits, secret, names, text, called)
 
     def _numbers(self, own: I64) -> I64:
         """Return the numbers of the variables of a request, ``LEFT_OUT`` of those that are not wanted."""

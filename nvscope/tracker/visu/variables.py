@@ -8,21 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from dissectors.batch import I64
 from dissectors.webvisu import Place, Request
-from nvscope.definition.variables import Elementary
+from nvscope.definition.variables import Elementary, String, type_text
 from nvscope.definition.visu_values import type_at
+from nvscope.tracker.readings.readings import LEFT_OUT, in_order
 from nvscope.tracker.visu.controllers import Controller
 from nvscope.tracker.visu.names import is_secret, name_of
-from nvscope.tracker.visu.number_texts import Kinds
+from nvscope.tracker.visu.number_texts import Kinds, form_of
 
 Where = Place | str
-
-LEFT_OUT = -1
-"""The number of variables for which there is no room."""
 
 _MOST_REMEMBERED = 1 << 12
 
@@ -54,8 +53,23 @@ class PageVariable:
 
     @property
     def type(self) -> str:
-        """What the request calls its type; '' where it says nothing, as on older pages."""
-        return self.where.type_name if isinstance(self.where, Place) else ""
+        """What its type is called: as the request calls it, of a STRING with its length; '' where it says nothing."""
+        own = self.where.type_name if isinstance(self.where, Place) else ""
+        return type_text(self.kind) if isinstance(self.kind, String) else own
+
+    @property
+    def order(self) -> tuple[Any, ...]:
+        """What variables are sorted by: controller, those with a name first, its numbers as numbers, and place."""
+        return self.controller.order, self.name == self.place, in_order(self.name), self.place
+
+    @property
+    def usual_form(self) -> int:
+        """The form of its values: as its type has them."""
+        return form_of(self.kind)
+
+    def kind_of(self, form: int, bits: int) -> Elementary | None:
+        """Return its type, which all values have that are more than a text."""
+        return self.kind
 
 
 class PageVariables:

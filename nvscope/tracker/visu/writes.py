@@ -10,6 +10,7 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from dissectors.webvisu import Place, Request, read_reply
+from nvscope.tracker.readings.form import cut_text
 from nvscope.tracker.visu.controllers import Controller, controller_at, controller_of
 from nvscope.tracker.visu.limits import MOST_ENTRIES
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages
@@ -17,12 +18,6 @@ from nvscope.tracker.visu.names import is_secret, name_of
 
 MOST_WRITES = 10_000
 """So many writes of variables are kept, the first ones."""
-
-MOST_CHARACTERS = 1024
-"""Longer values are cut, and end with "…"."""
-
-HIDDEN = "(hidden)"
-"""In place of a value that is a password, or may be one."""
 
 _MOST_BODY_BYTES = 1 << 16
 _MOST_KEPT_BYTES = 1 << 26
@@ -134,7 +129,7 @@ class Writes:
             found.append(
                 Write(
                     time_ns, frame, (client_hi, client_lo), (server_hi, server_lo), port, name_of(entry, names),
-                    entry.place, old and _cut(old), _cut(entry.value or ""), is_secret(entry, names),
+                    entry.place, old and cut_text(old), cut_text(entry.value or ""), is_secret(entry, names),
                 )
             )  # fmt: skip
         self.kept += found
@@ -214,7 +209,3 @@ class _Values:
                 if position < len(values):
                     at, found = reply[0], values[position]
         return found
-
-
-def _cut(value: str) -> str:
-    return value if len(value) <= MOST_CHARACTERS else f"{value[:MOST_CHARACTERS]}…"

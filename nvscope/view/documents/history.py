@@ -7,6 +7,7 @@ decimal strings, durations numbers in ns.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from nvscope.definition.layouts import Layouts
@@ -17,11 +18,11 @@ from nvscope.list_key import ListKey
 from nvscope.tracker.variables.history import Entry, History
 from nvscope.tracker.variables.moment import LastTelegram, Moment
 from nvscope.version import head
-from nvscope.view.documents.variables import filter_told
+from nvscope.view.documents.variables import ReadRows, filter_told
 from nvscope.view.value_texts import exact_text, json_value, unit_of, value_text
 
 if TYPE_CHECKING:
-    from nvscope.tracker.visu.value_history import PageEntry
+    from nvscope.tracker.readings.value_history import ReadEntry
 
 HISTORY_SCHEMA = "nvscope.history/1"
 AT_SCHEMA = "nvscope.at/1"
@@ -53,13 +54,13 @@ def change_row(entry: Entry) -> dict[str, Any]:
     }
 
 
-def row_of_change(entry: Entry | PageEntry, *, secrets: bool = False) -> dict[str, Any]:
-    """Return the row of a change, of a list or of a page; passwords on pages are hidden without ``secrets``."""
+def row_of_change(entry: Entry | ReadEntry, *, secrets: bool = False) -> dict[str, Any]:
+    """Return the row of a change, whoever tells it; passwords on pages are hidden without ``secrets``."""
     if isinstance(entry, Entry):
         return change_row(entry)
-    from nvscope.view.documents.page_variables import page_change_row  # noqa: PLC0415
+    from nvscope.view.documents.read_rows import row_of_reading  # noqa: PLC0415
 
-    return page_change_row(entry, secrets=secrets)
+    return row_of_reading(entry, secrets=secrets)
 
 
 def change_summary(history: History) -> list[dict[str, Any]]:
@@ -103,11 +104,11 @@ def at_document(
     *,
     keys: Collection[ListKey] | None = None,
     expression: str | None = None,
-    pages: Sequence[Mapping[str, Any]] = (),
+    read_ones: ReadRows = MappingProxyType({}),
 ) -> dict[str, Any]:
     """Return what all variables of the defined lists were at a moment; ``keys`` are these lists, None for all.
 
-    ``pages`` are rows of variables of web visualization, which stand behind them, if there are any.
+    ``read_ones`` are rows of variables whose values come one by one, which stand behind them.
 
     A row without ``text`` is a variable of which there was no telegram until then, and ``missing`` says why: it was
     sent ``later`` or not at all by this sender; or by nobody (then there is no ``sender``) in the whole capture: ``not
@@ -153,7 +154,7 @@ def at_document(
         "last_frame": moment.last_frame or None,
         "filter": filter_told(expression, moment.read.chosen, moment.read.telegrams),
         "variables": rows,
-        **({"page_variables": list(pages)} if pages else {}),
+        **{key: list(told) for key, told in read_ones.items() if told},
     }
 
 

@@ -38,9 +38,12 @@ def direction_of(pair: Pair[Any]) -> bool:
     return _rank(pair.forth) >= _rank(pair.back)
 
 
-def figures(pair: Pair[Any], end_ns: int | None, *, equal: bool) -> dict[str, Any]:
-    """Return how the end that follows does, and for how long both differed; ``equal``: they are in the end."""
-    direction = pair.forth if direction_of(pair) else pair.back
+def figures(pair: Pair[Any], end_ns: int | None, *, equal: bool, follows: bool | None = None) -> dict[str, Any]:
+    """Return how the end that follows does, and for how long both differed; ``equal``: they are in the end.
+
+    ``follows``: the second follows the first; None: as it looks.
+    """
+    direction = pair.forth if (direction_of(pair) if follows is None else follows) else pair.back
     rest_ns = 0 if end_ns is None or pair.until_ns is None else max(end_ns - pair.until_ns, 0)
     return {
         "changes": direction.changes,

@@ -132,6 +132,10 @@ def report_document(
         from nvscope.view.documents.visu import unchanging_rows  # noqa: PLC0415
 
         document["visu_unchanging"] = unchanging_rows(unchanging, node_names)
+    if databases := whole_summary.others.get("db"):
+        from nvscope.view.documents.databases import database_rows  # noqa: PLC0415
+
+        document["databases"] = database_rows(databases)
     document |= {"buses": can_buses(summary.can, names, measures)} if summary.can.buses else {}
     return document if drawn else dict(plain(document))
 

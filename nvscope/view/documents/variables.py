@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +20,9 @@ from nvscope.view.value_texts import json_value, unit_of, value_text
 DOCUMENTED, ASSUMED = "documented", "assumed"
 """How sure it is which bytes a variable has: nothing documents how lists are packed on CAN."""
 
+ReadRows = Mapping[str, Sequence[Mapping[str, Any]]]
+"""Rows of variables whose values come one by one, by the key that they have in documents."""
+
 
 def variables_document(
     state: TrackerState,
@@ -27,10 +31,10 @@ def variables_document(
     keys: Collection[ListKey] | None = None,
     expression: str | None = None,
     missing: Sequence[Mapping[str, Any]] = (),
-    pages: Sequence[Mapping[str, Any]] = (),
+    read_ones: ReadRows = MappingProxyType({}),
 ) -> dict[str, Any]:
     """Return the variables of all streams as data, by list, SubIndex and sender; ``keys`` are the lists, as their
-    definition has them, None for all. ``pages`` are rows of variables of pages, behind them.
+    definition has them, None for all. ``read_ones`` are rows of variables whose values come one by one.
 
     Numbers are numbers (``null`` where they are not finite), times of the type as numbers in its unit, bytes as
     hexadecimal text; absolute times are nanoseconds as decimal strings. ``earlier`` are the variables of telegrams with
@@ -48,7 +52,7 @@ def variables_document(
         "missing": list(missing),
         "variables": [row for stream in streams for row in _listed(stream, stream.sequence[-1])],
         "earlier": [row for stream in streams for known in stream.sequence[:-1] for row in _listed(stream, known)],
-        **({"page_variables": list(pages)} if pages else {}),
+        **{key: list(told) for key, told in read_ones.items() if told},
     }
 
 

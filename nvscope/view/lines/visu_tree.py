@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from dissectors.webvisu import Place
 from nvscope import units
+from nvscope.tracker.readings.form import HIDDEN
 from nvscope.tracker.visu.messages import Kind, VisuBatch
-from nvscope.tracker.visu.writes import HIDDEN
 from nvscope.view.escape import visible
 from nvscope.view.lines import tree_lines
 from nvscope.view.lines.shown import Spans, Wording

@@ -8,9 +8,9 @@ from typing import NamedTuple
 from dissectors.web_protocols import WebProtocol
 from dissectors.webvisu import UNREADABLE, Entry, Place, Request, read_reply
 from nvscope import units
+from nvscope.tracker.readings.form import HIDDEN
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch
 from nvscope.tracker.visu.names import is_secret, name_of
-from nvscope.tracker.visu.writes import HIDDEN
 
 _MOST_SHOWN = 8
 

@@ -352,5 +352,5 @@ def test_can_utils_read_the_same_log(tmp_path: Path) -> None:
 def test_other_compressions_are_told_as_unknown(tmp_path: Path) -> None:
     path = tmp_path / "a.log.bz2"
     path.write_bytes(bz2.compress(some_log(8, 10)))
-    with pytest.raises(UnreadableInput, match="expected a pcap, pcapng or mcap file or a CAN log"):
+    with pytest.raises(UnreadableInput, match="expected a pcap, pcapng or mcap file, a CAN log or"):
         open_source([str(path)])

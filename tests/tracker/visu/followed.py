@@ -12,10 +12,10 @@ from nvscope.engine.run import Observer, run
 from nvscope.findings.judge import judge
 from nvscope.protocols.table import accumulators_of, dissectors_of, judges_of
 from nvscope.protocols.visu import VISU
+from nvscope.tracker.readings.form import MOST_CHARACTERS
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
 from nvscope.tracker.visu.on_demand import VisuState
-from nvscope.tracker.visu.writes import MOST_CHARACTERS
 from nvscope.view.documents.visu import visu_rows
 from tests.oracle.frame import Frame
 from tests.oracle.rules.visu import Visu

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from dissectors.webvisu import Place
 from nvscope.definition.visu_values import type_at, value_in
-from nvscope.tracker.visu.number_texts import Form, Kinds, forms_and_bits
+from nvscope.tracker.readings.form import Form
+from nvscope.tracker.visu.number_texts import Kinds, forms_and_bits
 from tests.laws import examples
 from tests.oracle.rules.visu_values import value_of
 

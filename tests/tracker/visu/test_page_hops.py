@@ -13,8 +13,9 @@ from dissectors.batch import PacketBatch
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.load import load_definitions
 from nvscope.engine.run import run
-from nvscope.tracker.visu.page_hops import PageHops
-from nvscope.view.documents.page_hops import page_hop_rows
+from nvscope.tracker.readings.read_hops import ReadHops
+from nvscope.tracker.visu.page_likeness import PageLikeness
+from nvscope.view.documents.read_hops import read_hop_rows
 from tests.laws import examples
 from tests.oracle.builders import MILLISECOND
 from tests.oracle.frame import Frame
@@ -33,10 +34,10 @@ def layouts(tmp_path_factory: pytest.TempPathFactory) -> Layouts:
 
 
 def compared(batches: Iterable[PacketBatch], layouts: Layouts) -> list[dict[str, Any]]:
-    hops = PageHops(layouts)
+    hops = ReadHops(layouts, PageLikeness())
     for _ in run(Batches(batches), reading(), [hops]):
         pass
-    return page_hop_rows(hops, None)
+    return read_hop_rows(hops, None)
 
 
 def rows_of(frames: Sequence[Frame], layouts: Layouts) -> list[dict[str, Any]]:

@@ -12,10 +12,12 @@ from hypothesis import strategies as st
 
 from dissectors.batch import PacketBatch
 from nvscope.engine.run import run
-from nvscope.tracker.visu.last_values import LastValues
-from nvscope.tracker.visu.on_demand import PageObserver
-from nvscope.tracker.visu.value_history import ValueHistory
-from nvscope.view.documents.page_variables import page_change_row, page_rows
+from nvscope.tracker.readings.last_values import LastValues
+from nvscope.tracker.readings.observed import Observed
+from nvscope.tracker.readings.value_history import ValueHistory
+from nvscope.tracker.visu.on_demand import NAME
+from nvscope.tracker.visu.readings import ReadPages
+from nvscope.view.documents.read_rows import last_rows, row_of_reading
 from tests.analysis.transactions.talk import NAMES, PANEL, PRESS, post, reply
 from tests.laws import examples, some
 from tests.oracle.builders import MILLISECOND, START
@@ -32,19 +34,19 @@ SETPOINT = "|0|1|0|4|0|4|6|"
 
 def last_values(batches: Iterable[PacketBatch]) -> list[dict[str, Any]]:
     """Return the rows of all variables that batches tell of, with all that is secret."""
-    observer = PageObserver(LastValues)
+    observer = Observed({NAME: lambda: LastValues(ReadPages())})
     for _ in run(Batches(batches), reading(), [observer]):
         pass
-    return page_rows(observer.known, secrets=True) if observer.known else []
+    return [row for rows in last_rows(observer.known, secrets=True).values() for row in rows]
 
 
 def history(batches: Iterable[PacketBatch], *, every: bool = False, secrets: bool = True) -> list[dict[str, Any]]:
     """Return what is told of each value, or each change."""
-    observer = PageObserver(lambda: ValueHistory(lambda _: True, every=every))
+    observer = Observed({NAME: lambda: ValueHistory(ReadPages(), every=every)})
     told = []
     for _ in run(Batches(batches), reading(), [observer]):
         told += [
-            page_change_row(entry, secrets=secrets) for entry in (observer.known.entries() if observer.known else ())
+            row_of_reading(entry, secrets=secrets) for known in observer.known.values() for entry in known.entries()
         ]
     return told
 
@@ -173,9 +175,8 @@ def test_variables_beyond_the_limit_are_left_out_and_told() -> None:
     line = talk()
     for number in range(5):
         line.ask(post(f"|0|1|0|4|{number}|1|2|")).answer(reply("|7|"))
-    observer = PageObserver(LastValues)
+    observer = Observed({NAME: lambda: LastValues(ReadPages())})
     for _ in run(Batches([batch_of(line.frames)]), replace(reading(), max_streams=2), [observer]):
         pass
-    assert observer.known is not None
-    assert observer.known.read.variables.left_out
-    assert [row["place"] for row in page_rows(observer.known)] == ["4,0,1,2", "4,1,1,2"]
+    assert observer.known[NAME].read.left_out
+    assert [row["place"] for row in last_rows(observer.known)["page_variables"]] == ["4,0,1,2", "4,1,1,2"]

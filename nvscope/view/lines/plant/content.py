@@ -12,6 +12,7 @@ from itertools import pairwise
 from typing import Any
 
 from nvscope import units
+from nvscope.capture.formats import DATABASES
 from nvscope.findings.capture import LIMIT_REACHED, UNSUPPORTED_LINK_TYPE
 from nvscope.findings.kind import Severity
 from nvscope.view.documents.verdicts import OK
@@ -118,11 +119,16 @@ def source_facts(report: Report) -> list[tuple[str, str]]:
     for source in sources[:_MAX_SOURCES]:
         facts = [source["format"], units.data_size(source["bytes"])]
         if len(sources) > 1:
-            facts.append(units.count_of(source["frames"], "frame"))
+            facts.append(units.count_of(source["frames"], "row" if source["format"] in DATABASES else "frame"))
         told.append((source["path"], f"({', '.join(facts)})"))
     if len(sources) > _MAX_SOURCES:
         told.append(("", f"and {units.count_of(len(sources) - _MAX_SOURCES, 'more file')}"))
     return told
+
+
+def rows_of_databases(report: Report) -> int:
+    """Return how many of the frames are rows of databases."""
+    return sum(row["rows"] for row in report.get("databases", ()))
 
 
 def capture_lines(report: Report, clock: Clock) -> list[list[Cell]]:
@@ -130,13 +136,17 @@ def capture_lines(report: Report, clock: Clock) -> list[list[Cell]]:
     capture = report["capture"]
     if not capture["frames"]:
         return []
-    can_frames = capture.get("can_frames", 0)
+    can_frames, rows = capture.get("can_frames", 0), rows_of_databases(report)
     holds = f"{units.count_of(capture['frames'], 'frame')}: {units.count_of(capture['telegrams'], 'telegram')}, "
     if can_frames:
         holds += f"{units.count(can_frames)} on CAN, "
-    holds += units.count_of(capture["other_frames"] - can_frames, "other")
-    lines = [[Cell(holds)]]
-    if capture["drops"]:
+    if rows:
+        holds += f"{units.count_of(rows, 'row')} of databases, "
+    holds += units.count_of(capture["other_frames"] - can_frames - rows, "other")
+    lines = [[Cell(holds if rows < capture["frames"] else units.count_of(rows, "row"))]]
+    if rows == capture["frames"]:
+        pass
+    elif capture["drops"]:
         lines[0] += [Cell(", "), Cell(f"{units.count(capture['drops'])} dropped while capturing", Tone.WARNING)]
     elif capture["drops"] == 0:
         lines[0].append(Cell(", none dropped"))
@@ -204,7 +214,7 @@ _NOTHING_CAME = {
 
 def says_something(report: Report) -> bool:
     """Tell whether anybody was seen to send a list, or to ask for values in another way."""
-    return any(report.get(name) for name in ("lists", "sdo", "visu"))
+    return any(report.get(name) for name in ("lists", "sdo", "visu", "databases"))
 
 
 def advice(report: Report) -> tuple[str, ...]:

@@ -50,6 +50,8 @@ def symbol(severity: Severity | None) -> Cell:
 
 def headline(report: Report) -> tuple[Cell, str]:
     """Return the mark and the line that answer whether something is broken, and how badly."""
+    if report.get("databases") and not any(report.get(name) for name in ("lists", "sdo", "visu")):
+        return _of_databases(report)
     if says_something(report):
         return _verdict(report)
     return Cell("●", Tone.WARNING), why_no_list(report)
@@ -83,6 +85,16 @@ def _verdict(report: Report) -> tuple[Cell, str]:
         told += f", {units.count(len(concerned)) if concerned else 'none'} affected"
     worst = max(map(severity_of, now), default=Severity.WARNING)
     return symbol(worst), f"{what} · {told}"
+
+
+def _of_databases(report: Report) -> tuple[Cell, str]:
+    """Return what there is where nothing is there but databases: whether all is well, an audit tells."""
+    databases = report["databases"]
+    lost = sum(row["lost"] for row in databases)
+    parts = [units.count_of(len(databases), "database"), units.count_of(sum(row["rows"] for row in databases), "row")]
+    if lost:
+        parts.append(f"data lost before {units.count(lost)} of them")
+    return Cell("●", Tone.WARNING if lost else Tone.PLAIN), " · ".join(parts)
 
 
 def _asked(report: Report) -> str:

@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from nvscope import units
-from nvscope.tracker.visu.writes import HIDDEN, WriteOutcome
+from nvscope.tracker.readings.form import HIDDEN
+from nvscope.tracker.visu.writes import WriteOutcome
 from nvscope.view.lines.plant.content import Clock, Report, Row, nanoseconds, node_names
 from nvscope.view.lines.plant.tables import Measure, used
 from nvscope.view.lines.table import NOTHING, Cell, Column, Tone

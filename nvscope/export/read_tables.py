@@ -1,4 +1,4 @@
-"""Values of variables of WebVisu pages with a row a value: in the long form beside those of lists, or by themselves.
+"""Values that come one by one, with a row a value: in the long form beside those of lists, or by themselves.
 
 What a value is decides in which column it stands, as in ``nvscope.export.long``; one that is none of its type is a
 text, as it came. Times are nanoseconds. What could not be read has no row. By themselves, values have the columns that
@@ -7,14 +7,13 @@ can hold something, and the place of the variable.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
 from dissectors.batch import I64, Bool
-from dissectors.webvisu import Place
 from nvscope.definition.variables import Scalar
 from nvscope.engine.runs import distinct
 from nvscope.engine.told import Told
@@ -26,27 +25,36 @@ from nvscope.export.arrays import (
     spread_parts,
     with_nulls,
 )
-from nvscope.tracker.visu.messages import VisuBatch
-from nvscope.tracker.visu.number_texts import Form
-from nvscope.tracker.visu.readings import Readings, ReadValues
-from nvscope.tracker.visu.variables import PageVariable
-from nvscope.tracker.visu.writes import HIDDEN
-from nvscope.view.documents.page_variables import type_told
+from nvscope.tracker.readings.form import HIDDEN, Form
+from nvscope.tracker.readings.readings import Readings, ReadValues, ReadVariable
+from nvscope.view.documents.read_variables import UNKNOWN
+
+Columns = Mapping[str, Callable[[Any], str]]
+"""What stands in columns of variables of one protocol, beside what those of all have."""
 
 
-class PageTables:
-    """The values of wanted variables of pages, batch by batch; a reader of pages (``PageObserver``).
+FURTHER: Mapping[str, Columns] = {
+    "visu": {"ip.src": lambda one: one.sender, "place": lambda one: one.place},
+    "db": {},
+}
+"""By name of who tells them (``nvscope.analysis.read_values.SOURCES``)."""
 
-    ``rows`` counts those that were made; with ``secrets``, passwords are among them.
+
+class ReadTables:
+    """The values that are read, batch by batch; a reader (``nvscope.tracker.readings.observed.Observed``).
+
+    ``further`` are columns of their own. ``rows`` counts those that were made; with ``secrets``, passwords are among
+    them.
     """
 
-    def __init__(self, wanted: Callable[[PageVariable], bool], *, secrets: bool = False) -> None:
-        self.read = ReadValues(wanted)
+    def __init__(self, read: ReadValues, further: Columns, *, secrets: bool = False) -> None:
+        self.read = read
         self.rows = 0
+        self._further = further
         self._secrets = secrets
-        self._batch: tuple[Told, VisuBatch] | None = None
+        self._batch: tuple[Told, Any] | None = None
 
-    def observe(self, told: Told, part: VisuBatch) -> None:
+    def observe(self, told: Told, part: Any) -> None:
         """Take what a batch brings, which follows those before."""
         self._batch = told, part
 
@@ -61,12 +69,14 @@ class PageTables:
         told, part = batch
         for readings in self.read.of(told, part):
             rows = np.flatnonzero(readings.form != Form.NOTHING)
+            # In the order of the capture, which is that of each variable alone so far.
+            rows = rows[np.argsort(readings.row[rows], kind="stable")]
             if len(rows):
                 self.rows += len(rows)
-                yield self._table(told, part, readings, rows, schema)
+                yield self._table(told, readings, rows, schema)
 
-    def _table(self, told: Told, part: VisuBatch, readings: Readings, rows: I64, schema: Any) -> Any:
-        known = self.read.variables.known
+    def _table(self, told: Told, readings: Readings, rows: I64, schema: Any) -> Any:
+        known = self.read.known
         variable = readings.variable[rows]
         used = distinct(variable)
         which = np.searchsorted(used, variable)
@@ -74,19 +84,18 @@ class PageTables:
         form = readings.form[rows]
         hidden = readings.secret[rows] & (not self._secrets)
         is_whole, is_real = (form == Form.WHOLE) & ~hidden, (form == Form.REAL) & ~hidden
-        unit_ns = np.array([max(one.kind.unit_ns, 1) if isinstance(one.kind, Scalar) else 1 for one in own], np.int64)
+        unit_ns = np.array([_unit_ns(one) for one in own], np.int64)
         bits = readings.bits[rows]
         whole = np.where(is_whole, bits.view(np.int64), 0) * unit_ns[which]
-        names, called = _names(part, part.messages.naming[readings.message[rows]], which, own)
+        names, called = _names(readings, readings.naming[rows], which, used)
         columns = {
             "frame.time": array_of(told.packets.ts_ns[readings.row[rows]], MOMENT),
             "frame.number": array_of(readings.row[rows] + told.first_frame, pa.int64()),
-            "ip.src": labels(which, [one.sender for one in own]),
             "list": labels(which, [one.list for one in own]),
             "list_name": labels(np.zeros_like(which), [""]),
             "variable": labels(called, names),
-            "place": labels(which, [one.place for one in own]),
-            "type": labels(which, [type_told(one) for one in own]),
+            "type": labels(which, [one.type or UNKNOWN for one in own]),
+            **{column: labels(which, [told_of(one) for one in own]) for column, told_of in self._further.items()},
             "integer": with_nulls(whole, bits_of(is_whole), pa.int64()),
             "real": with_nulls(np.where(is_real, bits.view(np.float64), 0.0), bits_of(is_real), pa.float64()),
             "text": _texts(readings, rows, ~is_whole & ~is_real, hidden),
@@ -95,15 +104,21 @@ class PageTables:
         return pa.table(arrays, schema=schema)
 
 
-def _names(part: VisuBatch, naming: I64, which: I64, own: list[PageVariable]) -> tuple[list[str], I64]:
+def _unit_ns(variable: ReadVariable) -> int:
+    kind = variable.kind_of(Form.WHOLE, 0)
+    return max(kind.unit_ns, 1) if isinstance(kind, Scalar) else 1
+
+
+def _names(readings: Readings, naming: I64, which: I64, used: I64) -> tuple[list[str], I64]:
     """Return what variables are called, and which of it each of some values is: as its variable was called then."""
-    code = naming * len(own) + which
-    used = distinct(code)
-    names = []
-    for version, place in (divmod(one, len(own)) for one in used.tolist()):
-        where = own[place].where
-        names.append(part.namings[version].get(where, where.text) if isinstance(where, Place) else where)
-    return names, np.searchsorted(used, code)
+    code = naming * len(used) + which
+    codes = distinct(code)
+    numbers = used.tolist()
+    names = [
+        readings.called(numbers[place], version)
+        for version, place in (divmod(one, len(used)) for one in codes.tolist())
+    ]
+    return names, np.searchsorted(codes, code)
 
 
 def _texts(readings: Readings, rows: I64, is_text: Bool, hidden: Bool) -> Any:

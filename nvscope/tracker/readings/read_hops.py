@@ -1,54 +1,50 @@
-"""PageHops: what pages showed of variables, and what lists carried of the same ones.
+"""ReadHops: what was told of variables one by one, and what lists carried of the same ones.
 
-A variable of a page is that of a list where it is called so: by the name in the list, with or without a point in front
-of it (as CoDeSys V2.3 writes globals), or with the name of the list in front of it. Letters are the same in any case.
-Both have to be numbers, times, or texts; that a page asks for a USINT as BYTE does not matter. Controllers write REALs
-with six digits behind the point: values of lists are rounded as these are.
-
-What a list carried counts from its last telegram before the page was first answered.
+Which variables are the same, and which values, a ``Likeness`` says. What a list carried counts from its last telegram
+before the first value came.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from hashlib import blake2b
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from dissectors.batch import I64, U8, U64
+from dissectors.batch import I64, U64
 from nvscope.definition.layouts import Layouts
-from nvscope.definition.value import value_of
-from nvscope.definition.variables import Element, Elementary, Scalar, ScalarKind, String, scalar_of
+from nvscope.definition.variables import Element
 from nvscope.engine.told import Told
 from nvscope.list_key import ListKey
+from nvscope.tracker.readings.form import Form
+from nvscope.tracker.readings.likeness import Likeness, plain
+from nvscope.tracker.readings.readings import Readings, ReadVariable
+from nvscope.tracker.readings.value_history import Reading
 from nvscope.tracker.variables.data_telegrams import DataTelegrams, Stream, Telegrams, joined
-from nvscope.tracker.variables.following import Pair, Side, add_rest, compare, remember
-from nvscope.tracker.variables.values import Block
-from nvscope.tracker.visu.messages import VisuBatch
-from nvscope.tracker.visu.number_texts import Form
-from nvscope.tracker.visu.on_demand import NAME
-from nvscope.tracker.visu.readings import Readings, ReadValues
-from nvscope.tracker.visu.variables import PageVariable
+from nvscope.tracker.variables.following import Pair, Reached, Side, add_rest, compare, remember
 
 MOST_PAIRS = 10_000
 """So many pairs are compared, the first ones."""
 
-_DIGITS = 6
-_NUMBER, _TIME, _REAL, _TEXT = "number", "time", "real", "text"
+
+@dataclass(slots=True, kw_only=True)
+class _End(Side):
+    """An end of a pair; ``now`` are the bits of its last value, None before any."""
+
+    now: int | None = None
 
 
 @dataclass(slots=True)
-class PageEnd(Side):
-    """A variable on a page; ``text`` is its last one, as it came."""
+class ReadEnd(_End):
+    """A variable whose values come one by one, and the last of these, None before any."""
 
-    variable: PageVariable
-    text: str = ""
+    variable: ReadVariable
+    last: Reading | None = None
 
 
 @dataclass(slots=True)
-class ListEnd(Side):
+class ListEnd(_End):
     """A variable in a stream of a list; ``last`` are its last bytes."""
 
     stream: Stream
@@ -67,14 +63,14 @@ class _Match(NamedTuple):
 
 @dataclass(slots=True)
 class _Compared:
-    """One variable of a page, and its pairs by stream and shape of telegrams."""
+    """One variable, and its pairs by stream and shape of telegrams."""
 
-    end: PageEnd
+    end: ReadEnd
     pairs: dict[tuple[int, int, int], Pair[Side]] = field(default_factory=dict)
 
 
-class PageHops:
-    """The variables of pages that lists have, too, compared as batches come; however these are cut, it is the same.
+class ReadHops:
+    """The variables that lists have, too, compared as batches come; however these are cut, it is the same.
 
     ``untyped`` are names of variables that both have, and that cannot be compared; ``left_out``: there was no room for
     some pairs.
@@ -82,11 +78,12 @@ class PageHops:
 
     by_stream: ClassVar[bool] = True
 
-    def __init__(self, layouts: Layouts) -> None:
-        self._layouts = layouts
+    def __init__(self, layouts: Layouts, likeness: Likeness) -> None:
+        self._layouts, self._likeness = layouts, likeness
         self._elements: dict[str, set[ListKey]] | None = None
         self._read = DataTelegrams()
-        self._pages = ReadValues()
+        self._values = likeness.read()
+        self._heard_ns: int | None = None
         self._compared: dict[int, _Compared] = {}
         self._looked_at: dict[int, str] = {}
         self._matches: dict[ListKey, list[_Match]] = {}
@@ -96,12 +93,16 @@ class PageHops:
         self.left_out = False
 
     @property
-    def pairs(self) -> Iterator[tuple[PageEnd, ListEnd, Pair[Side]]]:
-        """The pairs, in the order in which pages asked for the variables."""
+    def pairs(self) -> Iterator[tuple[ReadEnd, ListEnd, Pair[Side]]]:
+        """The pairs, in the order in which the variables came."""
         for compared in self._compared.values():
             for pair in compared.pairs.values():
                 assert isinstance(pair.first, ListEnd)
                 yield compared.end, pair.first, pair
+
+    def missed(self, pair: Pair[Side]) -> int | None:
+        """Return how many values of a list nobody told, though somebody did before and behind; None where unknown."""
+        return None if pair.reached is None else pair.reached.missed(pair.first, self._heard_ns)
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
@@ -110,10 +111,10 @@ class PageHops:
         if not len(told):
             return
         fresh: dict[int, tuple[I64, U64]] = {}
-        part = told.parts.get(NAME)
+        part = told.parts.get(self._likeness.name)
         if part is not None:
-            assert isinstance(part, VisuBatch)
-            for readings in self._pages.of(told, part):
+            self._heard_ns = max(self._heard_ns or 0, int(told.packets.ts_ns[part.row].max()))
+            for readings in self._values.of(told, part):
                 self._take_readings(told, readings, fresh)
         telegrams = joined(self._read.of(told))
         for one in telegrams:
@@ -135,6 +136,8 @@ class PageHops:
         for compared in self._compared.values():
             for pair in compared.pairs.values():
                 add_rest(pair, until_ns)
+                if pair.reached is not None:
+                    pair.reached.end(pair.first, self._heard_ns)
                 pair.until_ns = None
                 pair.first.forget()
             compared.end.forget()
@@ -147,34 +150,38 @@ class PageHops:
             remember(compared.end, fresh.get(id(compared.end)))
 
     def _take_readings(self, told: Told, readings: Readings, fresh: dict[int, tuple[I64, U64]]) -> None:
-        """Find the changes in values of pages, and what lists have of variables that are new."""
+        """Find the changes in values, and what lists have of variables that are new."""
         rows = np.flatnonzero(readings.form != Form.NOTHING)
         order = rows[np.argsort(readings.variable[rows], kind="stable")]
         variable = readings.variable[order]
         start = np.flatnonzero(np.append(True, variable[1:] != variable[:-1])) if len(order) else order
         for begin, end in zip(start.tolist(), [*start.tolist()[1:], len(order)], strict=True):
             own = order[begin:end]
-            known = self._pages.variables.known[int(variable[begin])]
+            known = self._values.known[int(variable[begin])]
             compared = self._compared_of(int(variable[begin]), known, int(readings.row[own[0]]) + told.first_frame)
             if compared is None:
                 continue
-            values = _of_page(known, readings, own)
+            values = self._likeness.of_read(known, readings, own)
             _add(compared.end, told.packets.ts_ns[readings.row[own]], values, fresh)
-            compared.end.text = readings.text(int(own[-1]))
+            last = int(own[-1])
+            compared.end.last = Reading(
+                Form(int(readings.form[last])), int(readings.bits[last]), readings.text(last),
+                bool(readings.secret[last]),
+            )  # fmt: skip
 
-    def _compared_of(self, number: int, variable: PageVariable, frame: int) -> _Compared | None:
+    def _compared_of(self, number: int, variable: ReadVariable, frame: int) -> _Compared | None:
         """Return what is compared of a variable; None where no list has one that is called so."""
         found = self._compared.get(number)
         if found is not None or self._looked_at.get(number) == variable.name:
             return found
         self._looked_at[number] = variable.name
-        name = _plain(variable.name).removeprefix(".")
         if self._elements is None:
             self._elements = _elements(self._layouts)
-        lists = self._elements.get(name)
-        if not lists:
+        name = next((one for one in self._likeness.names(variable) if one in self._elements), None)
+        if name is None:
             return None
-        found = self._compared[number] = _Compared(PageEnd(variable))
+        lists = self._elements[name]
+        found = self._compared[number] = _Compared(ReadEnd(variable))
         for key in lists:
             self._matches.setdefault(key, []).append(_Match(number, name, frame))
         return found
@@ -182,7 +189,7 @@ class PageHops:
     def _take_telegrams(
         self, telegrams: Telegrams, fresh: dict[int, tuple[I64, U64]], since_frame: int = 0
     ) -> None:  # fmt: skip
-        """Find the changes in telegrams of one stream and shape, for what pages asked for since a frame."""
+        """Find the changes in telegrams of one stream and shape, for what came for the first time since a frame."""
         stream, shape = telegrams.stream, (telegrams.items, telegrams.data.shape[1])
         key = self._layouts.key_of(stream.list)
         matches = self._matches.get(key, ()) if key is not None else ()
@@ -191,8 +198,8 @@ class PageHops:
         layout = self._layouts.telegram_of(stream.list, stream.subindex, shape)
         if layout is None or layout.shape != shape:
             return
-        list_name = _plain(layout.list.name)
-        spans = {_plain(element.name): (offset, element) for offset, element in layout.spans()}
+        list_name = plain(layout.list.name)
+        spans = {plain(element.name): (offset, element) for offset, element in layout.spans()}
         for match in matches:
             if match.from_frame < since_frame:
                 continue
@@ -210,7 +217,7 @@ class PageHops:
         pair = compared.pairs.get(key)
         if pair is not None:
             return pair
-        if _class_of(element.type) != _class_of(compared.end.variable.kind):
+        if not self._likeness.is_like(compared.end.variable, element):
             if element.name not in self.untyped:
                 self.untyped.append(element.name)
             return None
@@ -219,14 +226,16 @@ class PageHops:
             return None
         self._count += 1
         pair = compared.pairs[key] = Pair[Side](ListEnd(stream, element, offset), compared.end)
+        if self._likeness.counts_missed:
+            pair.reached = Reached()
         return pair
 
     def _take(
         self, telegrams: Telegrams, match: _Match, pair: Pair[Side], fresh: dict[int, tuple[I64, U64]]
     ) -> None:  # fmt: skip
-        end, page = pair.first, pair.second
+        end, other = pair.first, pair.second
         assert isinstance(end, ListEnd)
-        assert isinstance(page, PageEnd)
+        assert isinstance(other, ReadEnd)
         first = int(np.searchsorted(telegrams.frame, match.from_frame))
         data, time_ns = telegrams.data[first:], telegrams.time_ns[first:]
         if end.since_ns is None:
@@ -236,8 +245,7 @@ class PageHops:
                 data, time_ns = np.concatenate([last.data, data]), np.append(last.time_ns, time_ns)
         if not len(data):
             return
-        is_single = any(_is_single(kind) for kind in (end.element.type, page.variable.kind))
-        _add(end, time_ns, _of_list(end, data, is_single=is_single), fresh)
+        _add(end, time_ns, self._likeness.of_list(other.variable, end.element, end.offset, data), fresh)
         size = end.element.type.size_bytes
         end.last = data[-1, end.offset : end.offset + size].tobytes()
 
@@ -246,7 +254,7 @@ def _key(telegrams: Telegrams) -> tuple[int, int, int]:
     return telegrams.stream.number, telegrams.items, telegrams.data.shape[1]
 
 
-def _add(end: Side, time_ns: I64, values: U64, fresh: dict[int, tuple[I64, U64]]) -> None:
+def _add(end: _End, time_ns: I64, values: U64, fresh: dict[int, tuple[I64, U64]]) -> None:
     """Add values that follow those so far: the first one, and those that are another one than before."""
     before = fresh.get(id(end), (end.times_ns, end.values))[1]
     differs = np.ones(len(values), np.bool_)
@@ -256,70 +264,12 @@ def _add(end: Side, time_ns: I64, values: U64, fresh: dict[int, tuple[I64, U64]]
     elif len(before):
         differs[0] = values[0] != before[-1]
     end.telegrams += len(values)
+    end.now = int(values[-1])
     if differs.any():
         times, own = time_ns[differs], values[differs]
         if id(end) in fresh:
             times, own = np.append(fresh[id(end)][0], times), np.append(fresh[id(end)][1], own)
         fresh[id(end)] = times, own
-
-
-def _of_page(variable: PageVariable, readings: Readings, rows: I64) -> U64:
-    """Return 64 bits for each value of a page, as ``_of_list`` does."""
-    bits, form = readings.bits[rows].copy(), readings.form[rows]
-    scalar = None if variable.kind is None else scalar_of(variable.kind)
-    is_real, is_whole = form == Form.REAL, form == Form.WHOLE
-    if is_real.any():
-        bits[is_real] = _rounded(bits[is_real].view(np.float64), is_single=_is_single(variable.kind))
-    if is_whole.any() and scalar is not None:
-        bits[is_whole] = (bits[is_whole].view(np.int64) * max(scalar.unit_ns, 1)).view(np.uint64)
-    return bits
-
-
-def _of_list(end: ListEnd, data: U8, *, is_single: bool) -> U64:
-    """Return 64 bits for each value in telegrams, the same as those of a page that shows it."""
-    kind = end.element.type
-    block = Block(0, 1, end.offset, kind)
-    scalar = scalar_of(kind)
-    if scalar is None:
-        size = kind.size_bytes
-        raw = np.ascontiguousarray(data[:, end.offset : end.offset + size])
-        texts = [str(value_of(kind, row.tobytes())).encode("latin-1", "replace") for row in raw]
-        return np.array([int.from_bytes(blake2b(one, digest_size=8).digest(), "little") for one in texts], np.uint64)
-    cells = block.cells_of(data).reshape(len(data))
-    numbers = cells.view(scalar.dtype)
-    if scalar.kind is ScalarKind.REAL:
-        return _rounded(numbers.astype(np.float64), is_single=is_single)
-    whole = numbers.astype(np.uint64) if numbers.dtype.kind in "bu" else numbers.astype(np.int64).view(np.uint64)
-    told: U64 = whole * np.uint64(max(scalar.unit_ns, 1))
-    return told
-
-
-def _rounded(numbers: np.ndarray[tuple[int], np.dtype[np.float64]], *, is_single: bool) -> U64:
-    """Return the bits of numbers with six digits behind the point, as near as the type has them; of one zero only."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        near = np.round(numbers, _DIGITS)
-        near = (near.astype(np.float32).astype(np.float64) if is_single else near) + 0.0
-    near[np.isnan(near)] = np.nan
-    bits: U64 = near.view(np.uint64)
-    return bits
-
-
-def _is_single(kind: Elementary | None) -> bool:
-    return isinstance(kind, Scalar) and kind.kind is ScalarKind.REAL and kind.size_bytes == 4
-
-
-def _class_of(kind: Elementary | None) -> str | None:
-    """Return what can be compared with each other, None for what can be compared with nothing."""
-    if isinstance(kind, String):
-        return _TEXT
-    scalar = None if kind is None else scalar_of(kind)
-    if scalar is None or scalar.kind is ScalarKind.RAW:
-        return None
-    return _REAL if scalar.kind is ScalarKind.REAL else _TIME if scalar.unit_ns else _NUMBER
-
-
-def _plain(name: str) -> str:
-    return "".join(name.split()).lower()
 
 
 def _elements(layouts: Layouts) -> dict[str, set[ListKey]]:
@@ -328,7 +278,7 @@ def _elements(layouts: Layouts) -> dict[str, set[ListKey]]:
     for key, _ in layouts.lists():
         for layout in (layout for candidate in layouts.candidates_of(key) for layout in candidate):
             for element in layout.elements:
-                name = _plain(element.name)
-                for text in (name, f"{_plain(layout.list.name)}.{name}"):
+                name = plain(element.name)
+                for text in (name, f"{plain(layout.list.name)}.{name}"):
                     found.setdefault(text, set()).add(key)
     return found

@@ -1,4 +1,4 @@
-"""Changes of WebVisu variables: which readings are another value than the one before."""
+"""Changes of variables: which readings are another value than the one before."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from dissectors.batch import I64, U64, Bool
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.runs import stable_order
-from nvscope.tracker.visu.number_texts import Form
-from nvscope.tracker.visu.readings import Readings
+from nvscope.tracker.readings.form import Form
+from nvscope.tracker.readings.readings import Readings
 
 
 class Steps(NamedTuple):

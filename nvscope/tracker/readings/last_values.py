@@ -1,21 +1,17 @@
-"""LastValues: what WebVisu variables are now, how often they changed, and between which bounds they lay."""
+"""LastValues: what variables are now, how often they changed, and between which bounds they lay."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from dissectors.batch import I64, U64
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.told import Told
-from nvscope.tracker.visu.changes import ChangeMemory, Steps
-from nvscope.tracker.visu.messages import VisuBatch
-from nvscope.tracker.visu.number_texts import Form
-from nvscope.tracker.visu.readings import Readings, ReadValues
-from nvscope.tracker.visu.variables import PageVariable
-from nvscope.tracker.visu.writes import MOST_CHARACTERS
+from nvscope.tracker.readings.changes import ChangeMemory, Steps
+from nvscope.tracker.readings.form import Form, cut_text
+from nvscope.tracker.readings.readings import Readings, ReadValues
 
 _LEAST, _MOST = np.iinfo(np.int64).min, np.iinfo(np.int64).max
 
@@ -53,29 +49,31 @@ class ValueColumns(KeyedColumns):
 
 
 class LastValues:
-    """The values of wanted variables (None: of all), by number of ``read.variables``.
+    """The values that ``read`` finds, by number of ``read.known``.
 
     ``texts`` are the last ones, as they came. Longer texts than what is worth keeping are cut, and end with "…".
     """
 
-    def __init__(self, wanted: Callable[[PageVariable], bool] | None = None) -> None:
-        self.read = ReadValues(wanted)
+    def __init__(self, read: ReadValues) -> None:
+        self.read = read
         self.columns = ValueColumns()
         self.texts: dict[int, str] = {}
         self._memory = ChangeMemory()
 
-    def observe(self, told: Told, part: VisuBatch) -> None:
+    def observe(self, told: Told, part: Any) -> None:
         """Take what a batch brings, which follows those before."""
         for readings in self.read.of(told, part):
             self._take(told, readings)
+        self.columns.resize(len(self.read.known))
 
     def forget(self) -> None:
         """Let what comes next change nothing: nobody listened for a while."""
-        self._memory.forget()
+        if not self.read.tells_gaps:
+            self._memory.forget()
 
     def _take(self, told: Told, readings: Readings) -> None:
         columns = self.columns
-        columns.resize(len(self.read.variables))
+        columns.resize(len(self.read.known))
         nothing = readings.variable[readings.form == Form.NOTHING]
         columns.unreadable[: len(columns)] += np.bincount(nothing, minlength=len(columns))
         steps = self._memory.steps(readings)
@@ -114,8 +112,3 @@ class LastValues:
                 which = variable[start]
                 least[which] = np.minimum(least[which], np.minimum.reduceat(number, start))
                 most[which] = np.maximum(most[which], np.maximum.reduceat(number, start))
-
-
-def cut_text(text: str) -> str:
-    """Return a text of so many characters as are worth keeping."""
-    return text if len(text) <= MOST_CHARACTERS else f"{text[:MOST_CHARACTERS]}…"

@@ -1,23 +1,21 @@
-"""ValuesAt: what WebVisu variables were at a moment, which is up to a frame of the capture."""
+"""ValuesAt: what variables were at a moment, which is up to a frame of the capture."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
-from typing import NamedTuple
+from collections.abc import Collection
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from dissectors.batch import Bool
 from nvscope.engine.told import Told
-from nvscope.tracker.visu.last_values import cut_text
-from nvscope.tracker.visu.messages import VisuBatch
-from nvscope.tracker.visu.number_texts import Form
-from nvscope.tracker.visu.readings import Readings, ReadValues
-from nvscope.tracker.visu.value_history import Reading
-from nvscope.tracker.visu.variables import PageVariable
+from nvscope.tracker.readings.form import Form, cut_text
+from nvscope.tracker.readings.readings import Readings, ReadValues
+from nvscope.tracker.readings.value_history import Reading
 
 
 class LastReading(NamedTuple):
-    """The last value of a variable up to a moment, with the frame of the reply."""
+    """The last value of a variable up to a moment, with the frame that has it."""
 
     reading: Reading
     frame: int
@@ -25,13 +23,13 @@ class LastReading(NamedTuple):
 
 
 class ValuesAt:
-    """The last values up to the frames that count, ``then``, by number of ``read.variables``.
+    """The last values up to the frames that count, ``then``, by number of ``read.known``.
 
     Also those that came behind: a clock that steps back passes a moment again.
     """
 
-    def __init__(self, wanted: Callable[[PageVariable], bool]) -> None:
-        self.read = ReadValues(wanted)
+    def __init__(self, read: ReadValues) -> None:
+        self.read = read
         self.then: dict[int, LastReading] = {}
         self._now: dict[int, LastReading] = {}
 
@@ -40,16 +38,18 @@ class ValuesAt:
         """The numbers of the variables that had a value at any time."""
         return self._now.keys()
 
-    def take(self, told: Told, part: VisuBatch, until: int) -> None:
+    def take(self, told: Told, part: Any, until: int) -> None:
         """Take a batch, of which so many packets count, and all before them."""
         is_open = until > 0
         for readings in self.read.of(told, part):
-            cut = int(np.searchsorted(readings.row, until))
-            self._take(told, readings, 0, cut)
-            if is_open and cut < len(readings):
+            counts = readings.row < until
+            self._take(told, readings, counts)
+            if counts.all():
+                continue
+            if is_open:
                 self.count_all()
                 is_open = False
-            self._take(told, readings, cut, len(readings))
+            self._take(told, readings, ~counts)
         if is_open:
             self.count_all()
 
@@ -57,9 +57,9 @@ class ValuesAt:
         """Let all that came so far count."""
         self.then = dict(self._now)
 
-    def _take(self, told: Told, readings: Readings, begin: int, end: int) -> None:
-        rows = begin + np.flatnonzero(readings.form[begin:end] != Form.NOTHING)
-        last = np.full(len(self.read.variables), -1)
+    def _take(self, told: Told, readings: Readings, which: Bool) -> None:
+        rows = np.flatnonzero(which & (readings.form != Form.NOTHING))
+        last = np.full(len(self.read.known), -1)
         # Assigned in order, so that the last one is what stays.
         last[readings.variable[rows]] = rows
         for number in np.flatnonzero(last >= 0).tolist():

@@ -1,0 +1,165 @@
+"""Databases of DataLoggers as captures: a row is a packet, with the bytes of its record as they lie in the file.
+
+Its time is that of its ``Timestamp``; rows of which none can be told are left out, and told. Rows of several tables
+come in the order of their times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from dissectors.batch import I64, PAD_BYTES, U8, LinkType, PacketBatch
+from dissectors.datalogger.logged import Logged, RowTable
+from dissectors.datalogger.row_times import row_times
+from nvscope.capture.can import sqlite_file
+from nvscope.capture.can.on_disk import on_disk
+from nvscope.capture.content import Content
+from nvscope.capture.datalogger import database as databases
+from nvscope.capture.datalogger.damage import Damages
+from nvscope.capture.datalogger.database import LogDatabase
+from nvscope.capture.datalogger.names import series_of, title_of
+from nvscope.capture.datalogger.schema import StoredTable
+from nvscope.capture.datalogger.sql_records import as_records
+from nvscope.capture.datalogger.table_rows import Rows
+from nvscope.capture.reader import Reader, ReadingSizes
+from nvscope.capture.source import Attachment, Source, SourceInfo, Truncation
+from nvscope.capture.spans import BATCH_BYTES, stretches
+from nvscope.capture.time_span import TIME_LIMIT_NS, TimeSpan
+from nvscope.capture.timeline import Timeline
+from nvscope.errors import UnreadableInput
+from nvscope.units import count_of
+
+_TELLING = '"ConsistentDataSeries"'
+_MOST_NAMED = 5
+_ROW_BYTES = 6
+"""What a row takes in its page beside its record."""
+
+
+def is_log(content: Content) -> bool:
+    """Tell whether an SQLite file is a DataLogger's: by its tables, or, of what is not on disk, by its first bytes."""
+    if not content.disk_path:
+        return any(_TELLING.encode(encoding) in content.head for encoding in ("utf-8", "utf-16-le", "utf-16-be"))
+    try:
+        with databases.opened(content.disk_path):
+            return True
+    except UnreadableInput:
+        return False
+
+
+class LogReader(Reader):
+    """Reads one database: from its file on disk where it is one, else from a copy."""
+
+    def __init__(self, content: Content, sizes: ReadingSizes) -> None:
+        super().__init__(content, sizes)
+        self._pieces = iter(()) if content.disk_path else content.pieces()
+        self._lost: list[str] = []
+
+    def batches(self) -> Iterator[PacketBatch]:
+        """Yield the rows, those of each table in the order of their ids."""
+        with on_disk(self.content.disk_path, self._pieces) as path:
+            before = sqlite_file.state(path)
+            with databases.opened(path) as database:
+                self._tell_state(database, path)
+                tracks = [_Table(self.content.path, database, table, self.sizes) for table in database.tables]
+                several = Timeline(tracks, batch_packets=self.sizes.batch_packets) if len(tracks) > 1 else tracks[0]
+                for batch in several:
+                    if len(batch):
+                        self.progress.frames += len(batch)
+                        self._follow(batch)
+                        yield replace(batch, ends=(), source=None, channel=None)
+            for track in tracks:
+                self._tell_table(track, name=track.table.log.name if len(tracks) > 1 else "")
+            if sqlite_file.state(path) != before:
+                self._lost.append("it changed while it was read: read it again when nobody writes to it")
+        if self.content.disk_path:
+            self.position = self.content.size_bytes or 0
+        if self._lost:
+            self.progress.left_out = "; ".join(self._lost)
+            self.progress.truncation = Truncation(self.position, self.progress.left_out)
+
+    def _follow(self, batch: PacketBatch) -> None:
+        """Tell how far the file is read: about as far as the rows that were read are long."""
+        if self.content.disk_path:
+            read_bytes = int(batch.captured.sum()) + _ROW_BYTES * len(batch)
+            self.position = min(self.position + read_bytes, self.content.size_bytes or 0)
+
+    def _tell_state(self, database: LogDatabase, path: str) -> None:
+        """Tell what state the file is in: what is missing of it, or else what people may want to know."""
+        lost = [*map(str, database.damages)]
+        if database.file.pages_missing or (database.path == path and sqlite_file.left_beside(path)):
+            lost[:0] = database.notes
+        else:
+            self.progress.notes = database.notes
+        self._lost += lost
+
+    def _tell_table(self, track: _Table, name: str) -> None:
+        of = f" of table {name}" if name else ""
+        self._lost += [f"{damage}{of}" for damage in track.damages]
+        if track.damages.left_out:
+            self._lost.append(f"and {count_of(track.damages.left_out, 'place')} more{of} that cannot be read")
+        if track.untimed:
+            named = ", ".join(map(str, track.untimed_rows))
+            what = count_of(track.untimed, "row")
+            more = " …" if track.untimed > _MOST_NAMED else ""
+            self._lost.append(f"{what}{of} without a time that can be read, left out (row id {named}{more})")
+
+
+class _Table:
+    """The rows of one table, as a track of a timeline."""
+
+    channels: Sequence[str] = ()
+    attachments: Sequence[Attachment] = ()
+    infos: Sequence[SourceInfo] = ()
+
+    def __init__(self, path: str, database: LogDatabase, table: StoredTable, sizes: ReadingSizes) -> None:
+        self.path = path
+        self.table = table
+        self.damages = Damages()
+        self.untimed = 0
+        self.untimed_rows: list[int] = []
+        self._database = database
+        self._sizes = sizes
+        encoding = database.encoding if table.by_pages else "utf-8"
+        self._told = RowTable(series_of(path), title_of(path), table.log, table.real, encoding)
+
+    def __iter__(self) -> Iterator[PacketBatch]:
+        return self.read(1, TimeSpan())
+
+    def between(self, start_ns: int | None, end_ns: int | None) -> Source:
+        raise NotImplementedError
+
+    def stop(self) -> None:
+        """The reader is stopped instead."""
+
+    def read(self, share: int, span: TimeSpan) -> Iterator[PacketBatch]:
+        """Yield the rows in the order of their ids."""
+        for rows in self._database.rows(self.table, self.damages):
+            if isinstance(rows, Rows):
+                data, start, length = rows.data, rows.start, rows.length
+            else:
+                data, start, length = as_records(rows, self.table.log.columns)
+            times = row_times(rows.cells(0), rows.data, self._told.encoding)
+            kept = times.valid & (np.abs(times.time_ns) <= TIME_LIMIT_NS)
+            if not kept.all():
+                self._leave_out(rows.rowid[~kept])
+                start, length = start[kept], length[kept]
+            if len(start):
+                yield from self._batches(data, start, length, times.time_ns[kept], rows.rowid[kept])
+
+    def _leave_out(self, rowid: I64) -> None:
+        self.untimed += len(rowid)
+        self.untimed_rows += rowid[: _MOST_NAMED - len(self.untimed_rows)].tolist()
+
+    def _batches(self, data: U8, start: I64, length: I64, time_ns: I64, rowid: I64) -> Iterator[PacketBatch]:
+        if int((start + length).max()) + PAD_BYTES > len(data):
+            data = np.concatenate([data, np.zeros(PAD_BYTES, np.uint8)])
+        size = length.astype(np.int32)
+        for part in stretches(length, self._sizes.batch_packets, BATCH_BYTES):
+            yield PacketBatch(
+                data, start[part], size[part], length[part], time_ns[part],
+                PacketBatch.link_column(LinkType.DATABASE_ROW, len(rowid[part])),
+                logged=Logged.of(self._told, rowid[part]),
+            )  # fmt: skip

@@ -1,0 +1,1 @@
+"""DataLogger: the variables of its databases, row by row."""

@@ -1,0 +1,211 @@
+"""Readings of databases: the values that their rows hold.
+
+NULL is no value: where only changes are stored, it was what it had been; else nobody knows it. ConsistentDataSeries 0
+says that data was lost before a row, and all counters at 0 that the logger began anew: changes may be missing there,
+and how long a value lasted is not known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from hashlib import blake2b
+from typing import ClassVar
+
+import numpy as np
+
+from dissectors.batch import I64, U8, U64, Bool
+from dissectors.datalogger.logged import RowTable
+from dissectors.datalogger.records import Cells, Records
+from dissectors.datalogger.records import Form as Stored
+from dissectors.datalogger.rows import RowBatch, consistent
+from nvscope.engine.told import Told
+from nvscope.tracker.datalogger.variables import DatabaseVariable, DatabaseVariables
+from nvscope.tracker.readings.form import Form
+from nvscope.tracker.readings.readings import LEFT_OUT, MOST_AT_ONCE, Readings
+
+_FORMS = np.zeros(len(Stored), np.int64)
+_FORMS[Stored.INTEGER], _FORMS[Stored.REAL] = Form.WHOLE, Form.REAL
+_FORMS[Stored.TEXT], _FORMS[Stored.BLOB] = Form.TEXT, Form.RAW
+
+
+class ReadRows:
+    """The readings of rows (``nvscope.tracker.readings.readings.ReadValues``); None wants all variables."""
+
+    title: ClassVar[str] = "databases"
+    tells_gaps: ClassVar[bool] = True
+
+    def __init__(self, wanted: Callable[[DatabaseVariable], bool] | None = None) -> None:
+        self.variables = DatabaseVariables()
+        self.hidden = 0
+        self.meant: set[int] = set()
+        self._wanted = wanted
+        self._meant_of: dict[RowTable, I64] = {}
+        self._stretch: dict[str, int] = {}
+        self.missed = 0
+        self._came: list[tuple[I64, I64, I64]] = []
+
+    @property
+    def known(self) -> Sequence[DatabaseVariable]:
+        """The variables seen so far, by number."""
+        return self.variables.known
+
+    @property
+    def left_out(self) -> bool:
+        """Whether there was no room for some variables."""
+        return self.variables.left_out
+
+    def of(self, told: Told, part: RowBatch) -> Iterator[Readings]:
+        """Yield the readings of a batch, in stretches of so many that memory stays bounded."""
+        tables = [
+            _TableRows(table, rows, records, self._numbers(table, told.max_streams), self._stretches(table, records))
+            for table, rows, records in part.by_table()
+        ]
+        self._came = [(one.numbers, part.row[one.rows], one.stretch) for one in tables if one.table.log.only_changes]
+        chosen = None if told.chosen is None else told.chosen[part.row]
+        variables = max((len(one.numbers) for one in tables), default=1)
+        most = max(MOST_AT_ONCE // max(variables, 1), 1)
+        for begin in range(0, len(part), most):
+            found = [cells for one in tables for cells in one.cells(begin, begin + most, chosen)]
+            if found:
+                yield self._readings(part.row, found, in_turn=len(tables) > 1)
+
+    def rows_of(self, number: int) -> tuple[I64, I64]:
+        """Return the packets of the rows, in the batch read last, of tables in which only changes of a variable are.
+
+        In those it is what it was before, where there is no value of it, as long as nothing was lost: the numbers of
+        their stretches are the second.
+        """
+        own = [(rows, stretch) for numbers, rows, stretch in self._came if (numbers == number).any()]
+        rows, stretch = (np.concatenate([np.empty(0, np.int64), *(one[at] for one in own)]) for at in range(2))
+        return rows, stretch
+
+    def _stretches(self, table: RowTable, records: Records) -> I64:
+        """Return numbers of rows that are the same where nothing was lost between these."""
+        lost = ~consistent(records)
+        if table.series not in self._stretch:
+            lost[0] = False  # there is nothing before it
+        self.missed += int(np.count_nonzero(lost))
+        lost |= _restarts(table, records)
+        number = self._stretch.get(table.series, 0) + np.cumsum(lost)
+        self._stretch[table.series] = int(number[-1])
+        return number
+
+    def _numbers(self, table: RowTable, most: int) -> I64:
+        """Return the numbers of the variables of a table, ``LEFT_OUT`` of those that are not wanted."""
+        found = self._meant_of.get(table)
+        if found is None:
+            found = self.variables.of(table, most)
+            wanted, known = self._wanted, self.known
+            if wanted is not None:
+                own = [one if one >= 0 and wanted(known[one]) else LEFT_OUT for one in found.tolist()]
+                found = np.array(own, np.int64)
+            self._meant_of[table] = found
+            self.meant.update(found[found >= 0].tolist())
+        return found
+
+    def _readings(self, packet: I64, found: Sequence[_Column], *, in_turn: bool) -> Readings:
+        """Return the values of some columns; ``in_turn``: those of a variable may be in several of them."""
+        behind = np.cumsum([len(one.rows) for one in found])
+        row = packet[np.concatenate([one.rows for one in found])]
+        stretch = np.concatenate([one.stretch for one in found])
+        variable = np.repeat([one.number for one in found], [len(one.rows) for one in found]).astype(np.int64)
+        stored = np.concatenate([one.cells.form for one in found])
+        bits = np.concatenate([one.cells.bits for one in found])
+        for one, end in zip(found, behind.tolist(), strict=True):
+            texts = np.flatnonzero(one.cells.form >= Stored.TEXT)
+            if len(texts):
+                bits[end - len(one.rows) + texts] = _digests(one, texts)
+        real = stored == Stored.REAL
+        if real.any():
+            bits[real] = (bits[real].view(np.float64) + 0.0).view(np.uint64)  # of one zero only
+        order = np.argsort(row, kind="stable") if in_turn else None
+        if order is not None:
+            row, stretch, variable, stored, bits = (one[order] for one in (row, stretch, variable, stored, bits))
+
+        def text(at: int) -> str:
+            place = at if order is None else int(order[at])
+            column = int(np.searchsorted(behind, place, "right"))
+            return found[column].text(place - (int(behind[column - 1]) if column else 0))
+
+        nothing = np.zeros(len(row), np.int64)
+        return Readings(
+            variable, row, _FORMS[stored], bits, nothing.astype(np.bool_), nothing, text, self._called, stretch
+        )  # fmt: skip
+
+    def _called(self, number: int, naming: int) -> str:
+        return self.known[number].name
+
+
+@dataclass(frozen=True, slots=True)
+class _Column:
+    """The values of one variable in some rows of a table, by their positions in the batch; none is NULL."""
+
+    number: int
+    rows: I64
+    cells: Cells
+    stretch: I64
+    data: U8
+    encoding: str
+
+    def text(self, at: int) -> str:
+        """Return a value as text, '' of a number."""
+        form = self.cells.form[at]
+        if form < Stored.TEXT:
+            return ""
+        content = self.data[self.cells.start[at] : self.cells.stop[at]].tobytes()
+        return content.hex(" ") if form == Stored.BLOB else content.decode(self.encoding, "replace")
+
+
+@dataclass(frozen=True, slots=True)
+class _TableRows:
+    """The rows of one table in a batch, by their positions in it, rising, and the numbers of its variables."""
+
+    table: RowTable
+    rows: I64
+    records: Records
+    numbers: I64
+    stretch: I64
+
+    def cells(self, begin: int, end: int, chosen: Bool | None) -> Iterator[_Column]:
+        """Yield the values in the rows from one position to before another, of those that are chosen."""
+        own = np.arange(*np.searchsorted(self.rows, (begin, end)).tolist())
+        if chosen is not None:
+            own = own[chosen[self.rows[own]]]
+        for number, logged in zip(self.numbers.tolist(), self.table.log.variables, strict=True):
+            if number < 0 or not len(own) or self.records.is_empty(logged.column):
+                continue
+            cells, filled = self.records.cells(logged.column, own), own
+            there = np.flatnonzero(cells.form)
+            if len(there) < len(own):
+                filled = own[there]
+                cells = self.records.cells(logged.column, filled)
+            if len(filled):
+                yield _Column(
+                    number, self.rows[filled], cells, self.stretch[filled], self.records.data, self.table.encoding
+                )  # fmt: skip
+
+
+def _restarts(table: RowTable, records: Records) -> Bool:
+    """Tell which rows begin anew: they hold all values, and none of these has changed yet."""
+    found = np.zeros(len(records), np.bool_)
+    if not table.log.only_changes:
+        return found
+    rows = np.arange(len(records))
+    for logged in table.log.variables:
+        assert logged.counter is not None
+        cells = records.cells(logged.counter, rows)
+        rows = rows[(cells.form == Stored.INTEGER) & (cells.bits == 0)]
+        if not len(rows):
+            return found
+    found[rows] = True
+    return found
+
+
+def _digests(column: _Column, rows: I64) -> U64:
+    content, cells = column.data.data, column.cells
+    told = [
+        int.from_bytes(blake2b(content[begin:end], digest_size=8).digest(), "little")
+        for begin, end in zip(cells.start[rows].tolist(), cells.stop[rows].tolist(), strict=True)
+    ]
+    return np.array(told, np.uint64)

@@ -1,0 +1,26 @@
+"""Form: what a value is, whatever its variable is declared as; and what is told of its text."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+MOST_CHARACTERS = 1024
+"""Of longer texts, the beginning is kept."""
+
+HIDDEN = "(hidden)"
+"""In place of a value that is a password, or may be one."""
+
+
+class Form(IntEnum):
+    """What a value is. ``RAW``: no more is known than its text; ``NOTHING``: it could not be read."""
+
+    NOTHING = 0
+    RAW = 1
+    TEXT = 2
+    WHOLE = 3
+    REAL = 4
+
+
+def cut_text(text: str) -> str:
+    """Return a text of so many characters as are worth keeping."""
+    return text if len(text) <= MOST_CHARACTERS else f"{text[:MOST_CHARACTERS]}…"

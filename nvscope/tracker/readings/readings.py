@@ -1,0 +1,117 @@
+"""What readings are, and what finds them: a contract that each protocol fulfils whose values come one by one."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol
+
+from dissectors.batch import I64, U64, Bool
+from nvscope.definition.variables import Elementary
+from nvscope.engine.told import Told
+
+LEFT_OUT = -1
+"""The number of variables for which there is no room."""
+
+MOST_AT_ONCE = 1 << 18
+"""So many values are looked at in one go, and those of one message."""
+
+_DIGITS = re.compile(r"([0-9]{1,18})")
+
+
+def in_order(name: str) -> Sequence[int | str]:
+    """Return what sorts names in any case, with the numbers in them as numbers."""
+    return [int(part) if place % 2 else part for place, part in enumerate(_DIGITS.split(name.lower()))]
+
+
+class ReadVariable(Protocol):
+    """A variable of which readings are; ``list`` is what stands in the place of the key of a list.
+
+    ``is_secret``: it is a password, or may be one.
+    """
+
+    name: str
+
+    @property
+    def list(self) -> str: ...
+
+    @property
+    def type(self) -> str:
+        """What its type is called; '' where nobody says it."""
+        ...
+
+    @property
+    def is_secret(self) -> bool: ...
+
+    @property
+    def order(self) -> tuple[Any, ...]:
+        """What variables of one protocol are sorted by."""
+        ...
+
+    @property
+    def usual_form(self) -> int:
+        """The ``Form`` that its values have, as far as its type says it."""
+        ...
+
+    def kind_of(self, form: int, bits: int) -> Elementary | None:
+        """Return the type of a value, given by its ``Form`` and bits; None where texts are all that is known."""
+        ...
+
+
+Wanted = Callable[[Any], bool]
+"""Tells whether a variable is wanted."""
+
+
+@dataclass(frozen=True, slots=True)
+class Readings:
+    """Values, those of each variable in the order in which they came; columns of shape (n,).
+
+    ``variable`` is a number of ``ReadValues.known``, ``row`` that of the packet. ``form`` is a ``Form``, ``bits`` are
+    64 bits that are the same for equal values of a form: an int64 (WHOLE), a float64 (REAL, one zero only), of others a
+    digest of the text. ``secret``: by what the variable was called then, it is a password, or may be one. Between
+    values of one variable and ``stretch`` nothing was missed; None where that holds of all.
+
+    ``text`` returns the text of a value at a place, as it came; ``called`` what a variable was called with a
+    ``naming``, which is a number of whoever names variables.
+    """
+
+    variable: I64
+    row: I64
+    form: I64
+    bits: U64
+    secret: Bool
+    naming: I64
+    text: Callable[[int], str]
+    called: Callable[[int, int], str]
+    stretch: I64 | None = None
+
+    def __len__(self) -> int:
+        return len(self.variable)
+
+
+class ReadValues(Protocol):
+    """Finds the readings of batches that follow each other: those of wanted variables, as these are called then.
+
+    Where a filter chooses frames, of the frames that it chooses. ``known`` are the variables seen so far, by number,
+    also those that are not wanted; ``meant`` the numbers of those of which there was any reading. ``hidden`` counts
+    values that are, or may be, passwords; ``left_out``: there was no room for some variables. ``title`` is what people
+    call whoever tells them. ``tells_gaps``: what somebody may have missed is told by stretches, and nobody else knows;
+    ``missed`` counts how often that was.
+    """
+
+    title: ClassVar[str]
+    tells_gaps: ClassVar[bool]
+    missed: int
+    hidden: int
+    meant: set[int]
+
+    @property
+    def known(self) -> Sequence[Any]: ...
+
+    @property
+    def left_out(self) -> bool: ...
+
+    def of(self, told: Told, part: Any) -> Iterator[Readings]:
+        """Yield the readings in what a protocol found in a batch, so many at a time that memory stays bounded."""
+        ...

@@ -1,0 +1,95 @@
+"""What becomes of the values of a database, by the rules, over rows as SQLite hands them over: the oracle."""
+
+from __future__ import annotations
+
+import itertools
+import sqlite3
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from dissectors.datalogger.tables import COUNT_SUFFIX
+
+Value = Any
+
+
+@dataclass
+class Reading:
+    """One value: in which row of all, from 1, when, and in which stretch without a loss."""
+
+    frame: int
+    time_ns: int
+    stretch: int
+    value: Value
+
+    @property
+    def alike(self) -> tuple[str, Value]:
+        """What tells it from others: 1 and 1.0 are two values, as they are stored."""
+        return type(self.value).__name__, self.value
+
+
+@dataclass
+class Variable:
+    """The values of one variable, in their order."""
+
+    name: str
+    readings: list[Reading] = field(default_factory=list)
+
+    @property
+    def changes(self) -> list[tuple[Reading, Reading]]:
+        """Which value came behind which other one."""
+        pairs = zip(self.readings, self.readings[1:], strict=False)
+        return [(before, now) for before, now in pairs if before.alike != now.alike]
+
+    @property
+    def between_ns(self) -> list[int]:
+        """The times between changes that have none before them that may have been missed."""
+        times = [now for _, now in self.changes]
+        return [
+            now.time_ns - before.time_ns
+            for before, now in itertools.pairwise(times)
+            if before.stretch == now.stretch and now.time_ns >= before.time_ns
+        ]
+
+
+def time_ns(text: object) -> int | None:
+    """Return the time that a text tells, None where it tells none."""
+    try:
+        told = datetime.strptime(str(text), "%Y-%m-%dT%H:%M:%S.%f").replace(tzinfo=UTC)
+    except ValueError:
+        return None
+    return int(told.timestamp()) * 10**9 + told.microsecond * 1000
+
+
+def stored_rows(paths: Sequence[Path], table: str = "log_1") -> Iterator[tuple[list[str], tuple[Value, ...]]]:
+    """Yield the rows of a table of several files, one file after the other, with the names of the columns."""
+    for path in paths:
+        with closing(sqlite3.connect(path)) as database:
+            names = [name for _, name, *_ in database.execute(f"PRAGMA table_info({table})")]
+            for row in database.execute(f"SELECT * FROM {table} ORDER BY rowid"):
+                yield names, row
+
+
+def read(paths: Sequence[Path]) -> list[Variable]:
+    """Return the variables of databases of one series, in the order of their columns."""
+    found: dict[str, Variable] = {}
+    frame = stretch = 0
+    for names, row in stored_rows(paths):
+        when = time_ns(row[0])
+        if when is None:
+            continue
+        frame += 1
+        values = dict(zip(names[2:], row[2:], strict=True))
+        counted = [name for name in values if not name.endswith(COUNT_SUFFIX)]
+        counters = [values[name + COUNT_SUFFIX] for name in counted if name + COUNT_SUFFIX in values]
+        begins_anew = bool(counters) and len(counters) == len(counted) and all(one == 0 for one in counters)
+        if row[1] == 0 or begins_anew:
+            stretch += 1
+        for name in counted:
+            variable = found.setdefault(name, Variable(name))
+            if values[name] is not None:
+                variable.readings.append(Reading(frame, when, stretch, values[name]))
+    return list(found.values())
