@@ -44,8 +44,8 @@ def remarks(report: Report) -> Sequence[str]:
                 f"{row['database']}: {units.count_of(row['lost'], 'row')} {says} that data was lost before "
                 f"(ConsistentDataSeries 0), the first in frame {units.count(row['first_lost_frame'])}."
             )
-    paths = [one["path"] for one in report["capture"]["sources"] if one["format"] in DATABASES]
-    which = " ".join(paths[:1]) if len(paths) == 1 else "FILE.db…"
-    if paths:
-        told.append(f"`nvscope audit {which}` tells whether it can be trusted; `nvscope vars` shows its variables.")
+    if any(one["format"] in DATABASES for one in report["capture"]["sources"]):
+        told.append(
+            "`nvscope audit FILE.db` tells whether one can be trusted; `nvscope vars FILE.db` shows its variables."
+        )
     return told
