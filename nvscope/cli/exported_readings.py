@@ -107,10 +107,8 @@ def tell_of_exported_readings(
     from nvscope.whole_files import is_stdout
 
     if alone and not any(known.rows for known in read_ones.known.values()):
-        echo(
-            f"nvscope: no value came that could be read; {visible(path)} has columns, but no rows.",
-            err=True,
-        )
+        what = "no page asked for a value" if list(read_ones.makes) == ["visu"] else "no value came"
+        echo(f"nvscope: {what} that could be read; {visible(path)} has columns, but no rows.", err=True)
     for name, known in read_ones.known.items():
         if not alone and not long and is_stdout(path):
             echo(f"nvscope: values of {known.read.title} are left out; --form long writes them too.", err=True)
