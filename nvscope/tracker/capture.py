@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from dissectors.batch import LinkType
 from dissectors.varieties import NO_TELEGRAM
 from nvscope.engine.dealing import SplitBy
 from nvscope.engine.events import EventBatch
@@ -146,6 +147,9 @@ class CaptureState:
             # Without a sign, a difference of any two times fits.
             far = before.view(np.uint64) - time_ns.view(np.uint64)
             back = np.flatnonzero((time_ns < before) & (far > CLOCK_STEP_NS))
+            if told.packets.logged is not None:
+                # Rows of a database have the clock of whoever logged them: what is wrong with that, its audit tells.
+                back = back[told.packets.link[back] != LinkType.DATABASE_ROW]
             now_ns, before_ns, frame = time_ns[back], before[back], back + told.first_frame
             far_ns = np.minimum(far[back], np.iinfo(np.int64).max).astype(np.int64)
             if len(back):

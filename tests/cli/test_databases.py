@@ -17,7 +17,7 @@ import pytest
 
 from nvscope.cli.completion import lists
 from tests.program import run_text
-from tests.tracker.datalogger.logs import Row, at_ms, write_log
+from tests.tracker.datalogger.logs import START_NS, Row, at_ms, write_log
 
 ROOT = Path(__file__).parents[2]
 GENUINE = str(ROOT / "captures" / "datalogger" / "genuine-5min.db")
@@ -208,6 +208,13 @@ def test_a_report_tells_before_how_many_rows_data_was_lost(tmp_path: Path) -> No
     # Before the first row of all there is nothing.
     assert (row["lost"], row["first_lost_frame"]) == (1, 2)
     assert "● 1 database · 3 rows · data lost before 1 of them" in run_text("report", path).stdout
+
+
+def test_a_clock_that_was_set_at_the_logger_is_none_of_the_capture(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "x.db", [("a", "INT")], [Row(at, (at,)) for at in (0, 5_000, 1_000, 2_000)])
+    told = as_json("report", path)
+    assert (told["findings"], told["causes"]) == ([], [])
+    assert told["databases"][0]["end_ns"] == str(START_NS + 5_000_000_000)
 
 
 @pytest.mark.parametrize("verb", ["convert", "record"])
