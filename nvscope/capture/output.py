@@ -91,8 +91,8 @@ def rows_are_no_frames(path: str = "") -> UsageError:
     """Return the error that rows of a database cannot be written as frames."""
     return UsageError(
         "rows of a database are no frames, and no capture format can hold them", where=path,
-        next_step="`nvscope export FILE.db -w values.csv` writes their values; without the database, the frames of others "
-        "can be written",
+        next_step="`nvscope export FILE.db -w values.csv` writes their values; without the database, the frames of "
+        "others can be written",
     )  # fmt: skip
 
 
