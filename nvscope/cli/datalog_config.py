@@ -13,6 +13,7 @@ from nvscope.cli.terminal import echo
 from nvscope.errors import UsageError
 
 _PREFIX = "Arp.Plc.Eclr/"
+"""What names of variables of the control program begin with."""
 
 
 def config(

@@ -130,22 +130,23 @@ class _Stops:
 
     def _late(self, key: ListKey, before: I64, time_ns: I64) -> Bool:
         """Return which telegrams come back after a stop; what is known of all of the list is asked for if it may be."""
-        interval_ns = self._least_ns.get(key)
-        known = before > _NEVER
-        if interval_ns is not None:
-            if not interval_ns:
-                return np.zeros(len(time_ns), np.bool_)
-            late: Bool = known & (time_ns - before > min(STOPPED_INTERVALS * interval_ns, _LONGEST))
+        least_ns = self._least_ns.get(key)
+        if least_ns is not None:
+            late = _after_stop(before, time_ns, least_ns)
             if not late.any():
                 return late
-        interval_ns = interval_of(key, self._judge.judged().intervals_ns)
-        if not interval_ns:
-            return np.zeros(len(time_ns), np.bool_)
-        return known & (time_ns - before > min(STOPPED_INTERVALS * interval_ns, _LONGEST))
+        return _after_stop(before, time_ns, interval_of(key, self._judge.judged().intervals_ns))
 
     def forget(self) -> None:
         """Let what comes next follow nothing: nobody captured for a while."""
         self._last_ns[:] = _NEVER
+
+
+def _after_stop(before_ns: I64, time_ns: I64, interval_ns: int | None) -> Bool:
+    """Return which telegrams follow too long a silence; without an interval, none does."""
+    if not interval_ns:
+        return np.zeros(len(time_ns), np.bool_)
+    return (before_ns > _NEVER) & (time_ns - before_ns > min(STOPPED_INTERVALS * interval_ns, _LONGEST))
 
 
 def interval_of(key: ListKey, intervals_ns: Mapping[ListKey, int]) -> int | None:

@@ -16,9 +16,6 @@ from nvscope.definition.selection import lists_named, names_of_lists, select
 from nvscope.errors import UsageError
 from nvscope.list_key import ListKey
 
-PREFIX = "Arp.Plc.Eclr/"
-"""What names of variables of the control program begin with."""
-
 _PUBLISH_NS, _LEAST_SETS = 1_000_000_000, 2
 
 
@@ -53,7 +50,7 @@ def chosen(layouts: Layouts, names: Sequence[str]) -> dict[tuple[ListKey, str], 
     return found
 
 
-def uris(variables: Mapping[tuple[ListKey, str], str], layouts: Layouts, prefix: str = PREFIX) -> list[str]:
+def uris(variables: Mapping[tuple[ListKey, str], str], layouts: Layouts, prefix: str) -> list[str]:
     """Return names of variables by which they are found again; what several lists have, with the name of its list."""
     names = Counter(
         element.name.lower()

@@ -1,7 +1,7 @@
 """Losses: behind which frames values were lost, of the lists of a session.
 
 What a gap in a Counter means depends on what the sender counts, and on whether the missing telegram comes late: a whole
-capture tells, and is therefore read twice. Live, what is known by then has to do.
+capture tells, and is therefore read again once something may be missing. Live, what is known by then has to do.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from dissectors.batch import I64
 from nvscope.capture.source import LostSpan, SourceInfo
 from nvscope.engine.rows import DataRows
 from nvscope.engine.told import Told
-from nvscope.list_key import ListKey
+from nvscope.list_key import ListKey, told_of
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.loss import Loss
 from nvscope.tracker.node_steps import NodeSteps
@@ -60,7 +60,7 @@ class Judged:
         timed = [(entry.key, [one.intervals for one in entry.streams]) for entry in summary.lists]
         timed += [(entry.key, [one.intervals for one in entry.streams]) for entry in summary.can.lists]
         for key, own in timed:
-            defined = defined_ns.get(key, defined_ns.get(key.on_any_channel))
+            defined = told_of(defined_ns, key)
             if defined != 0 and own and all(one.nominal for one in own):
                 # Who sends more slowly than is defined has not stopped each time.
                 measured = max(max(one.nominal or 0, one.p50 or 0) for one in own)
@@ -86,8 +86,8 @@ class _Gap:
 class Losses:
     """Finds the gaps in the Counters of some lists, batch by batch.
 
-    ``frames`` are those of the batch observed last behind which something is missing, rising, by walk; ``filled`` are
-    the gaps so far that late telegrams have filled.
+    ``gaps`` are those of the batch observed last, as (walk, frame behind which something is missing, stream);
+    ``filled`` are those so far that late telegrams have filled.
     """
 
     by_stream: ClassVar[bool] = True

@@ -20,7 +20,8 @@ import tempfile
 from pathlib import Path
 
 from machine import machine
-from measurement import Run, measure, median
+from measurement import Run, measure
+from pairs import print_pairs
 from tool import nvscope_path
 
 VARIABLES, LIST_ID, CHANGING = 100, 7, 5
@@ -122,14 +123,7 @@ def main() -> None:
         raise SystemExit("both did not write the same rows")
     counted = pairs[1:]
     print(f"\n{told.samples} samples of {VARIABLES} variables, {told.kind}\n")
-    print(f"{'':12} {'cpu s':>8} {'µs each':>8} {'RSS MB':>8} {'anon MB':>8}")
-    for name, place in (("nvscope", 0), ("plain loop", 1)):
-        runs = [pair[place] for pair in counted]
-        cpu_s = median(runs, "cpu_s")
-        sizes = (median(runs, which) / 1e6 for which in ("rss_bytes", "anonymous_bytes"))
-        print(f"{name:12} {cpu_s:8.2f} {1e6 * cpu_s / told.samples:8.2f} {next(sizes):8.0f} {next(sizes):8.0f}")
-    ratios = sorted(other.cpu_s / own.cpu_s for own, other in counted)
-    print(f"\nby cpu, in pairs: {ratios[len(ratios) // 2]:.1f} ({ratios[0]:.1f} to {ratios[-1]:.1f})")
+    print_pairs("plain loop", counted, told.samples)
 
 
 if __name__ == "__main__":

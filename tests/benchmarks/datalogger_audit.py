@@ -24,6 +24,7 @@ from pathlib import Path
 
 from machine import machine
 from measurement import Run, measure, median
+from pairs import print_ratio
 from tool import nvscope_path
 
 from dissectors.datalogger.tables import LoggedVariable, LogTable, statement
@@ -106,9 +107,7 @@ def main() -> None:
         cpu_s, rss, anonymous = (median(own, which) for which in ("cpu_s", "rss_bytes", "anonymous_bytes"))
         print(f"{name:10} {cpu_s:8.2f} {told.rows / cpu_s:10.0f} {rss / 1e6:8.0f} {anonymous / 1e6:8.0f}")
     if "sqlite3" in runs:
-        pairs = zip(runs["nvscope"], runs["sqlite3"], strict=True)
-        ratios = sorted(other.cpu_s / ours.cpu_s for ours, other in pairs)
-        print(f"\nby cpu, in pairs: {ratios[len(ratios) // 2]:.1f} ({ratios[0]:.1f} to {ratios[-1]:.1f})")
+        print_ratio(list(zip(runs["nvscope"], runs["sqlite3"], strict=True)))
 
 
 if __name__ == "__main__":
