@@ -11,13 +11,13 @@ import numpy as np
 from dissectors.batch import Bool
 from nvscope.check.asked_rows import EVERY_LIST
 from nvscope.check.check import Setting
+from nvscope.check.open_gaps import OpenGaps
 from nvscope.check.while_so import So, WhileSo, while_so
 from nvscope.engine.events import EventBatch
 from nvscope.engine.told import Told
 from nvscope.tracker.counters import Scope
 from nvscope.tracker.event_kinds import FRAMES_KEPT, EventKind
 from nvscope.tracker.frame_counts import STEPS
-from nvscope.tracker.open_gaps import OpenGaps
 from nvscope.tracker.subjects import Subject
 
 NOTHING_CAME = "none of its telegrams came while when was so"

@@ -11,11 +11,11 @@ import numpy as np
 from dissectors.batch import I64
 from nvscope.check.asked_rows import OfLists
 from nvscope.check.check import Setting
+from nvscope.check.open_gaps import OpenGaps
 from nvscope.engine.events import EventBatch
 from nvscope.engine.told import Told
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.frame_counts import LATE, STEPS, believed
-from nvscope.tracker.open_gaps import OpenGaps
 from nvscope.tracker.state import TrackerState
 
 TELEGRAMS = "telegrams"
