@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dissectors.batch import PacketBatch
+from dissectors.datalogger.logged import NO_TABLE
 from nvscope.capture.source import Sink
 from nvscope.check.deciding import Decided
 from nvscope.check.run import Checked
@@ -31,7 +32,7 @@ _RESERVED = re.compile(r"(?i)con|prn|aux|nul|com[0-9]|lpt[0-9]")
 class RuleEvidence:
     """The frames of one rule: from when to when, which of them have comments, and the name of its file.
 
-    ``written`` counts frames, ``left_out`` those beyond the limit.
+    ``written`` counts frames, ``left_out`` those beyond the limit; ``of_databases`` rows, which are no frames.
     """
 
     rule_id: str
@@ -40,6 +41,7 @@ class RuleEvidence:
     comments: Mapping[int, str]
     written: int = 0
     left_out: int = 0
+    of_databases: int = 0
 
     def write(self, sink: Sink, packets: PacketBatch, first_frame: int) -> None:
         """Write those frames of a batch that belong to it; its first one has a number in the capture."""
@@ -49,6 +51,10 @@ class RuleEvidence:
         for frame in self.comments:
             place = frame - first_frame
             chosen[max(place - _AROUND_FRAMES, 0) : max(place + _AROUND_FRAMES + 1, 0)] = True
+        if packets.logged is not None:
+            are_rows = packets.logged.table != NO_TABLE
+            self.of_databases += int(np.count_nonzero(chosen & are_rows))
+            chosen &= ~are_rows
         rows = np.flatnonzero(chosen)
         room = _MOST_FRAMES - self.written
         self.left_out += max(len(rows) - room, 0)
@@ -59,7 +65,7 @@ class RuleEvidence:
         for frame, text in self.comments.items():
             if frame in frames:
                 sink.comment(self.written + frames[frame] + 1, text)
-        sink.write(packets.take(rows))
+        sink.write(replace(packets.take(rows), logged=None))
         self.written += len(rows)
 
 

@@ -33,7 +33,9 @@ def check_lines(check: Check, width: int) -> Iterator[Line]:
     yield from wrap([Cell(f"Measured: {check.worst}. It fails when {check.fails}.")], width)
     notes = []
     if check.needs_definitions:
-        notes.append("Without definitions it cannot be decided.")
+        # Those of databases and pages are called what they are where they come from.
+        of_lists = "Of variables of lists, it" if check.subject == "variable" else "It"
+        notes.append(f"{of_lists} cannot be decided without definitions.")
     if check.by_moment or check.at_times:
         notes.append("With when = EXPRESSION it is judged only while that holds.")
     if notes:

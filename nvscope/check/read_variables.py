@@ -6,7 +6,7 @@ watch of its own with its first value.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, ClassVar, Protocol, runtime_checkable
@@ -16,7 +16,7 @@ import numpy as np
 from dissectors.batch import I64
 from nvscope.analysis.read_values import ReadSource, meant, read_source
 from nvscope.check.check import Setting
-from nvscope.check.parameters import Unfit
+from nvscope.check.parameters import Unfit, near
 from nvscope.check.patterns import fits
 from nvscope.check.variable_places import MOST_VARIABLES
 from nvscope.check.variables import Values, VariableWatcher, Watch
@@ -54,9 +54,10 @@ def are_all_read(parameters: Mapping[str, Any]) -> bool:
 
 @dataclass(slots=True)
 class RefusedWatch(Watch):
-    """In place of a watch of a variable of which the rule cannot be asked, and why."""
+    """In place of a watch of a variable of which the rule cannot be asked, and why; ``vacuous``: there is none."""
 
     why: str = ""
+    vacuous: bool = False
 
     def take(self, values: Values) -> None:
         """Judge nothing."""
@@ -102,14 +103,28 @@ class ReadWatcher:
             # What hangs on the type of a variable is known when that comes.
             if error.key not in _OF_TYPES:
                 raise
+        self._patterns = patterns
         self._wanted = _wanted(patterns)
         self._readers: dict[str, _Reader] = {}
 
     @property
     def watches(self) -> Sequence[Watch]:
-        """What is known of each variable that came, in the order of their names."""
+        """What is known of each variable that came, in the order of their names, and which names nothing has."""
         known = [one for reader in self._readers.values() for one in reader.watched.values()]
-        return sorted((one.watch for one in known if one is not None), key=lambda one: one.place.name)
+        came = sorted((one.watch for one in known if one is not None), key=lambda one: one.place.name)
+        return [*came, *self._nowhere()]
+
+    def _nowhere(self) -> Iterator[RefusedWatch]:
+        """Yield the names that stand for no variable, with those near to them."""
+        for pattern in self._patterns:
+            wanted = {source.name: one for source, one in meant(pattern).items()}
+            known = [(name, one) for name, reader in self._readers.items() for one in reader.read.known]
+            if any(name in wanted and (wanted[name] is None or wanted[name](one)) for name, one in known):
+                continue
+            names = dict.fromkeys(f"{one.list}/{one.name.rpartition('/')[2]}" for _, one in known)
+            told = near(pattern, names)
+            why = f"no variable is called so{f': {told}' if told else ''}"
+            yield RefusedWatch(ReadPlace(pattern, _of_type(FieldType.REAL, "", "")), why=why, vacuous=True)
 
     def longest_judged_ns(self, since_ns: int, until_ns: int) -> int:
         """Return for how long it was to be judged without a break: always."""

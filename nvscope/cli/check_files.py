@@ -89,14 +89,21 @@ def _write_evidence(inquiry: Inquiry, found: Checked, folder: str, around_ns: in
         raise CaptureError(f"the folder cannot be made: {error.strerror}", where=folder) from None
     channels: list[str] = []
     with ExitStack() as stack:
-        sinks = []
-        for one in evidence:
-            path = files.reserve(os.path.join(folder, one.name), Existing.KEPT).unfinished
-            sinks.append(stack.enter_context(PcapngSink(path, ChannelNames(lambda: channels))))
+        reserved = [files.reserve(os.path.join(folder, one.name), Existing.KEPT) for one in evidence]
+        sinks = [stack.enter_context(PcapngSink(file.unfinished, ChannelNames(lambda: channels))) for file in reserved]
         for first_frame, packets, names in _frames(inquiry, found, evidence):
             channels[:] = names
             for one, sink in zip(evidence, sinks, strict=True):
                 one.write(sink, packets, first_frame)
+    if of_databases := [one for one in evidence if one.of_databases]:
+        told = f"rows of databases are left out of the evidence of {count_of(len(of_databases), 'rule')}"
+        echo(f"nvscope: {told}: no capture format can hold them; the verdict names their frames.", err=True)
+    for one, file in zip(evidence, reserved, strict=True):
+        if one.of_databases and not one.written:
+            file.discard()
+    evidence = [one for one in evidence if one.written or not one.of_databases]
+    if not evidence:
+        return
     cut = [one for one in evidence if one.left_out]
     for one in cut:
         what = f"{count_of(one.left_out, 'frame')} more than a file of evidence holds were left out"

@@ -11,7 +11,7 @@ from nvscope.cli.encodings import as_data
 from nvscope.cli.sources import ChannelMapOption, DecodeOption, port_rules, tell_of_losses, with_channels
 from nvscope.cli.streams import refuse_streams_onto
 from nvscope.cli.terminal import ColourOption, colour_wanted, echo, width
-from nvscope.errors import ExitCode
+from nvscope.errors import ExitCode, UsageError
 
 
 def diff(
@@ -32,14 +32,28 @@ def diff(
     """
     from nvscope.analysis.comparison import differences
     from nvscope.analysis.inquiry import Inquiry
+    from nvscope.capture.formats import DATABASES
     from nvscope.cli.progress import watching
     from nvscope.report import capture_difference as face
+    from nvscope.units import count_of
+    from nvscope.view.escape import visible
 
     refuse_streams_onto([a, b])
     plant = with_channels(project_of(project, gvl, [a, b]), channel_map)
     ports = port_rules(decode)
     inquiries = [Inquiry([path], plant, ports, watch=watching(quiet=quiet)) for path in (a, b)]
     sides = [inquiry.analyze() for inquiry in inquiries]
+    for path, side in zip((a, b), sides, strict=True):
+        are_databases = [info.format in DATABASES for info in side.infos]
+        if are_databases and all(are_databases):
+            raise UsageError(
+                "rows of a database are not compared, only what was on a network", where=path,
+                next_step="`nvscope report CAPTURE FILE.db --compare` holds a database against a capture, `nvscope "
+                "export --form wide` writes rows for other programs",
+            )  # fmt: skip
+        if any(are_databases):
+            told = count_of(sum(are_databases), "database")
+            echo(f"nvscope: {visible(path)}: rows are not compared: {told} left out.", err=True)
     found = differences(*sides)
     if as_json:
         from nvscope.report import json

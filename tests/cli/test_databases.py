@@ -7,7 +7,9 @@ import gzip
 import io
 import json
 import os
+import shutil
 import sqlite3
+from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
@@ -348,3 +350,49 @@ def test_texts_of_utf_16_are_read(tmp_path: Path) -> None:
         database.commit()
     write_log(path, [("a", "TEXT")], [Row(0, ("grün",)), Row(10, ("rot",))])
     assert [row["new"] for row in as_json("vars", str(path), "--history", "a")["logged_changes"]] == ["grün", "rot"]
+
+
+def test_rows_are_not_compared_with_each_other(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "x.db", [("a", "INT")], [Row(0, (1,))])
+    done = run_text("diff", GENUINE, path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "rows of a database are not compared" in done.stderr
+    # Beside captures they are left out, and that is said.
+    shutil.copy(PEERS, tmp_path)
+    done = run_text("diff", PEERS, str(tmp_path))
+    assert done.returncode == 0, done.stderr
+    assert "rows are not compared: 1 database left out" in done.stderr
+
+
+RULE = """
+[[rule]]
+id = "limits"
+check = "range"
+variable = "db/x.db/{}"
+min = 0
+max = 5
+"""
+
+
+@pytest.mark.parametrize("words", [(), ("--dry-run",)])
+def test_a_rule_about_a_variable_that_no_database_has_is_told_those_near_it(
+    words: Sequence[str], tmp_path: Path
+) -> None:  # fmt: skip
+    path = write_log(tmp_path / "x.db", [("Arp.Plc.Eclr/nSpeed", "INT")], [Row(0, (1,))])
+    rules = tmp_path / "x.rules.toml"
+    rules.write_text(RULE.format("nSped"))
+    done = run_text("check", path, "--rules", str(rules), *words)
+    assert done.returncode == (0 if words else 3)
+    assert "no variable is called so: perhaps db/x.db/nSpeed" in done.stdout
+    rules.write_text(RULE.format("nSped") + "optional = true\n")
+    assert run_text("check", path, "--rules", str(rules)).returncode == 0
+
+
+def test_evidence_of_a_rule_holds_no_rows(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "x.db", [("nSpeed", "INT")], [Row(1000 * at, (at,)) for at in range(9)])
+    rules, evidence = tmp_path / "x.rules.toml", tmp_path / "evidence"
+    rules.write_text(RULE.format("nSpeed"))
+    done = run_text("check", path, "--rules", str(rules), "--evidence", str(evidence))
+    # What a rule says is said all the same.
+    assert (done.returncode, [*evidence.iterdir()]) == (1, [])
+    assert "rows of databases are left out of the evidence of 1 rule" in done.stderr

@@ -98,7 +98,7 @@ def _each(known: Evidence, watcher: Watcher) -> Iterator[tuple[Any, Judged | Non
     for one in watcher.watches:
         missing = None
         if isinstance(one, RefusedWatch):
-            missing = Judged(Verdict.INCONCLUSIVE, reason=one.why, variable=one.place.name)
+            missing = Judged(Verdict.INCONCLUSIVE, reason=one.why, variable=one.place.name, vacuous=one.vacuous)
         elif not one.judged:
             reason = _NEVER_JUDGED if watcher.is_conditional else _NEVER_CAME
             missing = Judged(
