@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,8 +23,9 @@ _SINGLE = "FLOAT"
 
 @dataclass(slots=True)
 class DatabaseVariable:
-    """A variable; ``type`` is what its column is declared as, where it was seen last."""
+    """A variable of a ``series`` of files; ``type`` is what its column is declared as, where it was seen last."""
 
+    series: str
     list: str
     name: str
     type: str
@@ -34,6 +35,11 @@ class DatabaseVariable:
     def is_secret(self) -> bool:
         """Nothing in a database is hidden from whoever has it."""
         return False
+
+    @property
+    def identity(self) -> Hashable:
+        """What tells it from all others: two databases may be called the same."""
+        return self.series, self.name
 
     @property
     def short_name(self) -> str:
@@ -75,6 +81,10 @@ class DatabaseVariables:
         """The variables, by number."""
         return self._known
 
+    def title_of(self, table: RowTable) -> str:
+        """Return what stands for the list of a table."""
+        return self._titles.of(table)
+
     def of(self, table: RowTable, most: int) -> I64:
         """Return the numbers of the variables of a table, ``LEFT_OUT`` of those beyond ``most``."""
         found = self._of_tables.get(table)
@@ -95,6 +105,6 @@ class DatabaseVariables:
             else:
                 number = self._numbers[table.series, variable.name] = len(self._known)
                 order = title, in_order(variable.name), variable.name
-                self._known.append(DatabaseVariable(title, variable.name, variable.declared, order))
+                self._known.append(DatabaseVariable(table.series, title, variable.name, variable.declared, order))
             numbers.append(number)
         return np.array(numbers, np.int64)
