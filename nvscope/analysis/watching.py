@@ -41,9 +41,9 @@ class Scene:
     ``contacts`` are who sends to whom. ``variables`` are empty without definitions. ``node_names`` are those that
     causes tell nodes by. ``at_ns`` is what the clock showed, up to which the source was watched. ``took_ns``
     is how long the look took that made it, which was done at ``made_ns`` of ``time.monotonic_ns``. ``canopen``
-    tells which CAN frames are CANopen's, ``read_ones`` are the variables whose values come one by one, by who tells
-    them (``nvscope.analysis.read_values.SOURCES``), none of whom nothing came; ``transactions`` are the last ones of the Parameter Manager and of web
-    visualization pages.
+    tells which CAN frames are CANopen's, ``transactions`` are the last ones of the Parameter Manager and of web
+    visualization pages. ``read_ones`` are the variables whose values come one by one, by who tells them
+    (``nvscope.analysis.read_values.SOURCES``), as far as anybody does.
     """
 
     snapshot: Snapshot

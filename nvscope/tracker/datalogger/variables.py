@@ -23,13 +23,17 @@ _SINGLE = "FLOAT"
 
 @dataclass(slots=True)
 class DatabaseVariable:
-    """A variable of a ``series`` of files; ``type`` is what its column is declared as, where it was seen last."""
+    """A variable of a ``series`` of files; ``type`` is what its column is declared as, where it was seen last.
+
+    ``lasts``: only changes are stored there.
+    """
 
     series: str
     list: str
     name: str
     type: str
     order: tuple[Any, ...]
+    lasts: bool
 
     @property
     def is_secret(self) -> bool:
@@ -94,17 +98,19 @@ class DatabaseVariables:
 
     def _added(self, table: RowTable, most: int) -> I64:
         title = self._titles.of(table)
-        numbers = []
+        numbers, lasts = [], table.log.only_changes
         for variable in table.log.variables:
             number = self._numbers.get((table.series, variable.name))
             if number is not None:
-                self._known[number].type = variable.declared
+                self._known[number].type, self._known[number].lasts = variable.declared, lasts
             elif len(self._known) >= most:
                 self.left_out = True
                 number = LEFT_OUT
             else:
                 number = self._numbers[table.series, variable.name] = len(self._known)
                 order = title, in_order(variable.name), variable.name
-                self._known.append(DatabaseVariable(table.series, title, variable.name, variable.declared, order))
+                self._known.append(
+                    DatabaseVariable(table.series, title, variable.name, variable.declared, order, lasts)
+                )
             numbers.append(number)
         return np.array(numbers, np.int64)

@@ -29,7 +29,7 @@ class Lasted(NamedTuple):
 
     def take(self, rows: I64 | Bool) -> Lasted:
         """Return some of them."""
-        return Lasted(*(column[rows] for column in self))
+        return Lasted(self.row[rows], self.form[rows], self.bits[rows], self.stretch[rows])
 
     @staticmethod
     def of(readings: Readings, rows: I64) -> Lasted:

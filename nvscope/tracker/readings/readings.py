@@ -28,7 +28,8 @@ def in_order(name: str) -> Sequence[int | str]:
 class ReadVariable(Protocol):
     """A variable of which readings are; ``list`` is what stands in the place of the key of a list.
 
-    ``is_secret``: it is a password, or may be one.
+    ``is_secret``: it is a password, or may be one. ``lasts``: only changes of it are stored, and in between it stays
+    as it is.
     """
 
     name: str
@@ -43,6 +44,9 @@ class ReadVariable(Protocol):
 
     @property
     def is_secret(self) -> bool: ...
+
+    @property
+    def lasts(self) -> bool: ...
 
     @property
     def identity(self) -> Hashable:
@@ -102,8 +106,8 @@ class ReadValues(Protocol):
     also those that are not wanted; ``meant`` the numbers of those of which there was any reading. ``hidden`` counts
     values that are, or may be, passwords; ``left_out``: there was no room for some variables. ``title`` is what people
     call whoever tells them, ``holder`` what stands for one list. ``late_percent`` is how long after the one before a
-    value is missed, of its usual interval, where each is told whether it changed or not. ``tells_gaps``: what somebody may have missed is told by stretches, and nobody else knows;
-    ``missed`` counts how often that was.
+    value is missed, of its usual interval, where each is told whether it changed or not. ``tells_gaps``: what somebody
+    may have missed is told by stretches, and nobody else knows; ``missed`` counts how often that was.
     """
 
     title: ClassVar[str]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 
@@ -17,13 +17,16 @@ from nvscope.tracker.readings.readings import ReadVariable
 class ValuesSeen:
     """Last values, by number of ``variables``, with ``columns`` and ``texts`` as of ``LastValues``.
 
-    ``lists`` are the numbers of variables by what stands for their list, both in their order. ``holder`` is what such
-    a list is called, ``left_out``: there was no room for some variables.
+    ``lists`` are the numbers of variables by what stands for their list, both in their order, ``numbers`` are those
+    by ``ReadVariable.identity``. ``holder`` and ``title`` are as of ``ReadValues``; ``left_out``: there was no room
+    for some variables.
     """
 
     holder: str
+    title: str
     variables: Sequence[ReadVariable]
     lists: Mapping[str, I64]
+    numbers: Mapping[Hashable, int]
     columns: ValueColumns
     texts: Mapping[int, str]
     left_out: bool
@@ -45,6 +48,7 @@ class LastSeen:
         self._values = values
         self._variables: tuple[ReadVariable, ...] = ()
         self._lists: Mapping[str, I64] = {}
+        self._numbers: Mapping[Hashable, int] = {}
         self._seen: ValuesSeen | None = None
         self._readings = -1
 
@@ -55,8 +59,8 @@ class LastSeen:
             self._readings = values.batches
             self._name()
             self._seen = ValuesSeen(
-                values.read.holder, self._variables, self._lists, values.columns.copied(), dict(values.texts),
-                values.read.left_out,
+                values.read.holder, values.read.title, self._variables, self._lists, self._numbers,
+                values.columns.copied(), dict(values.texts), values.read.left_out,
             )  # fmt: skip
         return self._seen
 
@@ -70,4 +74,5 @@ class LastSeen:
         lists: dict[str, list[int]] = {}
         for number in sorted(range(len(known)), key=lambda number: self._variables[number].order):
             lists.setdefault(self._variables[number].list, []).append(number)
+        self._numbers = {one.identity: number for number, one in enumerate(self._variables)}
         self._lists = {name: np.array(numbers, np.int64) for name, numbers in lists.items()}

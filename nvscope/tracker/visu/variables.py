@@ -42,6 +42,11 @@ class PageVariable:
         return self.controller.list
 
     @property
+    def lasts(self) -> bool:
+        """Nobody knows what it was between two replies."""
+        return False
+
+    @property
     def identity(self) -> Hashable:
         """What tells it from all others: its place, whatever it is called."""
         return self.controller, self.where
