@@ -20,7 +20,7 @@ from nvscope.tui.views.view import View
 from nvscope.view.escape import visible
 from nvscope.view.lines.table import NOTHING, Cell, Tone
 from nvscope.view.lines.undefined import no_values
-from nvscope.view.lines.variable_cells import COLUMNS, LEGEND, Notch, age, cells
+from nvscope.view.lines.variable_cells import COLUMNS, LEGEND, Notch, age, cells, without_senders
 from nvscope.view.lines.variable_details import details
 from nvscope.view.lines.variable_rows import Order, RowKey, StreamGroup, VariableRow, VariableRows
 
@@ -96,7 +96,10 @@ class VariablesView(View):
             defined = look.scene.inquiry.layouts is not None
             self._undefined.show(no_values(look.report, self._only, defined, max(self.size.width - 1, 18)))
         self._table.show(
-            Table(COLUMNS, len(rows), self._cells, lambda number: rows.row(number).key, find=rows.find)
+            Table(
+                COLUMNS if self._has_senders else without_senders(COLUMNS), len(rows), self._cells,
+                lambda number: rows.row(number).key, find=rows.find,
+            )
         )  # fmt: skip
         self._tell_heading(len(lists))
         self._tell_below()
@@ -112,10 +115,17 @@ class VariablesView(View):
     def _cells(self, number: int) -> Sequence[Cell]:
         look, row = self._look, self._rows.row(number)
         assert look is not None
-        return cells(
+        found = cells(
             row, look.now_ns, list_name=self._called(row), sender=self._sender(row), notched=row.key in self._notch,
             grown_old=self._grown_old(row, look),
         )  # fmt: skip
+        return found if self._has_senders else without_senders(found)
+
+    @property
+    def _has_senders(self) -> bool:
+        """Whether anybody sent a value; it is not known as long as there is none."""
+        groups = self._rows.groups
+        return not groups or any(isinstance(group, StreamGroup) or group.has_sender for group in groups)
 
     def _grown_old(self, row: AnyRow, look: Look) -> str:
         """Return why nobody knows whether a value is still the same, "" where somebody does."""

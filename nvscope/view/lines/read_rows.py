@@ -55,6 +55,11 @@ class ReadGroup:
     def changed_ns(self) -> I64:
         return self.seen.columns.changed_ns[self.numbers]
 
+    @property
+    def has_sender(self) -> bool:
+        """Whether somebody sent the values."""
+        return bool(self.row(0).sender)
+
     def names(self) -> Iterable[str]:
         """Return the names of the variables."""
         return (self.seen.variables[number].name for number in self.numbers.tolist())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import IntEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from nvscope.view.lines.variable_rows import RowKey
 
 if TYPE_CHECKING:
     from nvscope.view.lines.variable_rows import AnyGroup, AnyRow
+
+_Any = TypeVar("_Any")
 
 _S_NS = 1_000_000_000
 JUST_NS = _S_NS
@@ -40,6 +42,14 @@ COLUMNS: Sequence[Column] = (
     Column("max", right=True, importance=4),
     Column(""),
 )
+
+
+_SENDER = next(place for place, column in enumerate(COLUMNS) if column.title == "sender")
+
+
+def without_senders(cells: Sequence[_Any]) -> Sequence[_Any]:
+    """Return columns, or the cells of a row, without those of senders: nobody sent what is in databases."""
+    return [*cells[:_SENDER], *cells[_SENDER + 1 :]]
 
 
 class Freshness(IntEnum):
