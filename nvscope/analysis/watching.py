@@ -184,7 +184,8 @@ class Watched:
                 from nvscope.tracker.readings.values_seen import LastSeen  # noqa: PLC0415  not without any
 
                 self._read_looks[name] = LastSeen(values)
-        return {name: look.look() for name, look in self._read_looks.items()}
+        # In the order in which reports have them, whoever told something first.
+        return {name: self._read_looks[name].look() for name in self._read_ones.makes if name in self._read_looks}
 
 
 def _since(found: Snapshot, base: Counted, inquiry: Inquiry) -> Snapshot:

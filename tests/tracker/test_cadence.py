@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from statistics import median_high
 
 import numpy as np
@@ -15,7 +16,7 @@ PERCENT = 150
 
 
 def by_the_rule(times: list[int]) -> list[bool]:
-    lengths = [later - earlier for earlier, later in zip(times, times[1:], strict=False)]
+    lengths = [later - earlier for earlier, later in pairwise(times)]
     late = [False]
     for place, length in enumerate(lengths):
         before = lengths[max(place - USUAL_OF, 0) : place]
