@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -12,16 +13,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nvscope.analysis.inquiry import Inquiry
-from nvscope.analysis.read_values import meant, value_history
+from nvscope.analysis.read_values import last_values, meant, value_history
 from nvscope.analysis.traced_readings import TracedReadings
 from nvscope.analysis.tracing import Trace, Tracing
 from nvscope.analysis.watching import Scene, Watching, scene_at, scenes_by_second
 from nvscope.definition.project import Project
-from nvscope.view.documents.read_rows import row_of_reading
+from nvscope.view.documents.read_rows import last_rows, row_of_reading
 from nvscope.view.lines.read_rows import ReadRow
 from nvscope.view.lines.variable_rows import VariableRows
+from tests.analysis.transactions.talk import PANEL as PANEL_AT
+from tests.analysis.transactions.talk import PRESS, post, reply
 from tests.laws import examples
+from tests.oracle.builders import START
+from tests.oracle.tcp_line import Line
+from tests.packets import Batches, batch_of
 from tests.tracker.datalogger.logs import Row, write_log
+from tests.tracker.visu.test_names import listed, loads
 
 CAPTURES = Path(__file__).parents[2] / "captures"
 GENUINE = str(CAPTURES / "datalogger" / "genuine-5min.db")
@@ -182,3 +189,32 @@ def test_what_is_a_password_or_was_one_is_not_traced() -> None:
     frame = int(every.frame[5])
     hidden = TracedReadings("visu", other.variable, True, frame)
     assert read(Tracing(hidden), scene).frame.tolist() == every.frame[6:].tolist()
+
+
+def test_where_a_password_was_before_another_download_its_values_are_told_nowhere() -> None:
+    line = Line((PANEL_AT, 50_000), (PRESS, 80), now=START).open()
+    loads(line, listed({".CurrentPassword": "4,8,4,4", "PLC_PRG.n": "4,100,4,4"}))
+    for value in (4711, 4712):
+        line.ask(post("|0|1|0|4|8|4|4|")).answer(reply(f"|{value}|"))
+    loads(line, listed({"PLC_PRG.nPieces": "4,8,4,4", "PLC_PRG.n": "4,104,4,4"}))
+    for value in (5, 6, 7):
+        line.ask(post("|0|1|0|4|8|4|4|")).answer(reply(f"|{value}|"))
+    scene = scene_at(Inquiry(Batches([batch_of(line.frames)]), Project()), None)
+    assert scene is not None
+    row = row_of(scene, "PLC_PRG.nPieces")
+    assert (row.text, row.is_hidden, row.bounds) == ("7", False, None)
+    # Without the frames in front of them, nobody knows of what list the first values were.
+    later = replace(scene, recent=replace(scene.recent, chunks=list(scene.recent.pieces(_frame_of(line, b"|4711|")))))
+    for one in (scene, later):
+        assert read(Tracing(traced(row)), one).value.tolist() == [5, 6, 7]
+    observer = last_values(meant(None))
+    inquiry = Inquiry(Batches([batch_of(line.frames)]), Project())
+    for _ in inquiry.run(inquiry.open(), [observer]):
+        pass
+    shown, all_of_it = (last_rows(observer.known, secrets=secrets)["page_variables"][0] for secrets in (False, True))
+    assert (shown["value"], shown["min"], all_of_it["max"]) == (7, None, 4712)
+
+
+def _frame_of(line: Line, content: bytes) -> int:
+    """Return the number of the frame before the one that holds some bytes: the request that this answers."""
+    return next(number for number, frame in enumerate(line.frames) if content in bytes(frame.data))
