@@ -178,6 +178,10 @@ def test_databases_of_one_name_are_told_apart(tmp_path: Path) -> None:
         row = rows_seen.row(place)
         assert isinstance(row, ReadRow)
         assert set(read(Tracing(traced(row)), scene).value.tolist()) == {int(row.text)}
+        # Where the ring begins with a row of the second one, that is the first one there.
+        chunks = [*scene.recent.pieces(2, 3), *scene.recent.pieces(3)]
+        later = replace(scene, recent=replace(scene.recent, chunks=chunks))
+        assert set(read(Tracing(traced(row)), later).value.tolist()) == {int(row.text)}
 
 
 def test_what_is_a_password_or_was_one_is_not_traced() -> None:
@@ -207,6 +211,8 @@ def test_where_a_password_was_before_another_download_its_values_are_told_nowher
     later = replace(scene, recent=replace(scene.recent, chunks=list(scene.recent.pieces(_frame_of(line, b"|4711|")))))
     for one in (scene, later):
         assert read(Tracing(traced(row)), one).value.tolist() == [5, 6, 7]
+    # Whoever has read all of it knows by the values themselves.
+    assert read(Tracing(replace(traced(row), hidden_frame=0)), scene).value.tolist() == [5, 6, 7]
     observer = last_values(meant(None))
     inquiry = Inquiry(Batches([batch_of(line.frames)]), Project())
     for _ in inquiry.run(inquiry.open(), [observer]):
