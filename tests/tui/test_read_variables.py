@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 from nvscope.analysis.inquiry import Inquiry
@@ -211,3 +212,13 @@ def test_a_database_is_played() -> None:
         await screen.until(lambda: row_of(screen).last_frame == there)
 
     on_replay(Inquiry([GENUINE], Project()), player, look)
+
+
+def test_that_variables_are_left_out_is_told() -> None:
+    project = replace(Project(), limits=replace(Project().limits, max_streams=5))
+
+    async def look(screen: Screen) -> None:
+        await screen.press("3")
+        assert " 5 variables   of databases, those beyond the first 5 are left out" in screen.lines[2]
+
+    on_screen(Inquiry([GENUINE], project), look, size=(140, 40))
