@@ -47,6 +47,7 @@ _SUMMED = 31
 _EVEN, _ONES = np.uint64(0x00FF00FF00FF00FF), np.uint64(0x0001000100010001)
 
 Matrix = npt.NDArray[Any]
+Part = bytes | memoryview
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,16 +89,21 @@ Block = NumberColumns | TextColumn
 
 @dataclass(frozen=True, slots=True)
 class Leaves:
-    """The pages of a table: those of its rows, and the last rowid of each; rowids count from 1."""
+    """The pages of a table: those of its rows, and the last rowid of each; rowids count from 1.
 
-    pages: list[bytes]
+    A page is what stands in front of its cells, and the cells.
+    """
+
+    pages: list[tuple[bytes, memoryview]]
     last_rowids: list[int]
     size_bytes: int
     """Of all rows, with their offsets."""
 
-    def tree(self, first_page: int) -> tuple[bytes, list[bytes]]:
-        """Return the root of the table, and the pages below it, of which the first has this number."""
-        return (self.pages[0], []) if len(self.pages) == 1 else (self._root(first_page), self.pages)
+    def tree(self, first_page: int) -> tuple[Sequence[Part], list[Part]]:
+        """Return the root of the table, and the pages below it, of which the first has this number, in parts."""
+        if len(self.pages) == 1:
+            return self.pages[0], []
+        return (self._root(first_page),), [part for page in self.pages for part in page]
 
     def _root(self, first_page: int) -> bytes:
         """Return the page that names these pages; there are several."""
@@ -173,7 +179,8 @@ def _paged(cells: U8, at: I64) -> Leaves | None:
     rows = len(at) - 1
     # What each row takes of a page, with its offset.
     taken = at + _POINTER_BYTES * np.arange(rows + 1)
-    pages: list[bytes] = []
+    pages: list[tuple[bytes, memoryview]] = []
+    view = cells.data
     last: list[int] = []
     first = 0
     while first < rows:
@@ -182,7 +189,7 @@ def _paged(cells: U8, at: I64) -> Leaves | None:
         head = bytes([_LEAF, 0, 0]) + (stop - first).to_bytes(2, "big")
         head += (begin % PAGE_BYTES).to_bytes(2, "big") + b"\0"
         head += (at[first:stop] - at[first] + begin).astype(">u2").tobytes()
-        pages.append(head.ljust(begin, b"\0") + cells[at[first] : at[stop]].tobytes())
+        pages.append((head.ljust(begin, b"\0"), view[at[first] : at[stop]]))
         last.append(stop)
         first = stop
     return Leaves(pages, last, int(taken[-1])) if len(pages) <= _MOST_LEAVES else None

@@ -13,8 +13,10 @@ from nvscope.cli.definitions import GvlOption, ProjectOption, flaws_told_first, 
 from nvscope.cli.exported_readings import (
     are_databases,
     check_read_alone,
+    meant_are_databases,
     nothing_defined,
     observed_readings,
+    rows_of_databases,
     tell_of_exported_readings,
     tell_of_values_of_pages,
     write_read_alone,
@@ -45,6 +47,7 @@ from nvscope.extras import require
 if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.capture.source import Source
+    from nvscope.export.database_rows import DatabaseRows
     from nvscope.export.lists import Lists
     from nvscope.export.values import ReadOnes
     from nvscope.view.fields.field import TelegramField
@@ -86,8 +89,8 @@ def export(
         Form | None,
         typer.Option(
             "--form",
-            help="wide, as without it: a row a telegram, a column a variable, a file a list. long: a row a variable "
-            "and telegram, all lists in one file.",
+            help="wide: a row a telegram, a column a variable, a file a list, as without it; with it, rows of "
+            "databases are rows, too, in a file a table. long: a row a variable and telegram, all lists in one file.",
         ),
     ] = None,
     by: Annotated[
@@ -137,8 +140,9 @@ def export(
     With several lists, the name of each stands in the name of its file: values.parquet becomes values.axis.parquet.
     Values of web visualization stand in the long form between those of lists; else a row a value in a file of their
     own, values.visu.parquet, which is there where pages asked for any. Passwords among them are hidden. So do values of
-    DataLogger databases (values.db.parquet). What a telegram does not send is null. Files appear when they are
-    complete. Exits with 3 where a capture could not be read to its end.
+    DataLogger databases (values.db.parquet); with --form wide, rows of their tables are rows, a file a table. What a
+    telegram does not send is null. Files appear when they are complete. Exits with 3 where a capture could not be read
+    to its end.
 
     TIME, LTIME and times of day are durations: in Parquet by their type, elsewhere nanoseconds, in CSV and NDJSON with
     the unit in the name (tRun_ns), in the long form in the column integer. DATE, DT, LDATE and LDT are times without a
@@ -179,11 +183,15 @@ def export(
     layouts = None if wants_telegrams else inquiry.layouts
     lists: Lists = []
     of_read_ones = [name for name in listed or () if read_source(name)]
-    read_ones = None if wants_telegrams else observed_readings(listed or (), secrets=show_secrets)
     source: Source | None = None
+    wide: DatabaseRows | None = None
+    if form == "wide" and inquiry.paths and not wants_telegrams:
+        source = inquiry.open()
+        wide = rows_of_databases(source, listed or (), plant.limits.max_streams)
+    read_ones = None if wants_telegrams else observed_readings(listed or (), secrets=show_secrets, wide=wide)
     of_databases = False
     if read_ones is not None and layouts is None and not gvl and inquiry.paths:
-        source = inquiry.open()
+        source = source or inquiry.open()
         of_databases = are_databases(source)
     # Where no list is defined, telegrams are what is written, unless values are asked for, or there is nothing else.
     read_alone = read_ones is not None and (
@@ -192,7 +200,7 @@ def export(
     )
     with flaws_told_first(plant.definition):
         if read_alone:
-            check_read_alone(form, by)
+            check_read_alone(form, by, only_databases=of_databases or meant_are_databases(listed or ()))
         elif layouts is not None:
             from nvscope.export.lists import lists_to_write
 
@@ -218,8 +226,8 @@ def export(
         with watching(quiet=quiet)(source) as progress:
             if read_alone:
                 assert read_ones is not None
-                frames, fragments = write_read_alone(inquiry, source, filtered, read_ones, write, files), 0
-                if not read_ones.known and not of_read_ones:
+                frames, fragments = write_read_alone(inquiry, source, filtered, read_ones, write, files, wide), 0
+                if not (read_ones.known or of_read_ones or of_databases):
                     raise nothing_defined(inquiry)
             elif lists:
                 from nvscope.analysis.values import values
@@ -229,7 +237,7 @@ def export(
                 told = DefinedTelegrams(layouts, keys=[key for key, _ in lists])
                 rows = values(source, reading, told, progress, [read_ones] if read_ones else ())
                 row = "cycle" if by == "cycle" else form or "wide"
-                written = _write_values(told, rows, lists, write, row, files, read_ones)
+                written = _write_values(told, rows, lists, write, row, files, read_ones, wide)
                 frames, fragments = told.frames, told.fragments
             else:
                 from nvscope.analysis.packets import packets
@@ -275,8 +283,9 @@ def _write_values(
     form: Form | Rows,
     files: WholeFiles,
     read_ones: ReadOnes | None,
+    wide: DatabaseRows | None,
 ) -> list[Written]:
-    from nvscope.export.values import ReadFiles, path_of_read_ones, paths_of, write_long, write_wide
+    from nvscope.export.values import ReadFiles, path_of_part, paths_of, write_long, write_wide
     from nvscope.whole_files import Existing, is_stdout
 
     if form == "long":
@@ -284,8 +293,8 @@ def _write_values(
     paths = paths_of(path, lists)
     beside = None
     if read_ones is not None and not is_stdout(path):
-        beside_of = {name: path_of_read_ones(path, name) for name in read_ones.makes}
-        beside = ReadFiles(beside_of, files, read_ones, Existing.KEPT)
+        beside_of = {name: path_of_part(path, name) for name in read_ones.makes}
+        beside = ReadFiles(beside_of, files, read_ones, Existing.KEPT, wide)
     told = write_wide(telegrams, rows, paths, files, by_cycle=form == "cycle", read_ones=beside)
     return [(name, count, beyond) for name, (count, beyond) in zip(paths, told, strict=True)]
 

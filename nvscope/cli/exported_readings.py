@@ -14,22 +14,29 @@ if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.analysis.read_values import ReadSource
     from nvscope.capture.source import Source
-    from nvscope.export.read_tables import ReadTables
-    from nvscope.export.values import ReadOnes
+    from nvscope.export.database_rows import DatabaseRows
+    from nvscope.export.values import ReadOnes, ReadRows
     from nvscope.tracker.readings.readings import Wanted
     from nvscope.view.display_filter import DisplayFilter
     from nvscope.whole_files import WholeFiles
 
 
-def observed_readings(listed: Sequence[str], *, secrets: bool) -> ReadOnes | None:
-    """Return what observes the values that are meant and come one by one, None where only lists are."""
+def observed_readings(listed: Sequence[str], *, secrets: bool, wide: DatabaseRows | None = None) -> ReadOnes | None:
+    """Return what observes the values that are meant and come one by one, None where only lists are.
+
+    ``wide`` is what makes rows of databases, where these are not to have a row a value.
+    """
     from nvscope.analysis.read_values import meant_by_lists
+    from nvscope.tracker.datalogger.on_demand import NAME
     from nvscope.tracker.readings.observed import Observed
 
-    def make(source: ReadSource, wanted: Wanted | None) -> ReadTables:
+    def make(source: ReadSource, wanted: Wanted | None) -> ReadRows:
+        from nvscope.export.interleaved import READ_SCHEMAS
         from nvscope.export.read_tables import FURTHER, ReadTables
 
-        return ReadTables(source.read(wanted), FURTHER[source.name], secrets=secrets)
+        if wide is not None and source.name == NAME:
+            return wide
+        return ReadTables(source.read(wanted), FURTHER[source.name], READ_SCHEMAS[source.name], secrets=secrets)
 
     wanted = meant_by_lists(listed)
     if not wanted:
@@ -37,13 +44,38 @@ def observed_readings(listed: Sequence[str], *, secrets: bool) -> ReadOnes | Non
     return Observed({one.name: partial(make, one, own) for one, own in wanted.items()})
 
 
-def check_read_alone(form: str | None, by: str | None) -> None:
+def meant_are_databases(listed: Sequence[str]) -> bool:
+    """Tell whether databases are all that is meant by what stands for lists."""
+    from nvscope.analysis.read_values import meant_by_lists
+    from nvscope.tracker.datalogger.on_demand import NAME
+
+    return [one.name for one in meant_by_lists(listed)] == [NAME]
+
+
+def rows_of_databases(source: Source, listed: Sequence[str], most: int) -> DatabaseRows | None:
+    """Return what makes rows of the databases of a source that are meant, None where there are none."""
+    from nvscope.analysis.read_values import meant_by_lists
+    from nvscope.capture.formats import DATABASES
+    from nvscope.tracker.datalogger.on_demand import NAME
+
+    paths = [info.path for info in source.infos if info.format in DATABASES]
+    own = {one.name: wanted for one, wanted in meant_by_lists(listed).items()}
+    if not paths or NAME not in own:
+        return None
+    from nvscope.capture.datalogger.reader import tables_in
+    from nvscope.export.database_rows import DatabaseRows
+
+    return DatabaseRows(own[NAME], [table for path in paths for table in tables_in(path)], most)
+
+
+def check_read_alone(form: str | None, by: str | None, *, only_databases: bool) -> None:
     """Raise UsageError for a form that values do not have that come one by one."""
-    if form == "wide" or by is not None:
-        told = "--rows" if by else "--form wide"
+    if by is not None:
+        raise UsageError("--rows: telegrams of lists have cycles, and nothing else", next_step="leave --rows out")
+    if form == "wide" and not only_databases:
         raise UsageError(
-            f"{told}: values of web visualization and of databases have a row each",
-            next_step=f"leave {told} out",
+            "--form wide: values of web visualization have a row each",
+            next_step="leave it out; --list 'db/*' chooses databases, whose rows can be rows here",
         )
 
 
@@ -58,18 +90,19 @@ def nothing_defined(inquiry: Inquiry) -> UsageError:
 
 
 def write_read_alone(
-    inquiry: Inquiry, source: Source, chosen: DisplayFilter | None, read_ones: ReadOnes, path: str, files: WholeFiles
-) -> int:
+    inquiry: Inquiry, source: Source, chosen: DisplayFilter | None, read_ones: ReadOnes, path: str, files: WholeFiles,
+    wide: DatabaseRows | None = None,
+) -> int:  # fmt: skip
     """Write values that come one by one to a file; return how many frames were read.
 
     Of databases beside captures they go to a file of their own.
     """
     from nvscope.capture.formats import DATABASES
-    from nvscope.export.values import ReadFiles, path_of_read_ones
+    from nvscope.export.values import ReadFiles, path_of_part
     from nvscope.whole_files import Existing, is_stdout
 
     first = "db" if are_databases(source) else "visu"
-    paths = {name: path if name == first else path_of_read_ones(path, name) for name in read_ones.makes}
+    paths = {name: path if name == first else path_of_part(path, name) for name in read_ones.makes}
     if len(paths) > 1 and is_stdout(path):
         both = first == "visu" and any(info.format in DATABASES for info in source.infos)
         if both:
@@ -79,7 +112,7 @@ def write_read_alone(
             )
     if first not in paths:
         first, paths = next(iter(paths)), {next(iter(paths)): path}
-    file = ReadFiles(paths, files, read_ones, Existing.REPLACED)
+    file = ReadFiles(paths, files, read_ones, Existing.REPLACED, wide)
     file.open(first)
     frames = 0
     for told in inquiry.run(source, [read_ones], chosen, watch=lambda _: nullcontext(lambda: None)):
@@ -101,21 +134,28 @@ def tell_of_exported_readings(
 ) -> None:  # fmt: skip
     """Say where the values are that came one by one, how many are hidden, and what was left out."""
     from nvscope.cli.read_notes import tell_of_read_ones
-    from nvscope.export.values import path_of_read_ones
+    from nvscope.export.values import path_of_part
     from nvscope.units import count_of
     from nvscope.view.escape import visible
     from nvscope.whole_files import is_stdout
 
-    if alone and not any(known.rows for known in read_ones.known.values()):
+    if alone and not any(any(known.of_part.values()) for known in read_ones.known.values()):
         what = "no page asked for a value" if list(read_ones.makes) == ["visu"] else "no value came"
         echo(f"nvscope: {what} that could be read; {visible(path)} has columns, but no rows.", err=True)
     for name, known in read_ones.known.items():
         if not alone and not long and is_stdout(path):
             echo(f"nvscope: values of {known.read.title} are left out; --form long writes them too.", err=True)
             continue
-        if known.rows and not alone and not long and not quiet:
-            where = visible(path_of_read_ones(path, name))
-            echo(f"nvscope: {where}: {count_of(known.rows, 'value')} of {known.read.title}", err=True)
+        for part, rows in known.of_part.items():
+            if rows and (part or not alone) and not long and not quiet:
+                where = visible(path_of_part(path if alone else path_of_part(path, name), part))
+                echo(f"nvscope: {where}: {count_of(rows, known.unit)} of {known.read.title}", err=True)
+        if known.misplaced:
+            echo(
+                f"nvscope: {count_of(known.misplaced, 'value')} of another type than the column is declared as, "
+                "null; --form long has them as they are.",
+                err=True,
+            )
         tell_of_read_ones([known.read], hidden=0 if secrets else known.read.hidden)
 
 

@@ -211,9 +211,9 @@ class Database:
         """Return a database that holds some rows."""
         template, known = self._template, len(self._template) // PAGE_BYTES
         root, pages = leaves.tree(known + 1)
-        count = (known + len(pages)).to_bytes(4, "big")
+        count = (known + (len(leaves.pages) if pages else 0)).to_bytes(4, "big")
         front = template[_PAGES_AT + 4 : (self._root - 1) * PAGE_BYTES]
-        return b"".join([template[:_PAGES_AT], count, front, root, template[self._root * PAGE_BYTES :], *pages])
+        return b"".join([template[:_PAGES_AT], count, front, *root, template[self._root * PAGE_BYTES :], *pages])
 
     def _undo(self) -> None:
         try:

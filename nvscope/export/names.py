@@ -25,10 +25,11 @@ class Names:
 
     def free(self, element: Element, *, typed: bool = False) -> tuple[str, str]:
         """Return the names of an element's column, and of the column with its value's name, empty where it has none."""
-        name = self._free(f"{element.name} : {element.type.name}" if typed else element.name)
-        return name, self._free(name + _NAME_SUFFIX) if isinstance(element.type, Enumeration) else ""
+        name = self.of(f"{element.name} : {element.type.name}" if typed else element.name)
+        return name, self.of(name + _NAME_SUFFIX) if isinstance(element.type, Enumeration) else ""
 
-    def _free(self, name: str) -> str:
+    def of(self, name: str) -> str:
+        """Return the name of a column of its own."""
         while name in self._taken:
             name = f"var.{name}"
         self._taken.add(name)

@@ -8,7 +8,7 @@ can hold something, and the place of the variable.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
@@ -17,17 +17,13 @@ from dissectors.batch import I64, Bool
 from nvscope.definition.variables import Scalar
 from nvscope.engine.runs import distinct
 from nvscope.engine.told import Told
-from nvscope.export.arrays import (
-    MOMENT,
-    array_of,
-    bits_of,
-    labels,
-    spread_parts,
-    with_nulls,
-)
+from nvscope.export.arrays import MOMENT, array_of, bits_of, labels, spread_parts, with_nulls
 from nvscope.tracker.readings.form import HIDDEN, Form
 from nvscope.tracker.readings.readings import Readings, ReadValues, ReadVariable
 from nvscope.view.documents.read_variables import UNKNOWN
+
+if TYPE_CHECKING:
+    from nvscope.export.values import OpenPart
 
 Columns = Mapping[str, Callable[[Any], str]]
 """What stands in columns of variables of one protocol, beside what those of all have."""
@@ -43,13 +39,17 @@ FURTHER: Mapping[str, Columns] = {
 class ReadTables:
     """The values that are read, batch by batch; a reader (``nvscope.tracker.readings.observed.Observed``).
 
-    ``further`` are columns of their own. ``rows`` counts those that were made; with ``secrets``, passwords are among
-    them.
+    ``further`` are columns of their own, ``schema`` those of a file of theirs. ``rows`` counts those that were made;
+    with ``secrets``, passwords are among them.
     """
 
-    def __init__(self, read: ReadValues, further: Columns, *, secrets: bool = False) -> None:
-        self.read = read
+    unit = "value"
+    misplaced = 0
+
+    def __init__(self, read: ReadValues, further: Columns, schema: Any, *, secrets: bool = False) -> None:
+        self._read = read
         self.rows = 0
+        self._schema = schema
         self._further = further
         self._secrets = secrets
         self._batch: tuple[Told, Any] | None = None
@@ -61,13 +61,31 @@ class ReadTables:
     def forget(self) -> None:
         """Nothing that is told depends on what was before."""
 
+    @property
+    def read(self) -> ReadValues:
+        """What finds the values."""
+        return self._read
+
+    @property
+    def of_part(self) -> Mapping[str, int]:
+        """How many rows there are: they are one part."""
+        return {"": self.rows}
+
+    def write(self, open_part: OpenPart) -> None:
+        """Write the values of the batch observed last, once."""
+        for table in self.tables(self._schema):
+            open_part("", self._schema).write(table)
+
+    def finish(self, open_part: OpenPart) -> None:
+        """Nothing is held."""
+
     def tables(self, schema: Any) -> Iterator[Any]:
         """Yield the values of the batch observed last, once, by frame, in the columns of a schema."""
         batch, self._batch = self._batch, None
         if batch is None:
             return
         told, part = batch
-        for readings in self.read.of(told, part):
+        for readings in self._read.of(told, part):
             rows = np.flatnonzero(readings.form != Form.NOTHING)
             # In the order of the capture, which is that of each variable alone so far.
             rows = rows[np.argsort(readings.row[rows], kind="stable")]
@@ -76,7 +94,7 @@ class ReadTables:
                 yield self._table(told, readings, rows, schema)
 
     def _table(self, told: Told, readings: Readings, rows: I64, schema: Any) -> Any:
-        known = self.read.known
+        known = self._read.known
         variable = readings.variable[rows]
         used = distinct(variable)
         which = np.searchsorted(used, variable)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from nvscope.definition.model import ListDefinition
 from nvscope.errors import UsageError
@@ -16,16 +17,50 @@ from nvscope.export.interleaved import READ_SCHEMAS, Interleaved
 from nvscope.export.long import LongTable, long_schema
 from nvscope.export.wide import WideTable, WideTables
 from nvscope.list_key import ListKey
-from nvscope.tracker.readings.observed import Observed
+from nvscope.tracker.datalogger.on_demand import NAME as DATABASES
+from nvscope.tracker.readings.observed import Observed, Reader
 from nvscope.units import count
 from nvscope.view.rows.defined import DefinedRows, DefinedTelegrams, Place
 from nvscope.whole_files import Existing, WholeFiles, is_stdout
 
 if TYPE_CHECKING:
-    from nvscope.export.read_tables import ReadTables
+    from nvscope.export.database_rows import DatabaseRows
+    from nvscope.tracker.readings.readings import ReadValues
 
-ReadOnes: TypeAlias = "Observed[ReadTables]"
-"""What makes tables of values that come one by one, by name of who tells them, once there are any."""
+OpenPart: TypeAlias = Callable[[str, Any], TableFile]
+"""Returns the file of a part of what one tells, '' of a part alone, with the columns of a schema."""
+
+
+class ReadRows(Reader, Protocol):
+    """Whatever makes rows of what one tells; ``unit`` is what a row is, ``of_part`` how many each part has.
+
+    ``misplaced`` counts values that have no place in their column.
+    """
+
+    unit: str
+    misplaced: int
+
+    @property
+    def read(self) -> ReadValues: ...
+
+    @property
+    def of_part(self) -> Mapping[str, int]: ...
+
+    def tables(self, schema: Any) -> Iterator[Any]:
+        """Yield the values of the batch observed last, a row each, in the columns of a schema."""
+        ...
+
+    def write(self, open_part: OpenPart) -> None:
+        """Write what the batch observed last brings, once."""
+        ...
+
+    def finish(self, open_part: OpenPart) -> None:
+        """Write what is left."""
+        ...
+
+
+ReadOnes: TypeAlias = "Observed[ReadRows]"
+"""What makes rows of values that come one by one, by name of who tells them, once there are any."""
 
 MAX_FILES = 500
 MAX_COLUMNS = 10_000
@@ -126,36 +161,66 @@ def write_long(
 
 
 class ReadFiles:
-    """Files of the values of each who tells them one by one; they are there from the first value on."""
+    """Files of the values of each who tells them one by one; they are there from the first value on.
 
-    def __init__(self, paths: Mapping[str, str], files: WholeFiles, read_ones: ReadOnes, existing: Existing) -> None:
+    With ``wide``, those of databases have a row a row of a table, and a file a table.
+    """
+
+    def __init__(
+        self, paths: Mapping[str, str], files: WholeFiles, read_ones: ReadOnes, existing: Existing,
+        wide: DatabaseRows | None = None,
+    ) -> None:  # fmt: skip
         self._paths = paths
         self._files, self._read_ones, self._existing = files, read_ones, existing
-        self._opened: dict[str, TableFile] = {}
+        self._opened: dict[tuple[str, str], TableFile] = {}
+        if wide is not None:
+            wide.begin(self._opens(DATABASES))
 
     def add(self) -> None:
         """Write the values of the batch that was observed last."""
         for name, known in self._read_ones.known.items():
-            for table in known.tables(READ_SCHEMAS[name]):
-                self.open(name).write(table)
+            known.write(self._opens(name))
 
-    def open(self, name: str) -> TableFile:
-        """Return the file of those whom one tells, as one that has no row yet where there is none."""
-        if name not in self._opened:
-            file = self._files.open(self._paths[name], self._existing)
-            self._opened[name] = table_file(file, READ_SCHEMAS[name])
-        return self._opened[name]
+    def open(self, name: str) -> None:
+        """Make the file of those whom one tells, as one that has no row yet where there is none."""
+        if not any(other == name for other, _ in self._opened):
+            self._open(name, "", READ_SCHEMAS[name])
 
     def finish(self) -> None:
         """Write what stands at the end."""
+        for name, known in self._read_ones.known.items():
+            known.finish(self._opens(name))
         for file in self._opened.values():
             file.close()
 
+    def _opens(self, name: str) -> OpenPart:
+        return partial(self._open, name)
 
-def path_of_read_ones(path: str, name: str) -> str:
-    """Return the file of the values that somebody tells one by one, beside those of lists."""
+    def _open(self, name: str, part: str, schema: Any) -> TableFile:
+        key = name, part
+        if key not in self._opened:
+            if part and is_stdout(self._paths[name]):
+                raise UsageError(
+                    "several tables cannot be written to stdout side by side",
+                    next_step="choose a database with --list db/FILE, or write all values with --form long",
+                )
+            if len(self._opened) >= MAX_FILES:
+                raise UsageError(
+                    f"more than {count(MAX_FILES)} tables cannot be written side by side",
+                    next_step="choose a database with --list db/FILE, or write all values with --form long",
+                )
+            existing = Existing.KEPT if part else self._existing
+            file = self._files.open(path_of_part(self._paths[name], part), existing)
+            self._opened[key] = table_file(file, schema)
+        return self._opened[key]
+
+
+def path_of_part(path: str, part: str) -> str:
+    """Return the file of a part: its name stands in front of the ending; of '' the path itself."""
+    if not part:
+        return path
     whole = Path(path)
-    return str(whole.with_name(f"{whole.stem}.{name}{whole.suffix}"))
+    return str(whole.with_name(f"{whole.stem}.{part}{whole.suffix}"))
 
 
 def paths_of(path: str, lists: Sequence[tuple[ListKey, ListDefinition]]) -> list[str]:

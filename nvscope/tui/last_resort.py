@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import select
 import signal
 import threading
 from collections.abc import Callable
@@ -10,6 +11,7 @@ from contextlib import suppress
 from types import FrameType
 from typing import Any
 
+_STDOUT = 1
 _PATIENCE_S = 3.0
 _LEAST_S = 0.5
 _SIGNALLED = 128
@@ -23,7 +25,8 @@ class LastResort:
     """Takes the signals that ask for the end; where it does not come, gives the terminal back and ends the program.
 
     That is so where drawing hangs, or where the terminal takes nothing any more. ``save`` is done before: it closes
-    what is being written.
+    what is being written. A terminal that has gone asks for the end, too: it tells so by SIGHUP those alone whom it
+    controls, and others would draw for nobody for ever, such as what a container was asked to run.
     """
 
     def __init__(self, save: Callable[[], object], patience_s: float = _PATIENCE_S) -> None:
@@ -47,6 +50,19 @@ class LastResort:
             number = getattr(signal, name, None)
             if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
                 self._before[number] = signal.signal(number, take)
+        hangup = getattr(signal, "SIGHUP", None)
+        if hangup in self._before and hasattr(select, "poll"):
+            gone = threading.Thread(
+                target=self._wait_for_hangup, args=(lambda: take(hangup, None),), name="nvscope terminal", daemon=True
+            )
+            gone.start()
+
+    def _wait_for_hangup(self, end: Callable[[], object]) -> None:
+        """Wait until nobody is at the other end of the terminal; for ever where that cannot be told."""
+        poll = select.poll()
+        poll.register(_STDOUT, 0)  # a hangup is always told
+        if any(told & select.POLLHUP for _, told in poll.poll()) and not self._is_over.is_set():
+            end()
 
     def over(self) -> None:
         """Take that the screen has ended, and leave signals to whom they were before."""

@@ -61,6 +61,14 @@ def test_where_nobody_says_so_nothing_else_is_outside(frames: list[Frame], tmp_p
     assert not told_in(frames, tmp_path)
 
 
+def test_where_nodes_are_left_out_nobody_knows_whether_all_others_are_private(tmp_path: Path) -> None:
+    frames = plant(others=(A, B, "1.1.1.1"))
+    assert not told_in(frames, tmp_path, "[limits]\nmax_streams = 3")
+    # What the project says holds whoever else there is.
+    (told,) = told_in(frames, tmp_path, '[security]\nsubnets = "10.0.0.0/8"\n[limits]\nmax_streams = 3')
+    assert told[0] == "NV965"
+
+
 def test_the_project_says_what_is_inside(tmp_path: Path) -> None:
     frames = plant(stranger="192.168.7.7")
     (told,) = told_in(frames, tmp_path, '[security]\nsubnets = "10.0.0.0/8"')

@@ -33,7 +33,10 @@ def test_it_is_the_window_that_begins_then(seed: int) -> None:
     since = Since(state, start_ns)
     for _ in run(since.cut(Batches(batches, CHANNELS)), reading_of(None), [state, since]):
         pass
-    *_, window = watched(Windows(_LONG_NS, start_ns), batches, beside=[plain])
+    # What numbers nodes depends on batches: the other state is told the same ones.
+    for _ in run(Since(plain, start_ns).cut(Batches(batches, CHANNELS)), reading_of(None), [plain]):
+        pass
+    *_, window = watched(Windows(_LONG_NS, start_ns), batches)
     assert since.has_begun
     assert named(since.counted()) == named(window.counted)
     with since.as_of_all():

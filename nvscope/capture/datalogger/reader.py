@@ -49,6 +49,20 @@ def is_log(content: Content) -> bool:
         return False
 
 
+def tables_in(path: str) -> tuple[RowTable, ...]:
+    """Return the tables of which a database holds rows, or may; none where it cannot be read."""
+    try:
+        with databases.opened(path) as database:
+            return tuple(_row_table(path, database, table) for table in database.tables)
+    except UnreadableInput:
+        return ()
+
+
+def _row_table(path: str, database: LogDatabase, table: StoredTable) -> RowTable:
+    encoding = database.encoding if table.by_pages else "utf-8"
+    return RowTable(series_of(path), title_of(path), table.log, table.real, encoding)
+
+
 class LogReader(Reader):
     """Reads one database: from its file on disk where it is one, else from a copy."""
 
@@ -122,8 +136,7 @@ class _Table:
         self.untimed_rows: list[int] = []
         self._database = database
         self._sizes = sizes
-        encoding = database.encoding if table.by_pages else "utf-8"
-        self._told = RowTable(series_of(path), title_of(path), table.log, table.real, encoding)
+        self._told = _row_table(path, database, table)
 
     def __iter__(self) -> Iterator[PacketBatch]:
         return self.read(1, TimeSpan())

@@ -61,7 +61,7 @@ class ReadRows:
     def of(self, told: Told, part: RowBatch) -> Iterator[Readings]:
         """Yield the readings of a batch, in stretches of so many that memory stays bounded."""
         tables = [
-            _TableRows(table, rows, records, self._numbers(table, told.max_streams), self._stretches(table, records))
+            _TableRows(table, rows, records, self.numbers_of(table, told.max_streams), self._stretches(table, records))
             for table, rows, records in part.by_table()
         ]
         self._came = [(one.numbers, part.row[one.rows], one.stretch) for one in tables if one.table.log.only_changes]
@@ -99,7 +99,7 @@ class ReadRows:
         self._stretch[table.series] = int(number[-1])
         return number
 
-    def _numbers(self, table: RowTable, most: int) -> I64:
+    def numbers_of(self, table: RowTable, most: int) -> I64:
         """Return the numbers of the variables of a table, ``LEFT_OUT`` of those that are not wanted."""
         found = self._meant_of.get(table)
         if found is None:

@@ -51,10 +51,9 @@ class DatabaseVariable:
         return self.name.rpartition("/")[2]
 
     @property
-    def usual_form(self) -> int:
+    def usual_form(self) -> Form:
         """The form of its values: as its column is declared."""
-        declared = self.type.upper()
-        return Form.REAL if declared in ("FLOAT", "DOUBLE") else Form.TEXT if declared == "TEXT" else Form.WHOLE
+        return usual_form_of(self.type)
 
     def kind_of(self, form: int, bits: int) -> Elementary | None:
         """Return the type by which a value is shown: as it is stored, whatever the column is declared as."""
@@ -68,6 +67,12 @@ class DatabaseVariable:
         with np.errstate(over="ignore"):
             is_single = self.type.upper() == _SINGLE and np.float32(number) == number
         return _REAL if is_single else _LREAL
+
+
+def usual_form_of(declared: str) -> Form:
+    """Return the form of values in a column that is declared so."""
+    kind = declared.upper()
+    return Form.REAL if kind in ("FLOAT", "DOUBLE") else Form.TEXT if kind == "TEXT" else Form.WHOLE
 
 
 class DatabaseVariables:
