@@ -14,6 +14,7 @@ import numpy as np
 from dissectors.batch import I64, Bool
 from dissectors.carried import Carrier
 from dissectors.varieties import Varieties
+from nvscope.analysis.read_values import SOURCES
 from nvscope.capture.source import SourceInfo
 from nvscope.engine.reading import Reading
 from nvscope.engine.recogniser import Before, Recogniser
@@ -23,6 +24,7 @@ from nvscope.list_key import ListKey
 
 if TYPE_CHECKING:
     from nvscope.analysis.watching import Scene
+    from nvscope.tracker.readings.readings import ReadValues
     from nvscope.view.display_filter import DisplayFilter
 
 STEP_FRAMES = 32_768
@@ -111,6 +113,7 @@ class RecentFrames:
         self._first = self._stop = 0
         self._frames, self._matches = _Numbers(), _Numbers()
         self._lists: set[str] = set()
+        self._read_ones: dict[str, ReadValues] = {}
         self._is_whole = False
         self.judged = bool(chosen and chosen.judged)
         """Its filter goes by what was known of the scene; in a later one it may choose otherwise."""
@@ -163,11 +166,22 @@ class RecentFrames:
         chosen = None if told.chosen is None else told.chosen[own]
         key_of = self._keys_of(told)
         self._lists.update(self._named(key_of[told.variety[own if chosen is None else own[chosen]]]))
+        if told.chosen is not None:
+            self._take_read_ones(told, told.chosen)
         if self.wanted.list_key is not None:
             of_list: Bool = key_of[told.variety[own]] == self._by_key.get(self.wanted.list_key, len(self._keys))
             own, chosen = own[of_list], None if chosen is None else chosen[of_list]
         self._frames.add(own + told.first_frame)
         self._matches.add((own if chosen is None else own[chosen]) + told.first_frame)
+
+    def _take_read_ones(self, told: Told, chosen: Bool) -> None:
+        """Take what stands for lists of those frames of pages and databases that the filter chooses."""
+        for source in SOURCES:
+            part = told.parts.get(source.name)
+            if part is not None:
+                if source.name not in self._read_ones:
+                    self._read_ones[source.name] = source.read(None)
+                self._lists.update(self._read_ones[source.name].lists_of(part, chosen))
 
     def _named(self, places: I64) -> list[str]:
         count = np.bincount(places - _NO_PLACE, minlength=1)

@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from nvscope.analysis.inquiry import Analysis, Inquiry
+from nvscope.analysis.read_values import last_values, meant
 from nvscope.analysis.snapshot import Snapshot, snapshot
 from nvscope.analysis.transactions.recent_transactions import NO_TRANSACTIONS, RecentTransactions, TransactionsSeen
 from nvscope.capture.by_second import BySecond
@@ -27,6 +28,7 @@ from nvscope.view.documents.report import report_document
 
 if TYPE_CHECKING:
     from nvscope.causes.chronicle import Chronicle
+    from nvscope.tracker.readings.values_seen import LastSeen, ValuesSeen
     from nvscope.tracker.variables.values import StreamValues
     from nvscope.view.display_filter import DisplayFilter
     from nvscope.view.documents.variables import VariableStream
@@ -40,7 +42,8 @@ class Scene:
     causes tell nodes by. ``at_ns`` is what the clock showed, up to which the source was watched. ``took_ns``
     is how long the look took that made it, which was done at ``made_ns`` of ``time.monotonic_ns``. ``canopen``
     tells which CAN frames are CANopen's, ``transactions`` are the last ones of the Parameter Manager and of web
-    visualization pages.
+    visualization pages. ``read_ones`` are the variables whose values come one by one, by who tells them
+    (``nvscope.analysis.read_values.SOURCES``), as far as anybody does.
     """
 
     snapshot: Snapshot
@@ -55,6 +58,7 @@ class Scene:
     made_ns: int = 0
     canopen: CanOpenSeen = field(default_factory=CanOpenSeen)
     transactions: TransactionsSeen = NO_TRANSACTIONS
+    read_ones: Mapping[str, ValuesSeen] = field(default_factory=dict)
 
     @property
     def at_ns(self) -> int | None:
@@ -128,6 +132,8 @@ class Watched:
         self._state = inquiry.state(values=True, listeners=(self._witness, *how.listeners))
         self._ring, self._pace = FrameRing(how.ring_bytes), Pace()
         self._transactions = RecentTransactions(inquiry.project.definition.parameters)
+        self._read_ones = last_values(meant(None))
+        self._read_looks: dict[str, LastSeen] = {}
         self._reset = False
         self._base: Counted | None = None
         ring = [self._ring] if how.ring_bytes else []
@@ -137,6 +143,7 @@ class Watched:
             *ring,
             self._pace,
             self._transactions,
+            self._read_ones,
             *how.others,
         ]
 
@@ -168,8 +175,17 @@ class Watched:
             found, pace, recent, inquiry, contacts, tuple(self.source.channels), variables, self._names,
             made_ns - began_ns, made_ns,
             CanOpenSeen.of(self._state.buses.canopen, inquiry.pdos.cob_ids if inquiry.pdos else ()),
-            self._transactions.seen(),
+            self._transactions.seen(), self._read_seen(),
         )  # fmt: skip
+
+    def _read_seen(self) -> Mapping[str, ValuesSeen]:
+        for name, values in self._read_ones.known.items():
+            if name not in self._read_looks:
+                from nvscope.tracker.readings.values_seen import LastSeen  # noqa: PLC0415  not without any
+
+                self._read_looks[name] = LastSeen(values)
+        # In the order in which reports have them, whoever told something first.
+        return {name: self._read_looks[name].look() for name in self._read_ones.makes if name in self._read_looks}
 
 
 def _since(found: Snapshot, base: Counted, inquiry: Inquiry) -> Snapshot:

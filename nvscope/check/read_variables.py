@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from nvscope.engine.told import Told
 from nvscope.expression.column_rows import picked
 from nvscope.expression.typed_columns import Column, FieldType, TextColumn
 from nvscope.tracker.readings.form import Form
+from nvscope.tracker.readings.lasting import Lasted, LastingValue, RowsRead
 from nvscope.tracker.readings.readings import Readings, ReadValues, ReadVariable, Wanted
 from nvscope.view.fields.field import TelegramField
 
@@ -65,14 +66,10 @@ class RefusedWatch(Watch):
 
 @dataclass(slots=True)
 class _Watched:
-    """A variable and what watches it; its last bits and the stretch that they are of, None before any.
-
-    ``came`` are rows, bits and stretches of its values in the batch at hand, where values last from row to row.
-    """
+    """A variable and what watches it, and what it was where values last from row to row."""
 
     watch: Watch
-    last: tuple[int, int] | None = None
-    came: list[tuple[I64, I64, I64]] = field(default_factory=list)
+    lasting: LastingValue = field(default_factory=LastingValue)
 
 
 @dataclass(slots=True)
@@ -149,7 +146,7 @@ class ReadWatcher:
                 for one in reader.watched.values():
                     if one is not None:
                         one.watch.forget(None)
-                        one.last = None
+                        one.lasting.forget()
 
     def _take(self, told: Told, reader: _Reader, readings: Readings, *, lasts: bool) -> None:
         for number in np.flatnonzero(np.bincount(readings.variable)).tolist():
@@ -158,34 +155,21 @@ class ReadWatcher:
             if own is None or not len(rows):
                 continue
             rows = rows[np.argsort(readings.row[rows], kind="stable")]
-            stretch = np.zeros(len(rows), np.int64) if readings.stretch is None else readings.stretch[rows]
+            values = Lasted.of(readings, rows)
             if lasts:
-                own.came.append((readings.row[rows], readings.bits[rows].view(np.int64), stretch))
+                own.lasting.take(values)
             else:
                 column = _column(own.watch.place.field.type, readings, rows)
-                self._give(told, own.watch, readings.row[rows], column, stretch)
+                self._give(told, own.watch, values.row, column, values.stretch)
 
     def _fill(self, told: Told, reader: _Reader, read: RowsRead) -> None:
         """Give what values are in each row in which they are known: they last where only changes are stored."""
         for number, own in reader.watched.items():
             if own is None:
                 continue
-            nothing = [np.empty(0, np.int64)]
-            at, bits, of = (np.concatenate([*nothing, *(one[place] for one in own.came)]) for place in range(3))
-            lasting, parted = read.rows_of(number)
-            rows, first = np.unique(np.append(lasting, at), return_index=True)
-            stretches = np.append(parted, of)[first]
-            if own.last is not None:
-                at, bits, of = np.append(-1, at), np.append(own.last[0], bits), np.append(own.last[1], of)
-            own.came.clear()
-            if not len(at):
-                continue
-            place = np.searchsorted(at, rows, "right") - 1
-            # Behind a loss, nobody knows what is not stored anew.
-            known = np.flatnonzero((place >= 0) & (of[place] == stretches))
-            if len(known):
-                self._give(told, own.watch, rows[known], bits[place[known]], stretches[known])
-            own.last = int(bits[-1]), int(of[-1])
+            known = own.lasting.fill(*read.rows_of(number))
+            if len(known.row):
+                self._give(told, own.watch, known.row, known.bits.view(np.int64), known.stretch)
 
     def _give(self, told: Told, watch: Watch, row: I64, column: Column, stretch: I64) -> None:
         time_ns = told.packets.ts_ns[row]
@@ -247,15 +231,6 @@ class BothWatcher:
         """Take a batch, which follows those observed so far."""
         self._of_lists.observe(told)
         self._read.observe(told)
-
-
-@runtime_checkable
-class RowsRead(Protocol):
-    """What reads values that stand in rows: it knows the rows, too, in which one is what it was before."""
-
-    def rows_of(self, number: int) -> tuple[I64, I64]:
-        """Return the packets of such rows of a variable in the batch read last, and their stretches."""
-        ...
 
 
 def _wanted(patterns: Sequence[str]) -> Mapping[ReadSource, Wanted]:

@@ -100,6 +100,11 @@ class KeyedColumns:
             setattr(copy, name, self.column(name).copy())
         return copy
 
+    @property
+    def taken_bytes(self) -> int:
+        """How many bytes the columns take, the room for what is to come with them."""
+        return sum(getattr(self, name).nbytes for name in self.COLUMNS)
+
     def column(self, name: str) -> Any:
         """Return one column, cut to the rows in use."""
         return getattr(self, name)[: self._rows]

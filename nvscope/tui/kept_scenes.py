@@ -106,7 +106,7 @@ def _size_of(scene: Scene) -> int:
     values = sum(
         one.data.nbytes + one.changes.nbytes + one.changed_ns.nbytes
         for stream in scene.variables for one in stream.sequence
-    )  # fmt: skip
+    ) + sum(seen.taken_bytes for seen in scene.read_ones.values())  # fmt: skip
     return (
         _BASE_BYTES
         + _LIST_BYTES * len(lists)

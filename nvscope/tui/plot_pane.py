@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from functools import partial
+from typing import TYPE_CHECKING
 
 from textual.app import ComposeResult
 from textual.containers import Vertical
@@ -12,9 +13,9 @@ from textual.message import Message
 from textual.worker import get_current_worker
 
 from nvscope import units
-from nvscope.analysis.tracing import SILENT_PERCENT, Trace, Traced, Tracing
+from nvscope.analysis.traced_telegrams import SILENT_PERCENT, TracedElement
+from nvscope.analysis.tracing import Trace, Traced, Tracing
 from nvscope.analysis.watching import Scene
-from nvscope.definition.variables import type_text
 from nvscope.tui.drawn_view import DrawnView
 from nvscope.tui.look import Look
 from nvscope.view.escape import visible
@@ -23,7 +24,9 @@ from nvscope.view.lines.table import Cell, Line, Tone, wrap
 from nvscope.view.lines.value_axes import axes_of
 from nvscope.view.lines.variable_cells import age, cut
 from nvscope.view.lines.variable_rows import RowKey, VariableRow
-from nvscope.view.value_texts import value_text
+
+if TYPE_CHECKING:
+    from nvscope.view.lines.variable_rows import AnyRow
 
 _SHOWN_S = 0.2
 """What was read is shown so often while more is read."""
@@ -44,10 +47,10 @@ class PlotPane(Vertical):
 
     def __init__(self) -> None:
         super().__init__(id="variables-plot")
-        self._row: VariableRow | None = None
+        self._row: AnyRow | None = None
         self._look: Look | None = None
         self._nominal_ns: int | None = None
-        self._of: tuple[RowKey, int] | None = None
+        self._of: tuple[RowKey, Hashable] | None = None
         self._tracing: Tracing | None = None
         self._trace: Trace | None = None
         self._reading = False
@@ -58,15 +61,14 @@ class PlotPane(Vertical):
         self._drawn = DrawnView()
         yield self._drawn
 
-    def follow(self, row: VariableRow, look: Look, nominal_ns: int | None) -> None:
+    def follow(self, row: AnyRow, look: Look, nominal_ns: int | None) -> None:
         """Show a variable at a moment; what is not read yet is read meanwhile."""
-        of = row.key, id(row.known.layout)
+        of = row.key, _version_of(row)
         self._row, self._look, self._nominal_ns = row, look, nominal_ns
         if of != self._of:
             self.end()
             self._of, self._row, self._look = of, row, look
-            key = row.group.key
-            traced = Traced(key.list, key.subindex, key.sender, row.known.layout, row.place)
+            traced = traced_of(row)
             if traced.has_numbers:
                 self._tracing = Tracing(traced)
         self._read_on()
@@ -116,15 +118,21 @@ class PlotPane(Vertical):
     def _axes(self, trace: Trace, look: Look) -> Axes:
         assert self._tracing is not None
         start_ns = look.now_ns if trace.start_ns is None else trace.start_ns
-        return axes_of(self._tracing.traced.type, trace.value, start_ns, max(look.now_ns, start_ns + 1), utc=look.utc)
+        traced = self._tracing.traced
+        return axes_of(
+            traced.type_of(trace.value), trace.value, start_ns, max(look.now_ns, start_ns + 1), utc=look.utc,
+            holds=traced.holds,
+        )  # fmt: skip
 
     def _lines(self, width: int, height: int) -> Sequence[Line]:
         row, look, trace = self._row, self._look, self._trace
         if row is None or look is None:
             return ()
-        name = Cell(f" {visible(row.element.name)}  ", Tone.STRONG)
+        name = Cell(f" {visible(row.name)}  ", Tone.STRONG)
         if self._tracing is None:
-            told = f"{type_text(row.element.type)}: only numbers, times and BOOL have a plot."
+            told = f"{row.type_text}: only numbers, times and BOOL have a plot."
+            if row.is_hidden:
+                told = "It is, or may be, a password: it has no plot."
             return wrap([name, Cell(visible(told), Tone.FAINT)], width, 0, 1)
         if trace is None:
             return [[name, Cell("reading …", Tone.FAINT)]]
@@ -146,7 +154,7 @@ class PlotPane(Vertical):
         if self._cursor_ns is not None and ends and time_ns < self._cursor_ns - cell_ns // 2:
             clock = units.clock_time(self._cursor_ns, utc=look.utc)
             return [Cell("nothing came, or it was lost", Tone.WARNING), Cell(f"  at {clock}")]
-        text = cut(visible(value_text(self._tracing.traced.type, trace.value[at].tobytes())))
+        text = cut(visible(self._tracing.traced.text(trace.value[at])))
         when = f"  at {units.clock_time(time_ns, utc=look.utc)}, frame {units.count(int(trace.frame[at]))}"
         return [Cell(text, Tone.STRONG), Cell(when, Tone.PLAIN if self._cursor_ns is not None else Tone.FAINT)]
 
@@ -190,3 +198,18 @@ class PlotPane(Vertical):
         self._cursor_ns = None
         self._drawn.show(self._lines)
         return there
+
+
+def traced_of(row: AnyRow) -> Traced:
+    """Return a variable as what is traced."""
+    if isinstance(row, VariableRow):
+        key = row.group.key
+        return TracedElement(key.list, key.subindex, key.sender, row.known.layout, row.place)
+    from nvscope.analysis.traced_readings import TracedReadings  # noqa: PLC0415  not of captures without any
+
+    return TracedReadings(row.group.key.source, row.variable, row.has_numbers, row.hidden_frame)
+
+
+def _version_of(row: AnyRow) -> Hashable:
+    """Return what a variable is read anew for."""
+    return id(row.known.layout) if isinstance(row, VariableRow) else (row.hidden_frame, row.has_numbers)

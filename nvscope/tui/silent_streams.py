@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cached_property
 
-from nvscope.analysis.tracing import SILENT_PERCENT
+from nvscope.analysis.traced_telegrams import SILENT_PERCENT
 from nvscope.list_key import ListKey
 from nvscope.tracker.can.summary import CanListSummary
 from nvscope.tracker.summary import ListSummary

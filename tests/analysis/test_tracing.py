@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 
 from nvscope.analysis.history import Changes
 from nvscope.analysis.inquiry import Inquiry
-from nvscope.analysis.tracing import Trace, Traced, Tracing
+from nvscope.analysis.traced_telegrams import TracedElement
+from nvscope.analysis.tracing import Trace, Tracing
 from nvscope.analysis.watching import Scene, Watching, scene_at, scenes_by_second
 from nvscope.definition.project_file import read_project
-from nvscope.view.lines.variable_rows import VariableRows
+from nvscope.view.lines.variable_rows import VariableRow, VariableRows
 from tests.fuzz.definition_floods import gvl
 from tests.laws import examples
 from tests.simulate.simulation import simulated
@@ -33,11 +34,12 @@ def peers() -> Inquiry:
     return inquiry_into(PEERS / "peers.pcap", PEERS / "axis.gvl", PEERS / "axis_types.st", PEERS / "batch.gvl")
 
 
-def traced(scene: Scene, name: str) -> Traced:
+def traced(scene: Scene, name: str) -> TracedElement:
     rows = VariableRows(scene.variables)
-    row = next(row for row in map(rows.row, range(len(rows))) if row.element.name == name)
+    row = next(row for row in map(rows.row, range(len(rows))) if row.name == name)
+    assert isinstance(row, VariableRow)
     key = row.group.key
-    return Traced(key.list, key.subindex, key.sender, row.known.layout, row.place)
+    return TracedElement(key.list, key.subindex, key.sender, row.known.layout, row.place)
 
 
 def read(tracing: Tracing, scene: Scene, nominal_ns: int | None = None) -> Trace:

@@ -31,7 +31,7 @@ def view_of(screen: Screen) -> VariablesView:
 
 def row_of(screen: Screen) -> VariableRow:
     row = view_of(screen).row
-    assert row is not None
+    assert isinstance(row, VariableRow)
     return row
 
 

@@ -12,9 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dissectors.batch import I64, Bool
-
-GAP_INTERVALS = 3, 2
-"""A gap is longer than so many intervals: three halves."""
+from nvscope.tracker.datalogger.late_rows import LATE_PERCENT
 
 _REGULAR_SHARE = 3
 _ALIKE_SHARE = 4
@@ -206,7 +204,7 @@ class Intervals:
 
 def limit_ns(interval_ns: int) -> int:
     """Return how long after a row the next one may come."""
-    return interval_ns * GAP_INTERVALS[0] // GAP_INTERVALS[1]
+    return interval_ns * LATE_PERCENT // 100
 
 
 def without_clock_sets(gaps: Gaps, set_back: Sequence[SetBack], interval_ns: int) -> Gaps:

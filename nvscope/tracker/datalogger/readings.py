@@ -7,7 +7,7 @@ and how long a value lasted is not known.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from hashlib import blake2b
 from typing import ClassVar
@@ -20,6 +20,7 @@ from dissectors.datalogger.records import Cells, Records
 from dissectors.datalogger.records import Form as Stored
 from dissectors.datalogger.rows import RowBatch, consistent
 from nvscope.engine.told import Told
+from nvscope.tracker.datalogger.late_rows import LATE_PERCENT
 from nvscope.tracker.datalogger.variables import DatabaseVariable, DatabaseVariables
 from nvscope.tracker.readings.form import Form
 from nvscope.tracker.readings.readings import LEFT_OUT, MOST_AT_ONCE, Readings
@@ -33,6 +34,8 @@ class ReadRows:
     """The readings of rows (``nvscope.tracker.readings.readings.ReadValues``); None wants all variables."""
 
     title: ClassVar[str] = "databases"
+    holder: ClassVar[str] = "database"
+    late_percent: ClassVar[int] = LATE_PERCENT
     tells_gaps: ClassVar[bool] = True
 
     def __init__(self, wanted: Callable[[DatabaseVariable], bool] | None = None) -> None:
@@ -69,6 +72,11 @@ class ReadRows:
             found = [cells for one in tables for cells in one.cells(begin, begin + most, chosen)]
             if found:
                 yield self._readings(part.row, found, in_turn=len(tables) > 1)
+
+    def lists_of(self, part: RowBatch, chosen: Bool) -> Collection[str]:
+        """Return the titles of the databases whose rows a mask over the packets of a batch chooses."""
+        own = np.unique(part.logged.table[chosen[part.row]]).tolist()
+        return {self.variables.title_of(part.tables[number]) for number in own}
 
     def rows_of(self, number: int) -> tuple[I64, I64]:
         """Return the packets of the rows, in the batch read last, of tables in which only changes of a variable are.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,17 +23,27 @@ _SINGLE = "FLOAT"
 
 @dataclass(slots=True)
 class DatabaseVariable:
-    """A variable; ``type`` is what its column is declared as, where it was seen last."""
+    """A variable of a ``series`` of files; ``type`` is what its column is declared as, where it was seen last.
 
+    ``lasts``: only changes are stored there.
+    """
+
+    series: str
     list: str
     name: str
     type: str
     order: tuple[Any, ...]
+    lasts: bool
 
     @property
     def is_secret(self) -> bool:
         """Nothing in a database is hidden from whoever has it."""
         return False
+
+    @property
+    def identity(self) -> Hashable:
+        """What tells it from all others: two databases may be called the same."""
+        return self.series, self.name
 
     @property
     def short_name(self) -> str:
@@ -80,6 +90,10 @@ class DatabaseVariables:
         """The variables, by number."""
         return self._known
 
+    def title_of(self, table: RowTable) -> str:
+        """Return what stands for the list of a table."""
+        return self._titles.of(table)
+
     def of(self, table: RowTable, most: int) -> I64:
         """Return the numbers of the variables of a table, ``LEFT_OUT`` of those beyond ``most``."""
         found = self._of_tables.get(table)
@@ -89,17 +103,19 @@ class DatabaseVariables:
 
     def _added(self, table: RowTable, most: int) -> I64:
         title = self._titles.of(table)
-        numbers = []
+        numbers, lasts = [], table.log.only_changes
         for variable in table.log.variables:
             number = self._numbers.get((table.series, variable.name))
             if number is not None:
-                self._known[number].type = variable.declared
+                self._known[number].type, self._known[number].lasts = variable.declared, lasts
             elif len(self._known) >= most:
                 self.left_out = True
                 number = LEFT_OUT
             else:
                 number = self._numbers[table.series, variable.name] = len(self._known)
                 order = title, in_order(variable.name), variable.name
-                self._known.append(DatabaseVariable(title, variable.name, variable.declared, order))
+                self._known.append(
+                    DatabaseVariable(table.series, title, variable.name, variable.declared, order, lasts)
+                )
             numbers.append(number)
         return np.array(numbers, np.int64)

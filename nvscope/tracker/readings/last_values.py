@@ -21,7 +21,8 @@ class ValueColumns(KeyedColumns):
 
     ``readings`` is how often it had a value, ``unreadable`` how often the controller could not read it; ``changes``
     counts those that are another value than before, ``changed_ns`` is when it was last (its first time before that).
-    ``form`` is the last ``Form``. Bounds are those of numbers: of whole ones, or of REALs; the least is above the most
+    ``form`` is the last ``Form``. ``secret_frame`` is the last frame with a value that was, or may have been, a
+    password, 0 without any. Bounds are those of numbers: of whole ones, or of REALs; the least is above the most
     where there was none.
     """
 
@@ -31,6 +32,7 @@ class ValueColumns(KeyedColumns):
     changed_ns: I64
     last_ns: I64
     last_frame: I64
+    secret_frame: I64
     form: I64
     bits: U64
     least: I64
@@ -40,7 +42,9 @@ class ValueColumns(KeyedColumns):
     COLUMNS: ClassVar = {
         **{
             name: (np.int64(0), 1)
-            for name in ("readings", "unreadable", "changes", "changed_ns", "last_ns", "last_frame", "form")
+            for name in (
+                "readings", "unreadable", "changes", "changed_ns", "last_ns", "last_frame", "secret_frame", "form",
+            )
         },
         "bits": (np.uint64(0), 1),
         "least": (np.int64(_MOST), 1), "most": (np.int64(_LEAST), 1),
@@ -52,16 +56,19 @@ class LastValues:
     """The values that ``read`` finds, by number of ``read.known``.
 
     ``texts`` are the last ones, as they came. Longer texts than what is worth keeping are cut, and end with "…".
+    ``batches`` counts what was observed.
     """
 
     def __init__(self, read: ReadValues) -> None:
         self.read = read
         self.columns = ValueColumns()
         self.texts: dict[int, str] = {}
+        self.batches = 0
         self._memory = ChangeMemory()
 
     def observe(self, told: Told, part: Any) -> None:
         """Take what a batch brings, which follows those before."""
+        self.batches += 1
         for readings in self.read.of(told, part):
             self._take(told, readings)
         self.columns.resize(len(self.read.known))
@@ -89,6 +96,9 @@ class LastValues:
         # Assigned in order, so that the last one is what stays.
         columns.changed_ns[variable[changed]] = time_ns[changed]
         self._bound(readings, steps)
+        if readings.secret.any():
+            hidden = order[readings.secret[order]]
+            columns.secret_frame[readings.variable[hidden]] = readings.row[hidden] + told.first_frame
         ends = np.flatnonzero(np.append(steps.begins[1:], True))
         last, own = order[ends], variable[ends]
         columns.last_ns[own] = time_ns[ends]

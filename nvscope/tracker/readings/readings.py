@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
@@ -28,7 +28,8 @@ def in_order(name: str) -> Sequence[int | str]:
 class ReadVariable(Protocol):
     """A variable of which readings are; ``list`` is what stands in the place of the key of a list.
 
-    ``is_secret``: it is a password, or may be one.
+    ``is_secret``: it is a password, or may be one. ``lasts``: only changes of it are stored, and in between it stays
+    as it is.
     """
 
     name: str
@@ -43,6 +44,14 @@ class ReadVariable(Protocol):
 
     @property
     def is_secret(self) -> bool: ...
+
+    @property
+    def lasts(self) -> bool: ...
+
+    @property
+    def identity(self) -> Hashable:
+        """What tells it from all others, whatever it is called, and from wherever captures are read."""
+        ...
 
     @property
     def order(self) -> tuple[Any, ...]:
@@ -96,11 +105,14 @@ class ReadValues(Protocol):
     Where a filter chooses frames, of the frames that it chooses. ``known`` are the variables seen so far, by number,
     also those that are not wanted; ``meant`` the numbers of those of which there was any reading. ``hidden`` counts
     values that are, or may be, passwords; ``left_out``: there was no room for some variables. ``title`` is what people
-    call whoever tells them. ``tells_gaps``: what somebody may have missed is told by stretches, and nobody else knows;
-    ``missed`` counts how often that was.
+    call whoever tells them, ``holder`` what stands for one list. ``late_percent`` is how long after the one before a
+    value is missed, of its usual interval, where each is told whether it changed or not. ``tells_gaps``: what somebody
+    may have missed is told by stretches, and nobody else knows; ``missed`` counts how often that was.
     """
 
     title: ClassVar[str]
+    holder: ClassVar[str]
+    late_percent: ClassVar[int]
     tells_gaps: ClassVar[bool]
     missed: int
     hidden: int
@@ -114,4 +126,8 @@ class ReadValues(Protocol):
 
     def of(self, told: Told, part: Any) -> Iterator[Readings]:
         """Yield the readings in what a protocol found in a batch, so many at a time that memory stays bounded."""
+        ...
+
+    def lists_of(self, part: Any, chosen: Bool) -> Collection[str]:
+        """Return what stands for the lists of those packets of a batch that a mask chooses."""
         ...

@@ -34,6 +34,11 @@ class Controller(NamedTuple):
         return address.text(self.high, self.low)
 
     @property
+    def list(self) -> str:
+        """What stands in the place of the key of a list: ``visu/10.0.0.5``."""
+        return f"visu/{self.address}"
+
+    @property
     def order(self) -> tuple[tuple[bool, int], int]:
         """What sorts controllers by address, and by port."""
         return address.order(self.high, self.low), self.port

@@ -6,13 +6,13 @@ values than were asked for, those that are there count. A write counts where its
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64
+from dissectors.batch import I64, Bool
 from dissectors.columns import Columns
 from dissectors.webvisu import UNREADABLE, Place, read_reply
 from nvscope.capture.spans import stretches
@@ -43,6 +43,9 @@ class ReadPages:
     """The readings of pages (``nvscope.tracker.readings.readings.ReadValues``); None wants all variables."""
 
     title: ClassVar[str] = "web visualization"
+    holder: ClassVar[str] = "controller"
+    # Nobody promised an interval: a page asks when it has its reply, and its browser when it likes.
+    late_percent: ClassVar[int] = 250
     tells_gaps: ClassVar[bool] = False
     missed = 0
 
@@ -74,6 +77,11 @@ class ReadPages:
         bars = np.flatnonzero(np.frombuffer(part.data, np.uint8) == _SEPARATOR)
         for piece in stretches(np.maximum(entries, 1), MOST_AT_ONCE, MOST_AT_ONCE):
             yield self._read(told, part, replies[piece], entries[piece], bars)
+
+    def lists_of(self, part: VisuBatch, chosen: Bool) -> Collection[str]:
+        """Return what stands for the controllers of the messages whose packets a mask chooses."""
+        pairs = np.unique(part.messages.pair[chosen[part.messages.row]]).tolist()
+        return {controller_of(part.pairs, pair).list for pair in pairs}
 
     def _read(self, told: Told, part: VisuBatch, replies: I64, entries: I64, bars: I64) -> Readings:
         messages = part.messages

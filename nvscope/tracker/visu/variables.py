@@ -6,7 +6,7 @@ asked for last; before a list says a name, by its place.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,7 +39,17 @@ class PageVariable:
     @property
     def list(self) -> str:
         """What stands in the place of the key of a list: ``visu/10.0.0.5``."""
-        return f"visu/{self.sender}"
+        return self.controller.list
+
+    @property
+    def lasts(self) -> bool:
+        """Nobody knows what it was between two replies."""
+        return False
+
+    @property
+    def identity(self) -> Hashable:
+        """What tells it from all others: its place, whatever it is called."""
+        return self.controller, self.where
 
     @property
     def sender(self) -> str:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from textual.app import ComposeResult
 from textual.timer import Timer
 
 from nvscope import units
-from nvscope.list_key import ListKey, Transport
+from nvscope.list_key import Transport
 from nvscope.tui.bars import Bar
 from nvscope.tui.lines_view import LinesView
 from nvscope.tui.look import Look
@@ -20,18 +20,27 @@ from nvscope.tui.views.view import View
 from nvscope.view.escape import visible
 from nvscope.view.lines.table import NOTHING, Cell, Tone
 from nvscope.view.lines.undefined import no_values
-from nvscope.view.lines.variable_cells import COLUMNS, LEGEND, Notch, cells
+from nvscope.view.lines.variable_cells import COLUMNS, LEGEND, Notch, age, cells, without_senders
 from nvscope.view.lines.variable_details import details
-from nvscope.view.lines.variable_rows import Order, RowKey, StreamKey, VariableRow, VariableRows
+from nvscope.view.lines.variable_rows import Order, RowKey, StreamGroup, VariableRow, VariableRows
+
+if TYPE_CHECKING:
+    from nvscope.view.lines.variable_rows import AnyRow
 
 _PATIENCE_S = 0.15
 """A plot waits so long until the cursor stays where it is."""
+
+_UNREAD_NS = 10_000_000_000
+"""From then on, a page seems not to ask for a value any more: pages ask every few seconds."""
 
 _PLOT, _DETAILS = "plot", "details"
 
 
 class VariablesView(View):
-    """The variables of all lists that are defined, or of one; below, a plot or the details of one of them."""
+    """The variables of all lists that are defined, of pages and of databases, or of one of these.
+
+    Below is a plot or the details of one of them.
+    """
 
     title = "Variables"
     action = "view.variables"
@@ -57,7 +66,7 @@ class VariablesView(View):
         self._only: str | None = None
         self._notch = Notch()
         self._silences = Silences(None)
-        self._names: Mapping[ListKey, str] = {}
+        self._names: Mapping[str, str] = {}
         self._below = ""
         self._timer: Timer | None = None
 
@@ -75,19 +84,22 @@ class VariablesView(View):
         self._look = look
         self._silences = Silences(look)
         self._rows = VariableRows(
-            look.scene.variables, self._lists(look), self._order, backwards=self._backwards, before=self._rows
-        )
+            look.scene.variables, self._lists(look), self._order, backwards=self._backwards, before=self._rows,
+            read_ones=look.scene.read_ones,
+        )  # fmt: skip
         rows = self._rows
-        lists = dict.fromkeys(group.key.list for group in rows.groups)
+        lists = dict.fromkeys(group.listed for group in rows.groups if isinstance(group, StreamGroup))
         if lists.keys() != self._names.keys():
-            short = units.short_list_keys(str(key) for key in lists)
-            self._names = {key: short[str(key)] for key in lists}
+            self._names = units.short_list_keys(lists)
         self.set_class(not len(rows), "-undefined")
         if not len(rows):
             defined = look.scene.inquiry.layouts is not None
             self._undefined.show(no_values(look.report, self._only, defined, max(self.size.width - 1, 18)))
         self._table.show(
-            Table(COLUMNS, len(rows), self._cells, lambda number: rows.row(number).key, find=rows.find)
+            Table(
+                COLUMNS if self._has_senders else without_senders(COLUMNS), len(rows), self._cells,
+                lambda number: rows.row(number).key, find=rows.find,
+            )
         )  # fmt: skip
         self._tell_heading(len(lists))
         self._tell_below()
@@ -103,24 +115,47 @@ class VariablesView(View):
     def _cells(self, number: int) -> Sequence[Cell]:
         look, row = self._look, self._rows.row(number)
         assert look is not None
-        key, known = row.group.key, row.known
-        return cells(
-            row, look.now_ns, list_name=self._called(row), sender=self._sender(key),
-            silent_ns=None if row.group.earlier else self._silences.silent_ns(key, known.last_ns),
-            notched=row.key in self._notch,
-            until=units.clock_time(known.last_ns, utc=look.utc, digits=0) if row.group.earlier else "",
+        found = cells(
+            row, look.now_ns, list_name=self._called(row), sender=self._sender(row), notched=row.key in self._notch,
+            grown_old=self._grown_old(row, look),
         )  # fmt: skip
+        return found if self._has_senders else without_senders(found)
 
-    def _called(self, row: VariableRow) -> str:
+    @property
+    def _has_senders(self) -> bool:
+        """Whether anybody sent a value; it is not known as long as there is none."""
+        groups = self._rows.groups
+        return not groups or any(isinstance(group, StreamGroup) or group.has_sender for group in groups)
+
+    def _grown_old(self, row: AnyRow, look: Look) -> str:
+        """Return why nobody knows whether a value is still the same, "" where somebody does."""
+        if not isinstance(row, VariableRow):
+            passed_ns = look.now_ns - row.last_ns
+            return f"read {age(passed_ns)} ago" if not row.variable.lasts and passed_ns >= _UNREAD_NS else ""
+        if row.group.earlier:
+            return f"until {units.clock_time(row.last_ns, utc=look.utc, digits=0)}: other shape"
+        silent_ns = self._silences.silent_ns(row.group.key, row.last_ns)
+        return "" if silent_ns is None else f"silent {age(silent_ns)}"
+
+    def _called(self, row: AnyRow) -> str:
         """Return what a list is called: its identifier, and its name."""
-        return f"{visible(self._names[row.group.key.list])} {visible(row.known.layout.list.name)}".strip()
+        if not isinstance(row, VariableRow):
+            return visible(row.group.listed)
+        return f"{visible(self._names[row.group.listed])} {visible(row.known.layout.list.name)}".strip()
 
-    def _sender(self, key: StreamKey) -> str:
-        if key.list.transport is Transport.CAN or self._look is None:
-            return NOTHING  # nobody knows who sends on a bus
+    def _sender(self, row: AnyRow) -> str:
+        if isinstance(row, VariableRow):
+            sender = "" if row.group.key.list.transport is Transport.CAN else row.group.key.sender
+        else:
+            sender = row.sender
+        if not sender or self._look is None:
+            return NOTHING  # nobody knows who sends on a bus, and nobody sent what is in a database
         scene = self._look.scene
         names = scene.inquiry.project.node_names if scene.node_names is None else scene.node_names
-        return visible(names.get(key.sender) or key.sender)
+        return visible(names.get(sender) or sender)
+
+    def _nominal_ns(self, row: AnyRow) -> int | None:
+        return self._silences.nominal_ns(row.group.key) if isinstance(row, VariableRow) else None
 
     def _tell_heading(self, lists: int) -> None:
         rows = self._rows
@@ -128,16 +163,31 @@ class VariablesView(View):
         if self._only is not None:
             name = self._called(rows.row(0)) if len(rows) else visible(units.list_key(self._only))
             parts = [Cell(f" only {name}", Tone.STRONG), Cell(f" {units.count_of(len(rows), 'variable')}")]
-        elif lists > 1:
-            parts.append(Cell(f" of {units.count_of(lists, 'list')}"))
+        elif len(rows.groups) > 1:
+            parts.append(Cell(f" of {self._holders(lists)}"))
+        if never := sum(group.never for group in rows.groups if not isinstance(group, StreamGroup)):
+            parts.append(Cell(f"   {units.count(never)} never readable", Tone.FAINT))
+        for seen in () if self._look is None else self._look.scene.read_ones.values():
+            if seen.left_out:
+                told = f"   of {seen.title}, those beyond the first {units.count(len(seen.variables))} are left out"
+                parts.append(Cell(told, Tone.WARNING))
         if self._notch.count:
             parts.append(Cell(f"   # {units.count(self._notch.count)} notched", Tone.WARNING))
         if self._order or self._backwards:
             told = f"by {self._order or 'definition'}" + (", backwards" if self._backwards else "")
             parts.append(Cell(f"   {told}", Tone.FAINT))
-        if any(group.key.list.transport is Transport.CAN for group in rows.groups):
+        if any(isinstance(one, StreamGroup) and one.key.list.transport is Transport.CAN for one in rows.groups):
             parts.append(Cell("   CAN lists: packed as assumed", Tone.FAINT))
         self._heading.tell(parts, [Cell(f"{LEGEND} ", Tone.FAINT)] if len(rows) else ())
+
+    def _holders(self, lists: int) -> str:
+        """Return of how many lists, controllers and databases there are variables."""
+        counts = {"list": lists} if lists else {}
+        for group in self._rows.groups:
+            if not isinstance(group, StreamGroup):
+                counts[group.seen.holder] = counts.get(group.seen.holder, 0) + 1
+        told = [units.count_of(count, holder) for holder, count in counts.items()]
+        return " and ".join([", ".join(told[:-1]), told[-1]] if len(told) > 1 else told)
 
     # What is below the table.
 
@@ -148,16 +198,15 @@ class VariablesView(View):
         if row is None or look is None:
             return
         if self._below == _PLOT:
-            self._plot.follow(row, look, self._silences.nominal_ns(row.group.key))
+            self._plot.follow(row, look, self._nominal_ns(row))
         elif self._below == _DETAILS:
             told = details(
-                row, self._sender(row.group.key), self._silences.nominal_ns(row.group.key), look.clock.moment,
-                max(self.size.width - 1, 18),
+                row, self._sender(row), self._nominal_ns(row), look.clock.moment, max(self.size.width - 1, 18),
             )  # fmt: skip
             self._details.show(told)
 
     @property
-    def row(self) -> VariableRow | None:
+    def row(self) -> AnyRow | None:
         """The variable under the cursor."""
         return self._rows.row(self._table.row) if 0 <= self._table.row < len(self._rows) else None
 
@@ -204,7 +253,8 @@ class VariablesView(View):
             self._notch.clear()
         elif self._look is not None:
             # Of all lists, those that are not shown now too.
-            self._notch.cut(VariableRows(self._look.scene.variables).groups, self._look.now_ns)
+            scene = self._look.scene
+            self._notch.cut(VariableRows(scene.variables, read_ones=scene.read_ones).groups, self._look.now_ns)
             if not self._notch.count:
                 self.app.notify("Nothing has changed within the last 3 s", timeout=2)
 
@@ -226,7 +276,7 @@ class VariablesView(View):
         row = self.row
         if told or row is None:
             return False
-        self.post_message(self.Asked("view.packets", f"#{row.known.last_frame}"))
+        self.post_message(self.Asked("view.packets", f"#{row.last_frame}"))
         return None
 
     def _do_view_maximise(self, _: str) -> bool | None:
@@ -264,7 +314,7 @@ class VariablesView(View):
 
     def copied(self) -> str:
         row = self.row
-        return "" if row is None else f"{visible(row.element.name)} = {visible(row.text)}"
+        return "" if row is None else f"{visible(row.name)} = {visible(row.text)}"
 
     def place(self) -> Any:
         return self._table.key

@@ -7,7 +7,7 @@ whoever says the values. Where a value is none of its type, its text is all that
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any
@@ -17,7 +17,7 @@ import numpy as np
 from nvscope.definition.value import Value
 from nvscope.definition.variables import Scalar, ScalarKind
 from nvscope.tracker.readings.form import HIDDEN, Form, cut_text
-from nvscope.tracker.readings.last_values import LastValues
+from nvscope.tracker.readings.last_values import LastValues, ValueColumns
 from nvscope.tracker.readings.readings import ReadValues, ReadVariable
 from nvscope.tracker.readings.value_history import ReadEntry, Reading, ValueHistory
 from nvscope.tracker.readings.values_at import ValuesAt
@@ -52,11 +52,10 @@ def value_rows(values: LastValues, shape: RowShape, *, secrets: bool = False) ->
     for number, variable in _meant(values.read):
         hidden = variable.is_secret and not secrets
         readings = int(columns.readings[number])
-        last = None
-        if readings:
-            form = Form(int(columns.form[number]))
-            last = Reading(form, int(columns.bits[number]), values.texts[number], variable.is_secret)
-        least, most = (None, None) if hidden else _bounds(values, number)
+        last = last_reading(columns, values.texts, number, variable)
+        # What is another variable now may have been a password before, at the same place.
+        was_secret = bool(columns.secret_frame[number]) and not secrets
+        least, most = (None, None) if hidden or was_secret else bounds_of(columns, number)
         rows.append(
             {
                 **_called(variable, shape),
@@ -209,9 +208,18 @@ def _exact(variable: ReadVariable, reading: Reading, *, hidden: bool) -> str:
     return cut_text(reading.text) if value is None or kind is None else exact_text(kind, value)
 
 
-def _bounds(values: LastValues, number: int) -> Sequence[Reading | None]:
-    """Return the least and the greatest number, None where there was none."""
-    columns = values.columns
+def last_reading(
+    columns: ValueColumns, texts: Mapping[int, str], number: int, variable: ReadVariable
+) -> Reading | None:  # fmt: skip
+    """Return the last value of a variable, by its number; None where it never had one."""
+    if not columns.readings[number]:
+        return None
+    form = Form(int(columns.form[number]))
+    return Reading(form, int(columns.bits[number]), texts[number], variable.is_secret)
+
+
+def bounds_of(columns: ValueColumns, number: int) -> Sequence[Reading | None]:
+    """Return the least and the greatest number of a variable, None where there was none."""
     sides: list[list[tuple[int | float, Reading]]] = [[], []]
     for form, least, most in (
         (Form.WHOLE, columns.least, columns.most), (Form.REAL, columns.least_real, columns.most_real)

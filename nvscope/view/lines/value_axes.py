@@ -16,10 +16,13 @@ from nvscope.view.value_texts import text_of
 _MOST_LEVELS = 200
 
 
-def axes_of(kind: Elementary, value: npt.NDArray[Any], start_ns: int, end_ns: int, *, utc: bool) -> Axes:
+def axes_of(
+    kind: Elementary, value: npt.NDArray[Any], start_ns: int, end_ns: int, *, utc: bool, holds: bool = False
+) -> Axes:  # fmt: skip
     """Return the axes for values of a type whose values have an order, from one time to another.
 
     BOOL is drawn in steps between FALSE and TRUE, an enumeration in steps with its names, times as IEC literals.
+    ``holds``: a value is known to stay as it is until the next one comes.
     """
 
     def time_text(time_ns: int, digits: int) -> str:
@@ -41,5 +44,5 @@ def axes_of(kind: Elementary, value: npt.NDArray[Any], start_ns: int, end_ns: in
         def value_text(number: float) -> str:
             return text_of(kind, int(number)) if isfinite(number) else ""
 
-        return Axes(start_ns, end_ns, time_text, value_text, whole=True)
-    return Axes(start_ns, end_ns, time_text, whole=kind.kind is not ScalarKind.REAL)
+        return Axes(start_ns, end_ns, time_text, value_text, whole=True, stepped=holds)
+    return Axes(start_ns, end_ns, time_text, whole=kind.kind is not ScalarKind.REAL, stepped=holds)

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import IntEnum
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from dissectors.batch import Bool
 from nvscope import units
-from nvscope.definition.variables import type_text
 from nvscope.view.escape import visible
 from nvscope.view.lines.table import NOTHING, Cell, Column, Tone
 from nvscope.view.lines.text_width import display_width, head
-from nvscope.view.lines.variable_rows import Group, RowKey, StreamKey, VariableRow
+from nvscope.view.lines.variable_rows import RowKey
+
+if TYPE_CHECKING:
+    from nvscope.view.lines.variable_rows import AnyGroup, AnyRow
+
+_Any = TypeVar("_Any")
 
 _S_NS = 1_000_000_000
 JUST_NS = _S_NS
@@ -40,6 +44,14 @@ COLUMNS: Sequence[Column] = (
 )
 
 
+_SENDER = next(place for place, column in enumerate(COLUMNS) if column.title == "sender")
+
+
+def without_senders(cells: Sequence[_Any]) -> Sequence[_Any]:
+    """Return columns, or the cells of a row, without those of senders: nobody sent what is in databases."""
+    return [*cells[:_SENDER], *cells[_SENDER + 1 :]]
+
+
 class Freshness(IntEnum):
     """How long ago a value changed."""
 
@@ -52,7 +64,7 @@ _MARKS = {Freshness.JUST: Cell("◆", Tone.NOTE), Freshness.LATELY: Cell("◇"),
 LEGEND = "◆ changed within 1 s   ◇ 3 s"
 
 
-def freshness(row: VariableRow, now_ns: int) -> Freshness:
+def freshness(row: AnyRow, now_ns: int) -> Freshness:
     """Return how long ago a value changed; one that never did is calm."""
     if not row.changes:
         return Freshness.CALM
@@ -64,37 +76,38 @@ class Notch:
     """The variables that are left unmarked, since they changed when somebody said so; none in the beginning."""
 
     def __init__(self) -> None:
-        self._left: dict[StreamKey, Bool] = {}
-        self.count = 0
+        self._left: set[RowKey] = set()
 
-    def cut(self, groups: Sequence[Group], now_ns: int) -> None:
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self._left)
+
+    def cut(self, groups: Sequence[AnyGroup], now_ns: int) -> None:
         """Leave unmarked from now on what has changed lately."""
-        self._left = {}
-        for group in groups:
-            changed = (group.known.changes > 0) & (now_ns - group.known.changed_ns < LATELY_NS)
-            if changed.any():
-                self._left[group.key] = changed
-        self.count = sum(int(np.count_nonzero(changed)) for changed in self._left.values())
+        self._left = {
+            group.row(at).key
+            for group in groups
+            for at in np.flatnonzero((group.changes > 0) & (now_ns - group.changed_ns < LATELY_NS)).tolist()
+        }
 
     def clear(self) -> None:
         """Mark everything again."""
-        self._left, self.count = {}, 0
+        self._left = set()
 
     def __contains__(self, key: RowKey) -> bool:
-        left = self._left.get(key.stream)
-        return left is not None and bool(left[key.place])
+        return key in self._left
 
 
 def cells(
-    row: VariableRow, now_ns: int, *, list_name: str, sender: str, silent_ns: int | None, notched: bool,
-    until: str = "",
+    row: AnyRow, now_ns: int, *, list_name: str, sender: str, notched: bool, grown_old: str = "",
 ) -> list[Cell]:  # fmt: skip
     """Return the cells of a row, by ``COLUMNS``.
 
-    ``list_name`` and ``sender`` are visible already. ``silent_ns`` is for how long the stream is silent, None where it
-    is not; ``until`` says up to when telegrams had this shape, "" where they still have it.
+    ``list_name`` and ``sender`` are visible already. ``grown_old`` says why nobody knows whether the value is still
+    the same, "" where somebody does.
     """
-    old = silent_ns is not None or bool(until)
+    old = bool(grown_old)
     fresh = Freshness.CALM if old or notched else freshness(row, now_ns)
     tone = Tone.FAINT if old else Tone.STRONG if fresh is Freshness.JUST else Tone.PLAIN
     bounds = row.bounds
@@ -103,21 +116,15 @@ def cells(
         _MARKS[fresh],
         Cell(list_name, Tone.FAINT),
         Cell(sender, Tone.FAINT),
-        Cell(visible(row.element.name)),
+        Cell(visible(row.name)),
         Cell(cut(visible(row.text)), tone),
-        Cell(visible(type_text(row.element.type)), Tone.FAINT),
+        Cell(visible(row.type_text), Tone.FAINT),
         Cell(age(now_ns - row.changed_ns)) if row.changes else Cell("never", Tone.FAINT),
         Cell(units.count(row.changes)) if row.changes else Cell("0", Tone.FAINT),
         least,
         most,
-        _note(silent_ns, until),
+        Cell(grown_old, Tone.WARNING),
     ]
-
-
-def _note(silent_ns: int | None, until: str) -> Cell:
-    if until:
-        return Cell(f"until {until}: other shape", Tone.WARNING)
-    return Cell("") if silent_ns is None else Cell(f"silent {age(silent_ns)}", Tone.WARNING)
 
 
 def cut(text: str, width: int = MOST_VALUE) -> str:
