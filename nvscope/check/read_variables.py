@@ -114,9 +114,9 @@ class ReadWatcher:
     def _nowhere(self) -> Iterator[RefusedWatch]:
         """Yield the names that stand for no variable, with those near to them."""
         for pattern in self._patterns:
-            wanted = {source.name: one for source, one in meant(pattern).items()}
+            wanted = {source.name: one for source, one in meant(pattern).items() if one is not None}
             known = [(name, one) for name, reader in self._readers.items() for one in reader.read.known]
-            if any(name in wanted and (wanted[name] is None or wanted[name](one)) for name, one in known):
+            if any(name in wanted and wanted[name](one) for name, one in known):
                 continue
             names = dict.fromkeys(f"{one.list}/{one.name.rpartition('/')[2]}" for _, one in known)
             told = near(pattern, names)

@@ -91,15 +91,19 @@ class Reached:
     """Which changes of the leader the follower took, too: of ``led`` that could be taken, ``reached``.
 
     A change can be taken where the follower was known, and of another value. ``taken`` has an entry for each change
-    that is remembered of the leader: whether it is no more to be waited for.
+    that is remembered of the leader: whether it is no more to be waited for. ``left`` are changes, not among ``led``,
+    that were waited for when nobody listened to the leader any more: what the follower is next decides on these.
     """
 
     led: int = 0
     reached: int = 0
     taken: Bool = field(default_factory=lambda: np.zeros(0, np.bool_))
+    left: Changed = field(default_factory=lambda: (np.empty(0, np.int64), np.empty(0, np.uint64)))
 
     def take(self, leader: Side, led: Changed, follower: Side, new: Changed, matched: I64) -> None:
         """Take what is new at both ends; ``matched`` are the changes of the leader that were followed, as they came."""
+        if len(self.left[0]) and len(new[0]):
+            self._decide(new)
         unknown = len(leader.times_ns) - len(self.taken)
         times, values = led
         fresh = np.zeros(len(times), np.bool_)
@@ -116,16 +120,41 @@ class Reached:
         self.reached += int(np.count_nonzero(taken)) - before
         self.taken = taken[-CHANGES_KEPT:]
 
+    def _decide(self, new: Changed) -> None:
+        """Take what the follower is now: the last of the changes that were left to this value was taken."""
+        times, values = self.left
+        same = np.flatnonzero((values == new[1][0]) & (times <= new[0][0]))
+        if len(same):
+            self.led += 1
+            self.reached += 1
+            self.left = np.delete(times, same[-1]), np.delete(values, same[-1])
+
     def missed(self, leader: Side, until_ns: int | None) -> int:
         """Return how many changes were not taken; those behind a time may still be."""
+        waiting = self._waiting(leader, until_ns)
+        left = 0 if until_ns is None else int(np.count_nonzero(self.left[0] <= until_ns))
+        return self.led - self.reached - int(np.count_nonzero(waiting)) + left
+
+    def _waiting(self, leader: Side, until_ns: int | None) -> Bool:
+        """Tell which of the remembered changes may still be taken: those behind a time."""
         times = leader.times_ns[-len(self.taken) :] if len(self.taken) else leader.times_ns[:0]
-        waiting = ~self.taken[-len(times) :] if len(times) else self.taken[:0]
-        open_ = 0 if until_ns is None else int(np.count_nonzero(waiting & (times > until_ns)))
-        return self.led - self.reached - open_
+        waiting: Bool = ~self.taken[-len(times) :] if len(times) else self.taken[:0].copy()
+        if until_ns is None:
+            waiting[:] = False
+        else:
+            waiting &= times > until_ns
+        return waiting
 
     def end(self, leader: Side, until_ns: int | None) -> None:
-        """Begin anew, and wait for nothing that came behind a time."""
+        """Begin anew: nobody listens to the leader any more. Those who tell of the follower may go on."""
+        waiting = self._waiting(leader, until_ns)
         missed = self.missed(leader, until_ns)
+        known = len(waiting)
+        still = np.zeros(len(self.left[0]), np.bool_) if until_ns is None else self.left[0] > until_ns
+        left_ns, left = self.left
+        times, values = leader.times_ns[len(leader.times_ns) - known :], leader.values[len(leader.values) - known :]
+        left_ns, left = np.append(left_ns[still], times[waiting]), np.append(left[still], values[waiting])
+        self.left = left_ns[-CHANGES_KEPT:], left[-CHANGES_KEPT:]
         self.led, self.taken = self.reached + missed, self.taken[:0]
 
 

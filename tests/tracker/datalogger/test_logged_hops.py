@@ -94,6 +94,15 @@ def test_what_was_sent_behind_the_last_row_is_not_missed(tmp_path: Path) -> None
     assert hops(write(tmp_path, range(0, 1000, 10), rows))["nCount"]["missed"] == 0
 
 
+@pytest.mark.parametrize(("value", "missed"), [(990, 18), (500, 18), (40, 19)])
+def test_what_was_sent_before_the_capture_ended_is_missed_where_the_next_row_comes_later(
+    value: int, missed: int, tmp_path: Path
+) -> None:  # fmt: skip
+    # nCount goes from 0 to 19, 50 ms each; the row behind the end says which of these it took, the last, another, or none.
+    rows = [logged(5, 0), logged(45, 40), logged(1200, value)]
+    assert hops(write(tmp_path, range(0, 1000, 10), rows))["nCount"]["missed"] == missed
+
+
 def test_the_project_says_which_variable_it_is(tmp_path: Path) -> None:
     words = write(tmp_path, range(0, 1000, 10), [])
     path = tmp_path / "y.db"
