@@ -49,8 +49,7 @@ def take_whole(
     if early.any():
         whole[group[ask[early]]] = False
         ask, answer = ask[whole[group[ask]]], answer[whole[group[answer]]]
-    is_request = np.array([one.request is not None for one in asked_for.asks], np.bool_)
-    own = is_request[asked[ask]]
+    own = asked_for.are_requests()[asked[ask]]
     ask, answer = ask[own], answer[own]
     opens = np.ones(len(ask), np.bool_)
     opens[1:] = np.diff(group[ask]) != 0
