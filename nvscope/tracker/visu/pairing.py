@@ -16,6 +16,12 @@ from nvscope.tracker.visu.plain_exchanges import AskedFor, Said, paired
 _FEW = 16
 """So many messages of a connection take as long one after the other as at once."""
 
+_LEAST = 4
+"""Twice as many of a connection go in turn at a time, at least."""
+
+_MANY = 1 << 12
+"""No more are looked at, so that little is looked at in vain where a reply is too many again and again."""
+
 
 class Pairing:
     """The messages of a batch; ``is_plain`` is as in ``plain_rows``, ``asked`` as in ``Said``.
@@ -56,23 +62,31 @@ class Pairing:
     ) -> None:  # fmt: skip
         """Take the messages of a connection, in their order; add what is said at once."""
         begin, end = run
-        least = _FEW
+        least = _LEAST
         while begin < end:
             if conversation.is_visu and end - begin >= _FEW:
                 place = bisect_left(peculiar, begin)
-                stop = min(peculiar[place], end) if place < len(peculiar) else end
+                stop = min(peculiar[place] if place < len(peculiar) else end, end, begin + _MANY)
+                stop = begin + self._in_front_of_surplus(conversation, rows[begin:stop])
                 stop = self._with_equals(rows, begin, stop, end, -1)
                 if stop - begin >= _FEW:
                     found = self._paired(conversation, rows[begin:stop])
                     if found is not None:
                         said.append(found)
-                        begin, least = stop, _FEW
+                        begin, least = stop, _LEAST
                         continue
-                    # Not to be tried again and again where it does not succeed.
-                    least *= 2
+            # Twice as many each time: not to be tried again and again where it does not succeed.
+            least *= 2
             stop = self._with_equals(rows, begin, min(begin + least, end), end, 1)
             self._take_in_turn(conversation, rows[begin:stop])
             begin = stop
+
+    def _in_front_of_surplus(self, conversation: Conversation, rows: I64) -> int:
+        """Return how many of some messages come before a reply to which no request waits."""
+        by_server = (self._http.stream[rows] & 1) == 1
+        waiting = np.cumsum(np.where(by_server, -1, 1))
+        surplus = waiting + len(conversation.waiting) < 0
+        return int(surplus.argmax()) if surplus.any() else len(rows)
 
     def _with_equals(self, rows: I64, begin: int, stop: int, end: int, step: int) -> int:
         """Return a place that parts no messages of one order, for what is said is sorted by that."""
