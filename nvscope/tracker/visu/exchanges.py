@@ -20,8 +20,8 @@ from nvscope.tracker.pieces import ORDER_BITS
 from nvscope.tracker.visu.asking import NOTHING, Ask, Asking
 from nvscope.tracker.visu.controllers import controller_of
 from nvscope.tracker.visu.conversation import Conversation
+from nvscope.tracker.visu.http_forms import What
 from nvscope.tracker.visu.http_messages import HttpMessages
-from nvscope.tracker.visu.http_reader import What
 from nvscope.tracker.visu.limits import MOST_PAIRS, MOST_POLLED, Beyond
 from nvscope.tracker.visu.messages import Kind, VisuBatch, VisuMessages, no_messages
 from nvscope.tracker.visu.names import Names, OtherNames
@@ -96,10 +96,14 @@ class Exchanges:
         """Return what each message asks for, 0 of all that are no whole requests."""
         asking, forms, data = self._asking, http.forms, http.data
         asked = np.zeros(len(http), np.int64)
-        last, number = b"", 0
+        last, last_place, number = b"", -1, 0
         rows = np.flatnonzero((http.stream & 1) == int(Side.CLIENT))
         numbers = []
         for place, start in zip(http.form[rows].tolist(), http.start[rows].tolist(), strict=True):
+            # Of one form, bodies are of one length; to compare them where they lie is faster than to cut them out.
+            if place == last_place and data.startswith(last, start):
+                numbers.append(number)
+                continue
             form = forms[place]
             body = None
             if form.what is What.WHOLE and form.head is not None:
@@ -113,6 +117,7 @@ class Exchanges:
                 continue
             if body != last:
                 last, number = body, asked_for.number(asking.by_body(body))
+            last_place = -1 if form.is_coded else place
             numbers.append(number)
         asked[rows] = numbers
         return asked

@@ -11,8 +11,8 @@ from dissectors.batch import I64, Bool
 from nvscope.engine.runs import runs_of
 from nvscope.tracker.pieces import ORDER_BITS
 from nvscope.tracker.visu.conversation import Conversation
+from nvscope.tracker.visu.http_forms import What
 from nvscope.tracker.visu.http_messages import HttpMessages
-from nvscope.tracker.visu.http_reader import What
 from nvscope.tracker.visu.limits import MOST_WAITING
 from nvscope.tracker.visu.messages import Kind
 from nvscope.tracker.visu.plain_exchanges import AskedFor, Said
