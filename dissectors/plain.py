@@ -136,14 +136,20 @@ def are_claimed(head: Records, claims: Claims) -> Bool:
     return told
 
 
+def name_telegrams(head: Records) -> Bool:
+    """Tell which frames, taken as if of the plain shape, have the identity of a telegram."""
+    identity = head["nv"]["identity"]
+    told: Bool = (identity == IDENTITY) | (identity == IDENTITY_ASCII)
+    return told
+
+
 def may_hold_telegrams(head: Records) -> Bool:
     """Tell which frames may hold a telegram, or quote one, in other than the plain shape."""
     ethertype = head["eth"]["type"].astype(np.uint16)
     tagged = np.zeros(len(head), np.bool_)
     for known in (TYPE_IPV6, *VLAN_TYPES):
         tagged |= ethertype == known
-    ip, identity = head["ip"], head["nv"]["identity"]
-    told = (identity == IDENTITY) | (identity == IDENTITY_ASCII)
+    ip, told = head["ip"], name_telegrams(head)
     idle = _is_simple(ip) & (ip["protocol"] != PROTOCOL_ICMP) & ((ip["protocol"] != PROTOCOL_UDP) | ~told)
     may: Bool = tagged | ((ethertype == TYPE_IPV4) & ~idle)
     return may

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dissectors.batch import I64, U16, U64, Bool, LinkType, PacketBatch
+from dissectors.batch import I64, U16, U64, Bool, LinkType, PacketBatch, Records
 from dissectors.can.frame import CanBatch, dissect_can
 from dissectors.can.pdo import PdoRules
 from dissectors.claims import NO_CLAIMS, Claims
 from dissectors.keys import KeyTable, first_rows
+from dissectors.layout import take_rows
 from dissectors.netvar import Dissection, PortRules, TelegramBatch, dissect
 from dissectors.plain import (
     BLOCK,
@@ -28,6 +29,7 @@ from dissectors.plain import (
     is_plain,
     make_keys,
     may_hold_telegrams,
+    name_telegrams,
     rows_of,
 )
 from dissectors.transport import NO_DATAGRAMS, DatagramBatch, SegmentBatch
@@ -38,6 +40,9 @@ MOST_VARIETIES = 1 << 16
 """With more than these, what was learned is let go: traffic in which nothing recurs must not fill the memory."""
 
 _UNKNOWN, _PECULIAR = NOBODY, -2
+_LOOKED_AT = 1 << 8
+"""So many packets of a batch show what most of the others are."""
+
 _WITHOUT_CAN = frozenset(LinkType) - {
     LinkType.CAN_SOCKETCAN,
     LinkType.LINUX_SLL,
@@ -107,7 +112,8 @@ class Sorter:
         packets = packets.with_margin(LEAD_BYTES)
         rest: I64 | None = None
         if self._ports is None and packets.single_link == LinkType.ETHERNET:
-            header, counter = self._recognise(packets)
+            head = heads_of(packets, np.arange(len(packets))) if _are_mostly_others(packets) else None
+            header, counter = self._recognise(packets) if head is None else self._recognise_some(packets, head)
             # Behind the last one stands what is said of those that are unknown, whose number is -1.
             variety = np.append(self._variety_of, _UNKNOWN)[header]
             rest = np.flatnonzero(variety < 0)
@@ -115,7 +121,7 @@ class Sorter:
             header[rest] = NO_TELEGRAM
             variety[rest] = NO_TELEGRAM
             counter[rest] = 0
-            rest = self._not_idle(packets, rest)
+            rest = self._not_idle(rest, heads_of(packets, rest) if head is None else take_rows(head, rest))
         else:
             header = np.zeros(len(packets), np.int64)
             variety, counter = np.zeros(len(packets), np.int64), np.zeros(len(packets), np.uint16)
@@ -141,9 +147,8 @@ class Sorter:
             self._claimed(dissection, variety), peeled.tcp, header, frames,
         )  # fmt: skip
 
-    def _not_idle(self, packets: PacketBatch, rest: I64) -> I64:
-        """Return which of some packets have to be taken apart."""
-        head = heads_of(packets, rest)
+    def _not_idle(self, rest: I64, head: Records) -> I64:
+        """Return which of some packets have to be taken apart, given their headers."""
         wanted = may_hold_telegrams(head)
         if self._claims:
             wanted |= are_claimed(head, self._claims)
@@ -180,6 +185,14 @@ class Sorter:
             count *= 2
         return header, counter
 
+    def _recognise_some(self, packets: PacketBatch, head: Records) -> tuple[I64, U16]:
+        """Do the same with packets most of which have not even the identity of a telegram, given their headers."""
+        header, counter = np.full(len(packets), _UNKNOWN), np.zeros(len(packets), np.uint16)
+        told = np.flatnonzero(name_telegrams(head))
+        if len(told):
+            header[told], counter[told] = self._recognise(packets.take(told))
+        return header, counter
+
     def _look_up(self, packets: PacketBatch, rows: I64, captured: U16) -> I64:
         """Return the numbers of some packets' headers, having learned those that are new; ``_UNKNOWN`` as above.
 
@@ -211,6 +224,12 @@ class Sorter:
         self._variety_of = np.concatenate([self._variety_of, learned])
         rows_of_new = np.stack([word[known:] for word in self._headers.words], axis=1)
         self._usual.add(rows_of_new, np.arange(known, len(self._variety_of)))
+
+
+def _are_mostly_others(packets: PacketBatch) -> bool:
+    """Tell whether few of some packets have the identity of a telegram, by a part of them."""
+    some = np.arange(0, len(packets), -(-len(packets) // _LOOKED_AT))
+    return 8 * int(np.count_nonzero(name_telegrams(heads_of(packets, some)))) < len(some)
 
 
 def _keys_of(packets: PacketBatch, rows: I64, captured: U16) -> U64:

@@ -62,22 +62,26 @@ class Connections:
             np.where(is_low, port << sixteen | to_port, to_port << sixteen | port),
         )  # fmt: skip
         known = len(self._keys)
-        number = np.empty(len(segments), np.int64)
-        number[carrying] = self._keys.numbers(*(word[carrying] for word in words))
         rest = np.flatnonzero(~carrying)
-        number[rest] = self._keys.find(*(word[rest] for word in words))
-        self._name_servers(segments, is_low, np.where(carrying, number, -1), known)
+        if not len(rest):
+            number = self._keys.numbers(*words)
+        else:
+            number = np.empty(len(segments), np.int64)
+            number[carrying] = self._keys.numbers(*(word[carrying] for word in words))
+            number[rest] = self._keys.find(*(word[rest] for word in words))
+        self._name_servers(segments, is_low, carrying, number, known)
         stream = np.full(len(segments), -1)
         own = np.flatnonzero(number >= 0)
         stream[own] = 2 * number[own] + (is_low[own] == self._servers.low_serves[number[own]])
         return stream
 
-    def _name_servers(self, segments: SegmentBatch, is_low: Bool, number: I64, known: int) -> None:
+    def _name_servers(self, segments: SegmentBatch, is_low: Bool, carrying: Bool, number: I64, known: int) -> None:
         """Find out who is the server of new connections: who has a claimed port, or else who is spoken to first."""
         self._servers.resize(len(self._keys))
         if len(self._keys) == known:
             return
-        first = first_rows_from(number, known, len(self._keys))
+        # What carries nothing makes no connection known, and does not say who its server is.
+        first = first_rows_from(np.where(carrying, number, -1), known, len(self._keys))
         from_claimed = np.isin(segments.source_port[first], self._ports)
         to_claimed = np.isin(segments.destination_port[first], self._ports)
         answers = (segments.flags[first] & (SYN | ACK)) == SYN | ACK

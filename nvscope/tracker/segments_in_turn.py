@@ -15,71 +15,19 @@ from bisect import bisect_right
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from operator import attrgetter
-from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64, U8, Bool
-from dissectors.columns import Columns
+from dissectors.batch import U8
 from dissectors.headers import ACK, FIN, RST, SYN
-from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.tracker.pieces import ANEW, IN_STEP, ORDER_BITS, Order, PieceKind, Pieces
-
-FAR = 1 << 30
-"""What is farther from where a stream is does not belong to it: no window is wider (RFC 7323, section 2.3)."""
+from nvscope.tracker.segments import FAR, HALF, WRAP, Segments, StreamColumns
 
 MOST_KEPT_BYTES = 1 << 18
 MOST_KEPT_IN_ALL_BYTES = 1 << 26
 PATIENCE_NS = 10 * 10**9
 FORGOTTEN_NS = 240 * 10**9
 """A connection that has ended is forgotten after twice the longest life of a segment (RFC 9293, section 3.4.2)."""
-
-_WRAP, _HALF = 1 << 32, 1 << 31
-
-
-class StreamColumns(KeyedColumns):
-    """One row a stream: where it is.
-
-    ``next`` is the sequence number of its next byte, ``first`` that of its first one, -1 before it has begun;
-    ``acknowledged`` the highest one that the other end has acknowledged, -1 before it has. ``waits``: something
-    is kept of it. ``latest_ns`` is the latest time of what came of it.
-    """
-
-    begun: Bool
-    ended: Bool
-    waits: Bool
-    next: I64
-    first: I64
-    acknowledged: I64
-    latest_ns: I64
-    COLUMNS: ClassVar = {
-        **dict.fromkeys(("begun", "ended", "waits"), (np.bool_(False), 1)),
-        "next": (np.int64(0), 1), "first": (np.int64(-1), 1), "acknowledged": (np.int64(-1), 1),
-        "latest_ns": (np.int64(0), 1),
-    }  # fmt: skip
-
-    def reset(self) -> None:
-        """Make all rows what they are at the start."""
-        for name, (initial, _) in self.COLUMNS.items():
-            getattr(self, name)[:] = initial
-
-
-@dataclass(frozen=True, slots=True)
-class Segments(Columns):
-    """Segments by stream, those of one stream in the order of the capture; columns of int64, shape (n,).
-
-    ``payload`` is an offset in the batch's buffer.
-    """
-
-    stream: I64
-    sequence: I64
-    acknowledgement: I64
-    flags: I64
-    payload: I64
-    payload_bytes: I64
-    captured_bytes: I64
-    frame: I64
-    time_ns: I64
 
 
 @dataclass(slots=True)
@@ -138,7 +86,7 @@ class _Stream:
 
     def distance(self, sequence: int) -> int:
         """Return how far a sequence number is from where the stream is."""
-        return (sequence - self.next + _HALF) % _WRAP - _HALF
+        return (sequence - self.next + HALF) % WRAP - HALF
 
     @property
     def is_nothing(self) -> bool:
@@ -185,18 +133,20 @@ class SegmentsInTurn:
         """Begin a batch, whose buffer is another one."""
         self.kept = []
 
-    def observe(self, data: U8, segments: Segments) -> Pieces:
-        """Take all segments of some connections within some time; return what they bring.
+    @property
+    def kept_bytes(self) -> int:
+        """How much is kept of all streams."""
+        return self._kept_bytes
+
+    def observe(self, data: U8, segments: Segments) -> None:
+        """Take all segments of some connections within some time.
 
         ``data`` is the batch's buffer; ``kept`` is the data of what had been kept before.
         """
-        self._made = []
         connection = segments.stream >> 1
         by_frame = segments.take(np.lexsort((segments.frame, connection)))
         last, ends = -1, None
-        for stream, *segment in zip(
-            *(getattr(by_frame, name).tolist() for name in Segments.__match_args__), strict=True
-        ):
+        for stream, *segment in by_frame.tuples(0, len(by_frame)):
             if stream >> 1 != last:
                 if ends is not None:
                     self._put_back(data, ends)
@@ -206,7 +156,27 @@ class SegmentsInTurn:
             self._take(ends, stream & 1, *segment)
         if ends is not None:
             self._put_back(data, ends)
-        made = np.array(self._made, np.int64).reshape(-1, 6).T
+
+    def go_on(self, data: U8, segments: Segments, place: int, stop: int, least: int) -> int:
+        """Take segments of one connection, by frame, from a place on: so many, and more while something is kept of it.
+
+        Return the place behind them, which is ``stop`` at most.
+        """
+        connection = int(segments.stream[place]) >> 1
+        ends = self._taken(2 * connection), self._taken(2 * connection + 1)
+        while place < stop:
+            behind = min(place + least, stop)
+            for stream, *segment in segments.tuples(place, behind):
+                self._take(ends, stream & 1, *segment)
+            place = behind
+            if not (ends[0].kept or ends[1].kept):
+                break
+        self._put_back(data, ends)
+        return place
+
+    def told(self) -> Pieces:
+        """Return what the segments bring that were taken since this was asked for last."""
+        made, self._made = np.array(self._made, np.int64).reshape(-1, 6).T, []
         return Pieces(*made)
 
     def _taken(self, number: int) -> _Stream:
@@ -243,7 +213,7 @@ class SegmentsInTurn:
                 stream.forget()
         if flags & SYN and not flags & RST:
             answers = flags & ACK
-            is_new = own.first != (sequence + 1) % _WRAP and (not answers or own.first >= 0)
+            is_new = own.first != (sequence + 1) % WRAP and (not answers or own.first >= 0)
             # What was refused is asked for again with the same number, and so is what an older connection was in the
             # way of (RFC 9293, section 3.5.1).
             is_new |= not answers and own.is_nothing and other.is_nothing
@@ -267,7 +237,7 @@ class SegmentsInTurn:
             return
         if not own.begun:
             own.begun, own.next = True, sequence
-            own.first = (sequence + (flags & SYN) // SYN) % _WRAP
+            own.first = (sequence + (flags & SYN) // SYN) % WRAP
             size = (IN_STEP if flags & SYN else 0) | (0 if other.begun else ANEW)
             self._tell(own, PieceKind.BEGIN, 0, size, frame, Order.OWN)
         begin = own.at + own.distance(sequence)
@@ -330,7 +300,7 @@ class SegmentsInTurn:
     def _pass_on(self, stream: _Stream, part: _Kept, frame: int, order: Order) -> None:
         ended = stream.ended
         stream.at += part.size
-        stream.next = (stream.next + part.size) % _WRAP
+        stream.next = (stream.next + part.size) % WRAP
         if part.kind in (PieceKind.DATA, PieceKind.END):
             stream.latest_ns = max(stream.latest_ns, part.time_ns)
         if ended:
@@ -363,7 +333,7 @@ class SegmentsInTurn:
 
 
 def _ahead(sequence: int, known: int) -> int:
-    return (sequence - known + _HALF) % _WRAP - _HALF
+    return (sequence - known + HALF) % WRAP - HALF
 
 
 def _missing(kept: list[_Kept], part: _Kept) -> Iterator[_Kept]:

@@ -15,6 +15,7 @@ from dissectors.sorter import Sorter
 from dissectors.transport import DatagramBatch
 from dissectors.varieties import NO_TELEGRAM
 from tests.oracle.frame import Frame
+from tests.oracle.tcp_line import tcp_frame
 from tests.oracle.traffic import generate, mutate
 from tests.packets import batch_of
 
@@ -96,6 +97,22 @@ def test_how_many_are_looked_up_at_a_time_changes_no_number(seed: int, monkeypat
     assert few.counter.tolist() == at_once.counter.tolist()
     assert few.varieties.part.tolist() == at_once.varieties.part.tolist()
     check(sorter, packets)
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_telegrams_among_many_others_are_told_alike(seed: int) -> None:
+    frames = traffic(seed)
+    usual, once = Sorter(), batch_of(frames)
+    # Of a port that nobody asks for, and so many that telegrams are few.
+    other = tcp_frame(0, ("10.0.0.1", 50_000), ("10.0.0.5", 443), data=b"something else")
+    among = [one for frame in frames for one in (frame, *[other._replace(ts_ns=frame.ts_ns)] * 9)]
+    sorter = Sorter()
+    for _ in range(2):
+        expected, found = usual.sort(once), sorter.sort(batch_of(among))
+        assert found.variety[::10].tolist() == expected.variety.tolist()
+        assert found.header[::10].tolist() == expected.header.tolist()
+        assert np.count_nonzero(found.variety) == np.count_nonzero(expected.variety)
+        check(sorter, batch_of(among))
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
@@ -11,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import nvscope.tracker.streams
 from dissectors import address
 from dissectors.batch import PacketBatch
 from dissectors.claims import Claims
@@ -18,12 +20,14 @@ from dissectors.link import peel
 from nvscope.tracker.pieces import ORDER_BITS, PieceKind
 from nvscope.tracker.streams import ENOUGH, Streams
 from tests.laws import examples, some
+from tests.oracle.builders import MILLISECOND, SECOND
+from tests.oracle.capture_faults import Faults, captured
 from tests.oracle.frame import Frame
 from tests.oracle.rules.streams import Delivery
 from tests.oracle.rules.streams import Streams as Rules
 from tests.oracle.tcp import ACK, RST, SYN, peel_tcp
 from tests.oracle.tcp_line import Line, tcp_frame
-from tests.oracle.visu_traffic import visu_traffic
+from tests.oracle.visu_traffic import initial, visu_traffic
 from tests.packets import batch_of, cut
 
 PORTS = (80, 8080)
@@ -116,6 +120,67 @@ def test_what_is_forgotten_would_not_have_been_asked_for(seed: int, packets: int
     later = pause_s * 10**9 + max(frame.ts_ns for frame in once) - min(frame.ts_ns for frame in once)
     twice = [*once, *(frame._replace(ts_ns=frame.ts_ns + later) for frame in once)]
     assert delivered(cut(batch_of(twice), packets), enough=0) == by_the_rules(twice)
+
+
+@examples(60)
+@given(seed=st.integers(0, 20_000), packets=st.sampled_from([60, 250, 1000]), limit=st.sampled_from([0, 1 << 26]))
+def test_long_connections_are_put_in_order_at_once_as_they_are_in_turn(seed: int, packets: int, limit: int) -> None:
+    batches = cut(batch_of(long_talks(seed)), packets)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(nvscope.tracker.streams, "_FEW", 1 << 40)
+        in_turn = delivered(batches)
+        patched.setattr(nvscope.tracker.streams, "_FEW", 16)
+        # Below that, it does not matter in which order the segments of several connections are taken.
+        patched.setattr(nvscope.tracker.streams, "MOST_KEPT_IN_ALL_BYTES", limit)
+        assert delivered(batches) == in_turn
+
+
+def long_talks(seed: int) -> list[Frame]:
+    """Return the frames of some connections over which much is said, a part of which is missing, twice, late or cut."""
+    rng = random.Random(seed)
+    frames: list[Frame] = []
+    for number in range(rng.randint(1, 4)):
+        # The second one is between the same ends as the first.
+        line = Line(
+            ("10.0.0.1", 50_000 + number // 2), isn=(initial(rng), initial(rng)), now=number * rng.randrange(SECOND)
+        )
+        faults = Faults.drawn(rng)
+        line.open()
+        for _ in range(rng.choice((1, 40, 200))):
+            for from_client, most in ((True, 3), (False, rng.choice((1, 3)))):
+                for _ in range(rng.randint(0, most)):
+                    data = rng.randbytes(rng.choice((1, 40, 1400)))
+                    if rng.random() < faults.stray:
+                        line.segment(
+                            from_client, data, seq=line.sent[from_client] + rng.choice((-900, 900, 2**30 + 1, 2**31))
+                        )
+                    line.say(from_client, data)
+            line.wait(rng.choice((0, MILLISECOND, SECOND if rng.random() < 0.05 else 0)))
+        for from_client in rng.choice(((), (True,), (True, False), (False, True))):
+            line.close(from_client)
+        if rng.random() < 0.2:
+            line.wait(rng.choice((1, 300)) * SECOND).segment(rng.random() < 0.5, b"late", seq=line.sent[True] - 5)
+        if rng.random() < 0.2:
+            line.reset(rng.random() < 0.5)
+        frames += captured(rng, faults, line)
+    return sorted(frames, key=lambda frame: frame.ts_ns)
+
+
+@pytest.mark.parametrize("packets", [1, 2, 1000])
+def test_what_comes_long_after_the_end_begins_anew(packets: int) -> None:
+    line = Line().open().ask(b"ask").answer(b"answer").close(True).close(False)
+    line.wait(300 * SECOND).segment(False, b"answer", seq=line.sent[False] - 7)
+    frames = [*(frame for port in range(50_001, 50_060) for frame in opened_and_closed(port)), *line.frames]
+    found = delivered(cut(batch_of(frames), packets))
+    assert found == by_the_rules(frames)
+    assert [one for one in found["10.0.0.1", 50_000, "10.0.0.5", 80, False] if one[0] == "D"] == [
+        ("D", b"answer", len(frames) - 3), ("D", b"answer", len(frames)),
+    ]  # fmt: skip
+
+
+def opened_and_closed(port: int) -> list[Frame]:
+    """Return the frames of a connection over which nothing is said."""
+    return Line(("10.0.0.1", port)).open().close(True).close(False).frames
 
 
 @pytest.mark.parametrize("packets", [1, 2, 1000])

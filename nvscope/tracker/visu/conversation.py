@@ -13,7 +13,7 @@ from typing import NamedTuple
 from dissectors.webvisu import Likeness
 from nvscope.tracker.pieces import ORDER_BITS
 from nvscope.tracker.visu.asking import NOTHING, Ask
-from nvscope.tracker.visu.http_reader import Form, What
+from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.limits import MOST_WAITING
 from nvscope.tracker.visu.messages import Kind
 

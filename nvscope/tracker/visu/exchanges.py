@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.batch import I64, Bool, PacketBatch
+from dissectors.batch import I64, PacketBatch
 from dissectors.http import Side
 from dissectors.keys import KeyTable
 from dissectors.transport import SegmentBatch
@@ -19,21 +19,19 @@ from nvscope.tracker.connections import Connections
 from nvscope.tracker.pieces import ORDER_BITS
 from nvscope.tracker.visu.asking import NOTHING, Ask, Asking
 from nvscope.tracker.visu.controllers import controller_of
-from nvscope.tracker.visu.conversation import Conversation, Happened
+from nvscope.tracker.visu.conversation import Conversation
+from nvscope.tracker.visu.http_forms import What
 from nvscope.tracker.visu.http_messages import HttpMessages
-from nvscope.tracker.visu.http_reader import What
 from nvscope.tracker.visu.limits import MOST_PAIRS, MOST_POLLED, Beyond
 from nvscope.tracker.visu.messages import Kind, VisuBatch, VisuMessages, no_messages
 from nvscope.tracker.visu.names import Names, OtherNames
 from nvscope.tracker.visu.outcomes import OK, outcomes
-from nvscope.tracker.visu.plain_exchanges import AskedFor, Said, plain_rows, take_plain
+from nvscope.tracker.visu.pairing import Pairing
+from nvscope.tracker.visu.plain_exchanges import AskedFor, Said, plain_rows
 from nvscope.tracker.visu.whole_connections import take_whole
 
 if TYPE_CHECKING:
     from nvscope.definition.webvisu import GivenList
-
-_FEW = 64
-"""So many messages are not divided any more."""
 
 NO_REQUEST = Request(writes=False, declared=0, entries=())
 
@@ -82,9 +80,9 @@ class Exchanges:
         is_plain = plain_rows(http, asked, asked_for.asks)
         taken, whole = take_whole(http, is_plain, asked, asked_for, self._conversations)
         spoken = _spoken(http)[http.form]
-        parts = [whole, _others(http, asked, spoken)]
-        self._pair(http, np.flatnonzero(~taken), is_plain, asked, asked_for, parts)
-        said = Said.stacked(parts)
+        pairing = Pairing(http, is_plain, asked, asked_for, self._conversations)
+        said = Said.stacked([whole, _others(http, asked, spoken), *pairing.pair(np.flatnonzero(~taken))])
+        self._left_out[Beyond.WAITING] += pairing.left_out
         said = said.take(np.argsort(said.order, kind="stable"))
         pair = self._pairs(said.connection)
         if (pair < 0).any():
@@ -94,36 +92,18 @@ class Exchanges:
             return no_messages()
         return self._told(http, said, spoken, pair, asked_for.asks, packets, segments, first_frame)
 
-    def _pair(
-        self, http: HttpMessages, rows: I64, is_plain: Bool, asked: I64, asked_for: AskedFor, parts: list[Said]
-    ) -> None:
-        """Add what some messages say to ``parts``: plain connections at once, others in halves, and few in turn."""
-        if len(rows) > _FEW:
-            taken, said = take_plain(http, rows, is_plain, asked, asked_for, self._conversations)
-            parts += said
-            rows = rows[~taken]
-        if len(rows) <= _FEW:
-            if len(rows):
-                parts.append(self._merged(http, asked, asked_for, rows))
-            return
-        order = http.order[rows]
-        middle = int(np.partition(order, len(order) // 2)[len(order) // 2])
-        # Where all are of one frame, there are no halves.
-        halves = [rows[order < middle], rows[order >= middle]] if order.min() < middle else [rows]
-        if len(halves) == 1:
-            parts.append(self._merged(http, asked, asked_for, rows))
-            return
-        for half in halves:
-            self._pair(http, half, is_plain, asked, asked_for, parts)
-
     def _asked(self, http: HttpMessages, asked_for: AskedFor) -> I64:
         """Return what each message asks for, 0 of all that are no whole requests."""
         asking, forms, data = self._asking, http.forms, http.data
         asked = np.zeros(len(http), np.int64)
-        last, number = b"", 0
+        last, last_place, number = b"", -1, 0
         rows = np.flatnonzero((http.stream & 1) == int(Side.CLIENT))
         numbers = []
         for place, start in zip(http.form[rows].tolist(), http.start[rows].tolist(), strict=True):
+            # Of one form, bodies are of one length; to compare them where they lie is faster than to cut them out.
+            if place == last_place and data.startswith(last, start):
+                numbers.append(number)
+                continue
             form = forms[place]
             body = None
             if form.what is What.WHOLE and form.head is not None:
@@ -137,41 +117,10 @@ class Exchanges:
                 continue
             if body != last:
                 last, number = body, asked_for.number(asking.by_body(body))
+            last_place = -1 if form.is_coded else place
             numbers.append(number)
         asked[rows] = numbers
         return asked
-
-    def _merged(self, http: HttpMessages, asked: I64, asked_for: AskedFor, rows: I64) -> Said:
-        """Take what happens in connections, one after the other in its order; return what is to be told."""
-        rows = rows[np.lexsort((http.order[rows], http.stream[rows] >> 1))]
-        sources = (rows, http.stream[rows], http.form[rows], asked[rows], http.order[rows], http.arrival_ns[rows])
-        happened: list[Happened] = []
-        tell, forms, asks = happened.append, http.forms, asked_for.asks
-        conversation = Conversation(-1)
-        met: list[Conversation] = []
-        for row, stream, form, ask, at, arrival_ns in zip(*(column.tolist() for column in sources), strict=True):
-            if stream >> 1 != conversation.connection:
-                number = stream >> 1
-                conversation = self._conversations.setdefault(number, Conversation(number))
-                met.append(conversation)
-            if stream & 1:
-                conversation.take_from_server(forms[form], at, arrival_ns, row, tell)
-            else:
-                conversation.take_from_client(forms[form], asks[ask], at, arrival_ns, row, tell)
-        for conversation in met:
-            if conversation.left_out:
-                self._left_out[Beyond.WAITING] += conversation.left_out
-                conversation.left_out = 0
-        table = [
-            (
-                int(one.kind), one.connection, one.order, one.message, asked_for.number(one.asked), one.latency_ns,
-                one.asked_frame, one.gap_bytes, one.opens,
-            )
-            for one in happened
-        ]  # fmt: skip
-        columns: Any = list(np.array(table, np.int64).reshape(-1, len(Said.__match_args__)).T)
-        columns[-1] = columns[-1] > 0
-        return Said(*columns)
 
     def _told(
         self, http: HttpMessages, said: Said, spoken: I64, pair: I64, asks: Sequence[Ask], packets: PacketBatch,

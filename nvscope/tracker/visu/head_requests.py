@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Iterable
 
 from dissectors.batch import I64
-from nvscope.tracker.visu.http_reader import Form, What
+from nvscope.tracker.visu.http_forms import Form, What
 
 
 class HeadRequests:

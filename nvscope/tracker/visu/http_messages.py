@@ -15,7 +15,8 @@ from dissectors.http import Side
 from nvscope.engine.runs import runs_of
 from nvscope.tracker.pieces import ANEW, IN_STEP, Brought, PieceKind
 from nvscope.tracker.visu.head_requests import HeadRequests
-from nvscope.tracker.visu.http_reader import END_OF_HEAD, Form, Forms, HttpReader
+from nvscope.tracker.visu.http_forms import Form, Forms
+from nvscope.tracker.visu.http_reader import END_OF_HEAD, HttpReader
 from nvscope.tracker.visu.limits import MOST_HELD_BYTES
 
 _BEHIND_ALL = 1 << 62

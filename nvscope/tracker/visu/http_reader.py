@@ -5,101 +5,26 @@ What is found, and up to which byte one has to read to find it, does not depend 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from enum import IntEnum
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dissectors import http
 from dissectors.http import MOST_BODY_BYTES, MOST_HEAD_BYTES, Body, Head, Side
-from dissectors.web_protocols import WebProtocol, protocol_of_bytes
+from dissectors.web_protocols import protocol_of_bytes
 from dissectors.webvisu import Likeness, likeness
+from nvscope.tracker.visu.http_forms import Form, Forms, What
 
 if TYPE_CHECKING:
     from nvscope.tracker.visu.head_requests import HeadRequests
 
-_MOST_FORMS = 4096
 _MOST_CHUNKED_BYTES = 2 * MOST_BODY_BYTES
 END_OF_HEAD = b"\r\n\r\n"
 _ENDLESS = 1 << 62
 _POST = b"POST "
+_DIFFERING = 4
+"""So many messages that differ from those before them, and more, are followed by others that differ, too."""
 
-
-class What(IntEnum):
-    """What happens in a stream.
-
-    A message is ``WHOLE``; or ``CUT``: it is known where it ends, but not all that is in it. ``BROKEN``: the stream
-    loses step. ``BEGIN`` and ``END`` are its own, with ``ANEW`` the whole connection begins. With ``GAP``, bytes are
-    missing.
-    """
-
-    WHOLE = 0
-    CUT = 1
-    BROKEN = 2
-    BEGIN = 3
-    END = 4
-    GAP = 5
-    ANEW = 6
-
-
-@dataclass(frozen=True, slots=True)
-class Form:
-    """What messages of one form have in common; or what else happens.
-
-    ``body_bytes`` is how long the body is as it came. ``content`` is what is in it where ``is_coded``, None where that
-    is not known. ``touched``: whether what is not whole may be a request of a WebVisu page, or is in the response to
-    the first request that waits. ``answers_nobody``: what it answers was forgotten meanwhile. ``missing_bytes`` are
-    those of a gap. ``spoken`` is what a connection begins with that does not begin with HTTP.
-    """
-
-    what: What
-    head: Head | None = None
-    body_bytes: int = 0
-    content: bytes | None = None
-    is_coded: bool = False
-    touched: Likeness = Likeness.NO
-    answers_nobody: bool = False
-    missing_bytes: int = 0
-    spoken: WebProtocol | None = None
-
-
-class Forms:
-    """The forms of messages so far, and what was found of them in the data of a batch, one behind the other.
-
-    ``at`` is where the body of a message begins, of what has none where the stream is; below 0, ``~at`` is a piece.
-    ``form`` is a place in ``forms``, of which ``body_bytes`` are known by place. ``known`` are the heads by side of
-    which nothing more is to be known to read a message. ``late`` is up to where one had to read to find some, by place
-    in ``at``: those that lie in what was taken for another message at first.
-    """
-
-    BEGIN, END, ANEW = 0, 1, 2
-
-    def __init__(self) -> None:
-        self.at: list[int] = []
-        self.form: list[int] = []
-        self.late: dict[int, int] = {}
-        self._clear()
-
-    def _clear(self) -> None:
-        self.forms = [Form(What.BEGIN), Form(What.END), Form(What.ANEW)]
-        self.body_bytes = [0] * len(self.forms)
-        self.known: tuple[dict[bytes, int], dict[bytes, int]] = ({}, {})
-
-    def renew(self) -> None:
-        """Forget what was found, and all forms where there are too many."""
-        self.at, self.form, self.late = [], [], {}
-        if len(self.forms) > _MOST_FORMS:
-            self._clear()
-
-    def add(self, form: Form) -> int:
-        """Return the number of a new form."""
-        self.forms.append(form)
-        self.body_bytes.append(form.body_bytes)
-        return len(self.forms) - 1
-
-    def tell(self, at: int, form: Form) -> None:
-        """Note that something was found."""
-        self.at.append(at)
-        self.form.append(self.add(form))
+_AT_A_TIME = 16
 
 
 class HttpReader:
@@ -155,6 +80,8 @@ class HttpReader:
         plain = self.requests is None and not self._answers_nobody
         self._known_at = known_at = 0
         self._found_before = len(found.at)
+        # Pages poll with the same request again and again; replies seldom are the same.
+        differing = 0 if self.side is Side.CLIENT else _DIFFERING
         while begin < end:
             if self._seeks:
                 start = http.start_of_message(data, begin, end, self.side)
@@ -185,6 +112,13 @@ class HttpReader:
             tell_at(head_end)
             tell_form(number)
             self._answers_head = None
+            if differing < _DIFFERING and behind >= known_at:
+                length = behind - begin
+                count = _count_same(data, begin, behind, end)
+                found.at.extend(range(head_end + length, head_end + count * length + 1, length))
+                found.form.extend([number] * count)
+                differing = 0 if count else differing + 1
+                behind += count * length
             begin = behind
         self.rest = data[begin:end] if not self._passes else b""
         self._is_first = self._is_first and len(found.at) == self._found_before and not self._passes
@@ -378,3 +312,18 @@ class HttpReader:
             self.requests.forget(at)
         found.at.append(at)
         found.form.append(Forms.END)
+
+
+def _count_same(data: bytes, begin: int, behind: int, end: int) -> int:
+    """Return how many messages follow one, up to ``end``, that are the same; it lies from ``begin`` to ``behind``."""
+    length = behind - begin
+    most = (end - behind) // length
+    message = data[begin:behind]
+    if not most or not data.startswith(message, behind):
+        return 0
+    count, several = 1, message * _AT_A_TIME
+    while count + _AT_A_TIME <= most and data.startswith(several, behind + count * length):
+        count += _AT_A_TIME
+    while count < most and data.startswith(message, behind + count * length):
+        count += 1
+    return count

@@ -13,17 +13,14 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from dissectors.columns import Columns
-from nvscope.engine.runs import distinct, runs_of
+from nvscope.engine.runs import distinct
 from nvscope.tracker.pieces import ORDER_BITS
 from nvscope.tracker.visu.asking import Ask
 from nvscope.tracker.visu.conversation import Conversation, Waiting
+from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.http_messages import HttpMessages
-from nvscope.tracker.visu.http_reader import Form, What
 from nvscope.tracker.visu.limits import MOST_WAITING
 from nvscope.tracker.visu.messages import Kind
-
-FEW = 16
-"""So many messages of a connection take as long one after the other as at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +48,15 @@ class AskedFor:
     def __init__(self, nothing: Ask) -> None:
         self.asks = [nothing]
         self._numbers: dict[Ask, int] = {nothing: 0}
+        self._are_requests = np.zeros(1, np.bool_)
+
+    def are_requests(self) -> Bool:
+        """Tell by number which ask for variables."""
+        known = len(self._are_requests)
+        if known < len(self.asks):
+            new = [ask.request is not None for ask in self.asks[known:]]
+            self._are_requests = np.append(self._are_requests, new)
+        return self._are_requests
 
     def number(self, ask: Ask) -> int:
         """Return the number of what is asked for."""
@@ -59,31 +65,6 @@ class AskedFor:
             number = self._numbers[ask] = len(self.asks)
             self.asks.append(ask)
         return number
-
-
-def take_plain(
-    http: HttpMessages, rows: I64, is_plain: Bool, asked: I64, asked_for: AskedFor,
-    conversations: dict[int, Conversation],
-) -> tuple[Bool, list[Said]]:  # fmt: skip
-    """Pair the messages of connections that are plain; return which ones these are, and what is to be told.
-
-    ``rows`` are messages by stream, and in each in its order; ``is_plain`` is of all (``plain_rows``).
-    """
-    taken = np.zeros(len(rows), np.bool_)
-    stream = http.stream[rows]
-    start, stop = runs_of(stream >> 1)
-    wanted = (stop - start >= FEW) & np.logical_and.reduceat(is_plain[rows], start)
-    said = []
-    for begin, end in zip(start[wanted].tolist(), stop[wanted].tolist(), strict=True):
-        conversation = conversations.get(int(stream[begin] >> 1))
-        if conversation is None or not conversation.is_visu:
-            continue
-        middle = begin + int(np.searchsorted(stream[begin:end] & 1, 1))
-        found = _paired(http, asked, asked_for, conversation, rows[begin:middle], rows[middle:end])
-        if found is not None:
-            taken[begin:end] = True
-            said.append(found)
-    return taken, said
 
 
 def plain_rows(http: HttpMessages, asked: I64, asks: Sequence[Ask]) -> Bool:
@@ -102,10 +83,13 @@ def _is_plain(form: Form) -> bool:
     return not form.head.is_interim and form.head.method != "HEAD"
 
 
-def _paired(
+def paired(
     http: HttpMessages, asked: I64, asked_for: AskedFor, conversation: Conversation, asks: I64, answers: I64
 ) -> Said | None:
-    """Pair the requests of a connection with its replies, both rows of messages; None where these are not in turn."""
+    """Pair the requests of a connection with its replies, both rows of messages; None where these are not in turn.
+
+    All of them are plain (``plain_rows``), and the connection is one of a WebVisu page.
+    """
     waiting = conversation.waiting
     if conversation.beyond or any(one.asked.is_list or one.is_head for one in waiting):
         return None
@@ -123,7 +107,7 @@ def _paired(
     waiting.clear()
     for number, at, time_ns in zip(*(column[replies:].tolist() for column in (own, order, arrival_ns)), strict=True):
         waiting.append(Waiting(asked_for.asks[number], at, time_ns))
-    is_request = np.array([ask.request is not None for ask in asked_for.asks], np.bool_)
+    is_request = asked_for.are_requests()
     requests = asks[is_request[asked[asks]]]
     answered = np.flatnonzero(is_request[own[:replies]])
     count = len(requests) + len(answered)

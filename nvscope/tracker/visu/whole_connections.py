@@ -11,8 +11,8 @@ from dissectors.batch import I64, Bool
 from nvscope.engine.runs import runs_of
 from nvscope.tracker.pieces import ORDER_BITS
 from nvscope.tracker.visu.conversation import Conversation
+from nvscope.tracker.visu.http_forms import What
 from nvscope.tracker.visu.http_messages import HttpMessages
-from nvscope.tracker.visu.http_reader import What
 from nvscope.tracker.visu.limits import MOST_WAITING
 from nvscope.tracker.visu.messages import Kind
 from nvscope.tracker.visu.plain_exchanges import AskedFor, Said
@@ -49,8 +49,7 @@ def take_whole(
     if early.any():
         whole[group[ask[early]]] = False
         ask, answer = ask[whole[group[ask]]], answer[whole[group[answer]]]
-    is_request = np.array([one.request is not None for one in asked_for.asks], np.bool_)
-    own = is_request[asked[ask]]
+    own = asked_for.are_requests()[asked[ask]]
     ask, answer = ask[own], answer[own]
     opens = np.ones(len(ask), np.bool_)
     opens[1:] = np.diff(group[ask]) != 0

@@ -16,8 +16,8 @@ from dissectors.claims import Claims
 from dissectors.link import peel
 from nvscope.capture.open import open_source
 from nvscope.tracker.streams import Streams
+from nvscope.tracker.visu.http_forms import What
 from nvscope.tracker.visu.http_messages import HttpStreams
-from nvscope.tracker.visu.http_reader import What
 from tests.capture.live.network import Host, cable, needs_namespaces
 from tests.capture.live.test_ring import wait_for_ring
 from tests.cli.test_visu_between_hosts import captured

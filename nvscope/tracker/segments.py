@@ -1,0 +1,69 @@
+"""Segments: those of TCP connections as a table by stream, and where each stream is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dissectors.batch import I64, Bool
+from dissectors.columns import Columns
+from nvscope.engine.keyed_columns import KeyedColumns
+
+FAR = 1 << 30
+"""What is farther from where a stream is does not belong to it: no window is wider (RFC 7323, section 2.3)."""
+
+WRAP, HALF = 1 << 32, 1 << 31
+"""How many sequence numbers there are, and half as many."""
+
+
+class StreamColumns(KeyedColumns):
+    """One row a stream: where it is.
+
+    ``next`` is the sequence number of its next byte, ``first`` that of its first one, -1 before it has begun;
+    ``acknowledged`` the highest one that the other end has acknowledged, -1 before it has. ``waits``: something
+    is kept of it. ``latest_ns`` is the latest time of what came of it.
+    """
+
+    begun: Bool
+    ended: Bool
+    waits: Bool
+    next: I64
+    first: I64
+    acknowledged: I64
+    latest_ns: I64
+    COLUMNS: ClassVar = {
+        **dict.fromkeys(("begun", "ended", "waits"), (np.bool_(False), 1)),
+        "next": (np.int64(0), 1), "first": (np.int64(-1), 1), "acknowledged": (np.int64(-1), 1),
+        "latest_ns": (np.int64(0), 1),
+    }  # fmt: skip
+
+    def reset(self) -> None:
+        """Make all rows what they are at the start."""
+        for name, (initial, _) in self.COLUMNS.items():
+            getattr(self, name)[:] = initial
+
+
+@dataclass(frozen=True, slots=True)
+class Segments(Columns):
+    """Segments by stream, those of one stream in the order of the capture; columns of int64, shape (n,).
+
+    ``payload`` is an offset in the batch's buffer.
+    """
+
+    stream: I64
+    sequence: I64
+    acknowledgement: I64
+    flags: I64
+    payload: I64
+    payload_bytes: I64
+    captured_bytes: I64
+    frame: I64
+    time_ns: I64
+
+    def tuples(self, start: int, stop: int) -> Iterator[tuple[int, ...]]:
+        """Return the columns of some of them, one after the other."""
+        columns = (getattr(self, name)[start:stop].tolist() for name in Segments.__match_args__)
+        return zip(*columns, strict=True)

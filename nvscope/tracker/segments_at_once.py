@@ -1,0 +1,239 @@
+"""Segments at once: put in order as columns, as far as nothing is missing, late, or begins anew.
+
+All segments of a batch are laid along their streams as if nothing were peculiar. That counts for those in front of the
+first peculiar one of a connection, and again behind it, once the connection is where it would have been without.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dissectors.batch import I64, Bool
+from dissectors.headers import ACK, FIN, RST, SYN
+from nvscope.engine.runs import runs_of
+from nvscope.tracker.pieces import ANEW, IN_STEP, ORDER_BITS, Order, PieceKind, Pieces
+from nvscope.tracker.segments import FAR, HALF, WRAP, Segments, StreamColumns
+from nvscope.tracker.segments_in_turn import FORGOTTEN_NS
+
+NEVER = int(np.iinfo(np.int64).max)
+
+_APART = 1 << 34
+_LATE = NEVER - FORGOTTEN_NS
+
+
+class SegmentsAtOnce:
+    """The segments of some connections within some time, along their streams; ``streams`` are the state of all.
+
+    ``is_peculiar`` tells which segments are, ``since`` by connection from which frame on something is, ``NEVER`` where
+    nothing is: -1 where something was kept before. A stream's places are counted from where it was.
+    """
+
+    def __init__(self, rows: Segments, carrying: Bool, streams: StreamColumns) -> None:
+        self._streams = streams
+        self._rows = rows
+        self._whole = whole = rows if carrying.all() else rows.take(carrying)
+        self._start, self._stop = start, _ = runs_of(whole.stream)
+        self._stream = stream = whole.stream[start]
+        self._first_frame = np.full(len(streams), NEVER)
+        self._first_frame[stream] = whole.frame[start]
+        self._syn, self._fin = (whole.flags & SYN) >> 1, whole.flags & FIN
+        self._base = np.where(streams.begun[stream], streams.next[stream], whole.sequence[start])
+        self._own = np.zeros(len(whole), np.bool_)
+        self._began = np.empty((2, 0), np.int64)
+        peculiar = self._lay_along()
+        peculiar |= whole.captured_bytes < whole.payload_bytes
+        self._mark_behind_ends(peculiar)
+        self._mark_begins(peculiar)
+        brings = self._rises & ((whole.payload_bytes > 0) | (self._fin > 0))
+        self._brought_ns = np.where(brings, whole.time_ns, 0)
+        self._latest = self._latest_of_all()
+        self.is_peculiar = (rows.flags & RST) != 0
+        if peculiar.any():
+            self.is_peculiar[np.flatnonzero(carrying)[peculiar]] = True
+        self._mark_forgotten()
+        self.since = self._since()
+
+    def _lay_along(self) -> Bool:
+        """Find out where segments lie along their streams; return in front of which something is missing."""
+        whole, start = self._whole, self._start
+        step = np.empty(len(whole), np.int64)
+        step[1:] = np.diff(whole.sequence)
+        step[start] = whole.sequence[start] - self._base
+        step = (step + HALF) % WRAP - HALF
+        length = self._stop - start
+        along = np.cumsum(step)
+        along -= np.repeat(along[start] - step[start], length)
+        far: Bool = (np.abs(step) >= FAR) | (np.abs(along) >= FAR)
+        end = np.clip(along, -FAR, FAR) + self._syn + whole.payload_bytes + self._fin
+        apart = np.repeat(np.arange(len(start)) * _APART, length)
+        top = np.maximum.accumulate(np.maximum(end, 0) + apart) - apart
+        before = np.empty(len(whole), np.int64)
+        before[1:] = top[:-1]
+        before[start] = 0
+        self._along, self._end, self._top, self._before = along, end, top, before
+        self._rises = end > before
+        far |= along > before
+        return far
+
+    def _mark_behind_ends(self, peculiar: Bool) -> None:
+        """Mark what comes behind the end of a stream."""
+        start, stop, rises = self._start, self._stop, self._rises
+        beyond = self._streams.ended[self._stream] & (self._top[stop - 1] > 0)
+        if beyond.any():
+            peculiar |= rises & np.repeat(beyond, stop - start)
+        self._ends = ends = np.flatnonzero((self._fin > 0) & rises)
+        run = np.searchsorted(start, ends, side="right") - 1
+        early = self._end[ends] < self._top[stop[run] - 1]
+        if early.any():
+            ends, run = ends[early], run[early]
+            rising = np.flatnonzero(rises)
+            peculiar[rising[np.searchsorted(rising, ends, side="right")]] = True
+
+    def _mark_forgotten(self) -> None:
+        """Mark what comes long after its connection has ended, be it among these segments."""
+        streams, rows = self._streams, self._rows
+        end_ns = np.where(streams.column("ended"), streams.column("latest_ns"), _LATE)
+        # Assigned backwards, so that the first end of a stream is what stays.
+        ends = self._ends[::-1]
+        end_ns[self._whole.stream[ends]] = self._latest[ends]
+        end_ns = np.maximum(end_ns[0::2], end_ns[1::2])
+        if int(end_ns.min()) < int(rows.time_ns.max()) - FORGOTTEN_NS:
+            self.is_peculiar |= rows.time_ns > end_ns[rows.stream >> 1] + FORGOTTEN_NS
+
+    def _mark_begins(self, peculiar: Bool) -> None:
+        """Mark each SYN that is not the first thing of its connection, or its answer."""
+        streams, syn = self._streams, np.flatnonzero(self._syn)
+        stream, flags, frame = (column[syn] for column in (self._whole.stream, self._whole.flags, self._whole.frame))
+        is_first = (frame == self._first_frame[stream]) & ~streams.begun[stream]
+        answers = (flags & ACK) != 0
+        by_server = (stream & 1) == 1
+        alone = ~streams.begun[stream ^ 1] & (self._first_frame[stream ^ 1] > frame)
+        peculiar[syn[~(is_first & (by_server == answers) & (answers | alone))]] = True
+
+    def _since(self) -> I64:
+        waits = self._streams.column("waits")
+        since = np.where(waits[0::2] | waits[1::2], -1, NEVER)
+        place = np.flatnonzero(self.is_peculiar)
+        np.minimum.at(since, self._rows.stream[place] >> 1, self._rows.frame[place])
+        return since
+
+    def _latest_of_all(self) -> I64:
+        """Return the latest time of what streams bring, up to each of their segments; 0 is the time of no such one."""
+        time_ns, start, stop, streams = self._brought_ns, self._start, self._stop, self._streams
+        known = np.where(streams.begun[self._stream], streams.latest_ns[self._stream], 0)
+        falls = np.zeros(len(time_ns), np.bool_)
+        falls[1:] = time_ns[1:] < time_ns[:-1]
+        falls[start] = time_ns[start] < known
+        latest = time_ns.copy()
+        runs = np.searchsorted(start, np.flatnonzero(falls), side="right") - 1
+        for run in sorted(set(runs.tolist())):
+            own = slice(int(start[run]), int(stop[run]))
+            latest[own] = np.maximum(np.maximum.accumulate(time_ns[own]), known[run])
+        return latest
+
+    def take_up_to(self, since: I64) -> Bool:
+        """Take the segments in front of a frame, by connection, none of which is peculiar; return which these are."""
+        whole, rows, streams, start = self._whole, self._rows, self._streams, self._start
+        is_taken: Bool = rows.frame < since[rows.stream >> 1]
+        was_begun = streams.column("begun")[0::2] | streams.column("begun")[1::2]
+        first = np.where(was_begun, 0, np.minimum(self._first_frame[0::2], self._first_frame[1::2]))
+        told = is_taken & ((rows.flags & ACK) != 0) & (rows.frame >= first[rows.stream >> 1])
+        self._note_acknowledged(rows.stream[told] ^ 1, rows.acknowledgement[told])
+        if not len(whole):
+            return is_taken
+        self._own = own = whole.frame < since[whole.stream >> 1]
+        count = np.add.reduceat(own, start, dtype=np.int64)
+        run = np.flatnonzero(count)
+        last, moved = (start + count - 1)[run], self._stream[run]
+        new = run[~streams.begun[moved]]
+        begins, partner = start[new], self._stream[new] ^ 1
+        anew = ~streams.begun[partner] & (self._first_frame[partner] > whole.frame[begins])
+        self._began = np.stack([begins, self._syn[begins] * IN_STEP | anew * ANEW])
+        streams.first[self._stream[new]] = (whole.sequence[begins] + self._syn[begins]) % WRAP
+        streams.next[moved] = (self._base[run] + self._top[last]) % WRAP
+        streams.begun[moved] = True
+        streams.latest_ns[moved] = self._latest[last]
+        streams.ended[whole.stream[self._ends[own[self._ends]]]] = True
+        return is_taken
+
+    def fits(self, connection: int, frame: int) -> bool:
+        """Tell whether a connection is in front of a frame where it would be if nothing had been peculiar."""
+        streams = self._streams
+        if streams.ended[2 * connection] and streams.ended[2 * connection + 1]:
+            return False
+        for stream, run in self._runs_of(connection):
+            place = self._place(run, frame)
+            if place == self._stop[run]:
+                continue
+            if streams.ended[stream] or not streams.begun[stream]:
+                return False
+            if streams.next[stream] != (self._base[run] + self._before[place]) % WRAP:
+                return False
+        return True
+
+    def take_between(self, segments: Segments, start: int, stop: int) -> None:
+        """Take some segments of a connection that fits, by frame, among which nothing is peculiar."""
+        streams, part = self._streams, slice(start, stop)
+        stream, told = segments.stream[part], segments.acknowledgement[part]
+        tells = (segments.flags[part] & ACK) != 0
+        for side in (0, 1):
+            own = tells & ((stream & 1) == side)
+            self._note_acknowledged(stream[own] ^ 1, told[own])
+        first, last = int(segments.frame[start]), int(segments.frame[stop - 1])
+        for number, run in self._runs_of(int(stream[0]) >> 1):
+            start, stop = self._place(run, first), self._place(run, last + 1)
+            if start == stop:
+                continue
+            span = slice(start, stop)
+            self._own[span] = True
+            known = streams.latest_ns[number]
+            self._latest[span] = np.maximum.accumulate(np.maximum(self._brought_ns[span], known))
+            streams.latest_ns[number] = self._latest[stop - 1]
+            streams.next[number] = (self._base[run] + self._top[stop - 1]) % WRAP
+            streams.ended[number] = ((self._fin[span] > 0) & self._rises[span]).any()
+
+    def _runs_of(self, connection: int) -> list[tuple[int, int]]:
+        """Return the streams of a connection that carry something, and their runs."""
+        first, last = np.searchsorted(self._stream, (2 * connection, 2 * connection + 2)).tolist()
+        return [(int(self._stream[run]), run) for run in range(first, last)]
+
+    def _place(self, run: int, frame: int) -> int:
+        """Return which one of a stream's segments is the first that is not in front of a frame."""
+        start, stop = int(self._start[run]), int(self._stop[run])
+        return start + int(np.searchsorted(self._whole.frame[start:stop], frame))
+
+    def told(self) -> Pieces:
+        """Return what the segments bring that were taken."""
+        whole = self._whole
+        order = whole.frame << ORDER_BITS | int(Order.OWN)
+        begin = np.maximum(self._along + self._syn, self._before)
+        skipped = begin - self._along - self._syn
+        size = whole.payload_bytes - skipped
+        data = np.flatnonzero(self._own & (size > 0))
+        ends = self._ends[self._own[self._ends]]
+        begins, begun_as = self._began
+
+        def made(kind: PieceKind, place: I64, start: I64, size: I64) -> Pieces:
+            kinds = np.full(len(place), int(kind))
+            return Pieces(whole.stream[place], kinds, start, size, order[place], self._latest[place])
+
+        pieces = made(PieceKind.DATA, data, (whole.payload + skipped)[data], size[data])
+        if not (len(begins) or len(ends)):
+            return pieces
+        nothing = np.zeros(max(len(begins), len(ends)), np.int64)
+        return Pieces.stacked([
+            made(PieceKind.BEGIN, begins, nothing[: len(begins)], begun_as), pieces,
+            made(PieceKind.END, ends, nothing[: len(ends)], nothing[: len(ends)]),
+        ])  # fmt: skip
+
+    def _note_acknowledged(self, stream: I64, told: I64) -> None:
+        """Note what the receivers of streams have acknowledged, all of one stream together."""
+        streams = self._streams
+        start, stop = runs_of(stream)
+        if not len(start):
+            return
+        known = streams.acknowledged[stream[start]]
+        first = np.where(known < 0, told[start], known)
+        ahead = (told - np.repeat(first, stop - start) + HALF) % WRAP - HALF
+        most = np.maximum(np.maximum.reduceat(ahead, start), 0)
+        streams.acknowledged[stream[start]] = (first + most) % WRAP

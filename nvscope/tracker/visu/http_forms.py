@@ -1,0 +1,90 @@
+"""HTTP forms: what messages that are read alike have in common, and what else happens in a stream."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+from dissectors.http import Head
+from dissectors.web_protocols import WebProtocol
+from dissectors.webvisu import Likeness
+
+_MOST_FORMS = 4096
+
+
+class What(IntEnum):
+    """What happens in a stream.
+
+    A message is ``WHOLE``; or ``CUT``: it is known where it ends, but not all that is in it. ``BROKEN``: the stream
+    loses step. ``BEGIN`` and ``END`` are its own, with ``ANEW`` the whole connection begins. With ``GAP``, bytes are
+    missing.
+    """
+
+    WHOLE = 0
+    CUT = 1
+    BROKEN = 2
+    BEGIN = 3
+    END = 4
+    GAP = 5
+    ANEW = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """What messages of one form have in common; or what else happens.
+
+    ``body_bytes`` is how long the body is as it came. ``content`` is what is in it where ``is_coded``, None where that
+    is not known. ``touched``: whether what is not whole may be a request of a WebVisu page, or is in the response to
+    the first request that waits. ``answers_nobody``: what it answers was forgotten meanwhile. ``missing_bytes`` are
+    those of a gap. ``spoken`` is what a connection begins with that does not begin with HTTP.
+    """
+
+    what: What
+    head: Head | None = None
+    body_bytes: int = 0
+    content: bytes | None = None
+    is_coded: bool = False
+    touched: Likeness = Likeness.NO
+    answers_nobody: bool = False
+    missing_bytes: int = 0
+    spoken: WebProtocol | None = None
+
+
+class Forms:
+    """The forms of messages so far, and what was found of them in the data of a batch, one behind the other.
+
+    ``at`` is where the body of a message begins, of what has none where the stream is; below 0, ``~at`` is a piece.
+    ``form`` is a place in ``forms``, of which ``body_bytes`` are known by place. ``known`` are the heads by side of
+    which nothing more is to be known to read a message. ``late`` is up to where one had to read to find some, by place
+    in ``at``: those that lie in what was taken for another message at first.
+    """
+
+    BEGIN, END, ANEW = 0, 1, 2
+
+    def __init__(self) -> None:
+        self.at: list[int] = []
+        self.form: list[int] = []
+        self.late: dict[int, int] = {}
+        self._clear()
+
+    def _clear(self) -> None:
+        self.forms = [Form(What.BEGIN), Form(What.END), Form(What.ANEW)]
+        self.body_bytes = [0] * len(self.forms)
+        self.known: tuple[dict[bytes, int], dict[bytes, int]] = ({}, {})
+
+    def renew(self) -> None:
+        """Forget what was found, and all forms where there are too many."""
+        self.at, self.form, self.late = [], [], {}
+        if len(self.forms) > _MOST_FORMS:
+            self._clear()
+
+    def add(self, form: Form) -> int:
+        """Return the number of a new form."""
+        self.forms.append(form)
+        self.body_bytes.append(form.body_bytes)
+        return len(self.forms) - 1
+
+    def tell(self, at: int, form: Form) -> None:
+        """Note that something was found."""
+        self.at.append(at)
+        self.form.append(self.add(form))

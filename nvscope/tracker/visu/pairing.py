@@ -1,0 +1,124 @@
+"""Pairing: which reply answers which request, message by message around what is peculiar, and all at once between."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from typing import Any
+
+import numpy as np
+
+from dissectors.batch import I64, Bool
+from nvscope.engine.runs import runs_of, stable_order
+from nvscope.tracker.visu.conversation import Conversation, Happened
+from nvscope.tracker.visu.http_messages import HttpMessages
+from nvscope.tracker.visu.plain_exchanges import AskedFor, Said, paired
+
+_FEW = 16
+"""So many messages of a connection take as long one after the other as at once."""
+
+_LEAST = 4
+"""Twice as many of a connection go in turn at a time, at least."""
+
+_MANY = 1 << 12
+"""No more are looked at, so that little is looked at in vain where a reply is too many again and again."""
+
+
+class Pairing:
+    """The messages of a batch; ``is_plain`` is as in ``plain_rows``, ``asked`` as in ``Said``.
+
+    ``conversations`` are the state of connections. ``left_out`` are the requests so far for which there was no room.
+    """
+
+    def __init__(
+        self, http: HttpMessages, is_plain: Bool, asked: I64, asked_for: AskedFor,
+        conversations: dict[int, Conversation],
+    ) -> None:  # fmt: skip
+        self._http = http
+        self._is_plain = is_plain
+        self._asked, self._asked_for = asked, asked_for
+        self._conversations = conversations
+        self._happened: list[Happened] = []
+        self.left_out = 0
+
+    def pair(self, rows: I64) -> list[Said]:
+        """Take messages, all of their connections, by stream and in each in its order; return what is to be told."""
+        rows = rows[np.argsort(self._http.order[rows], kind="stable")]
+        connection = self._http.stream[rows] >> 1
+        in_order = stable_order(connection, int(connection.max(initial=0)) + 1)
+        rows, connection = rows[in_order], connection[in_order]
+        peculiar = np.flatnonzero(~self._is_plain[rows]).tolist()
+        said: list[Said] = []
+        start, stop = runs_of(connection)
+        for number, *run in zip(*(column.tolist() for column in (connection[start], start, stop)), strict=True):
+            conversation = self._conversations.setdefault(number, Conversation(number))
+            self._take(conversation, rows, run, peculiar, said)
+            self.left_out += conversation.left_out
+            conversation.left_out = 0
+        said.append(self._said())
+        return said
+
+    def _take(
+        self, conversation: Conversation, rows: I64, run: list[int], peculiar: list[int], said: list[Said]
+    ) -> None:  # fmt: skip
+        """Take the messages of a connection, in their order; add what is said at once."""
+        begin, end = run
+        least = _LEAST
+        while begin < end:
+            if conversation.is_visu and end - begin >= _FEW:
+                place = bisect_left(peculiar, begin)
+                stop = min(peculiar[place] if place < len(peculiar) else end, end, begin + _MANY)
+                stop = begin + self._in_front_of_surplus(conversation, rows[begin:stop])
+                stop = self._with_equals(rows, begin, stop, end, -1)
+                if stop - begin >= _FEW:
+                    found = self._paired(conversation, rows[begin:stop])
+                    if found is not None:
+                        said.append(found)
+                        begin, least = stop, _LEAST
+                        continue
+            # Twice as many each time: not to be tried again and again where it does not succeed.
+            least *= 2
+            stop = self._with_equals(rows, begin, min(begin + least, end), end, 1)
+            self._take_in_turn(conversation, rows[begin:stop])
+            begin = stop
+
+    def _in_front_of_surplus(self, conversation: Conversation, rows: I64) -> int:
+        """Return how many of some messages come before a reply to which no request waits."""
+        by_server = (self._http.stream[rows] & 1) == 1
+        waiting = np.cumsum(np.where(by_server, -1, 1))
+        surplus = waiting + len(conversation.waiting) < 0
+        return int(surplus.argmax()) if surplus.any() else len(rows)
+
+    def _with_equals(self, rows: I64, begin: int, stop: int, end: int, step: int) -> int:
+        """Return a place that parts no messages of one order, for what is said is sorted by that."""
+        order = self._http.order
+        while begin < stop < end and order[rows[stop - 1]] == order[rows[stop]]:
+            stop += step
+        return stop
+
+    def _paired(self, conversation: Conversation, rows: I64) -> Said | None:
+        by_server = (self._http.stream[rows] & 1) == 1
+        asks, answers = rows[~by_server], rows[by_server]
+        return paired(self._http, self._asked, self._asked_for, conversation, asks, answers)
+
+    def _take_in_turn(self, conversation: Conversation, rows: I64) -> None:
+        http, asks, tell = self._http, self._asked_for.asks, self._happened.append
+        columns = rows, http.stream[rows], http.form[rows], self._asked[rows], http.order[rows], http.arrival_ns[rows]
+        for row, stream, form, ask, order, arrival_ns in zip(*(column.tolist() for column in columns), strict=True):
+            if stream & 1:
+                conversation.take_from_server(http.forms[form], order, arrival_ns, row, tell)
+            else:
+                conversation.take_from_client(http.forms[form], asks[ask], order, arrival_ns, row, tell)
+
+    def _said(self) -> Said:
+        """Return what was found to have happened message by message."""
+        number = self._asked_for.number
+        table = [
+            (
+                int(one.kind), one.connection, one.order, one.message, number(one.asked), one.latency_ns,
+                one.asked_frame, one.gap_bytes, one.opens,
+            )
+            for one in self._happened
+        ]  # fmt: skip
+        columns: Any = list(np.array(table, np.int64).reshape(-1, len(Said.__match_args__)).T)
+        columns[-1] = columns[-1] > 0
+        return Said(*columns)
