@@ -137,7 +137,7 @@ class ReadHops:
             for pair in compared.pairs.values():
                 add_rest(pair, until_ns)
                 if pair.reached is not None:
-                    pair.reached.end(pair.first, self._heard_ns)
+                    pair.reached.end(pair.first)
                 pair.until_ns = None
                 pair.first.forget()
             compared.end.forget()

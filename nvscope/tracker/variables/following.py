@@ -18,6 +18,9 @@ from nvscope.tracker.histograms import Histogram
 CHANGES_KEPT = 1024
 """So many changes of a variable are remembered for what follows them."""
 
+_DECIDING = 64
+"""So many values of who goes on decide on what was left when nobody listened to the other end any more."""
+
 Changed = tuple[I64, U64]
 """Times and values of changes."""
 
@@ -91,19 +94,20 @@ class Reached:
     """Which changes of the leader the follower took, too: of ``led`` that could be taken, ``reached``.
 
     A change can be taken where the follower was known, and of another value. ``taken`` has an entry for each change
-    that is remembered of the leader: whether it is no more to be waited for. ``left`` are changes, not among ``led``,
-    that were waited for when nobody listened to the leader any more: what the follower is next decides on these.
+    that is remembered of the leader: whether it is no more to be waited for. ``left`` are changes that were waited for
+    when nobody listened to the leader any more: what is told of the follower until somebody does decides on these.
     """
 
     led: int = 0
     reached: int = 0
     taken: Bool = field(default_factory=lambda: np.zeros(0, np.bool_))
     left: Changed = field(default_factory=lambda: (np.empty(0, np.int64), np.empty(0, np.uint64)))
+    _deciding: int = 0
 
     def take(self, leader: Side, led: Changed, follower: Side, new: Changed, matched: I64) -> None:
         """Take what is new at both ends; ``matched`` are the changes of the leader that were followed, as they came."""
-        if len(self.left[0]) and len(new[0]):
-            self._decide(new)
+        if len(self.left[0]):
+            self._decide(new, leader.since_ns)
         unknown = len(leader.times_ns) - len(self.taken)
         times, values = led
         fresh = np.zeros(len(times), np.bool_)
@@ -120,42 +124,43 @@ class Reached:
         self.reached += int(np.count_nonzero(taken)) - before
         self.taken = taken[-CHANGES_KEPT:]
 
-    def _decide(self, new: Changed) -> None:
-        """Take what the follower is now: the last of the changes that were left to this value was taken."""
-        times, values = self.left
-        same = np.flatnonzero((values == new[1][0]) & (times <= new[0][0]))
-        if len(same):
-            self.led += 1
-            self.reached += 1
-            self.left = np.delete(times, same[-1]), np.delete(values, same[-1])
+    def _decide(self, new: Changed, since_ns: int | None) -> None:
+        """Take what the follower is: of the changes that were left, it took the last one to its value.
+
+        Somebody listens to the leader again from ``since_ns`` on.
+        """
+        for time_ns, value in zip(*(one[: self._deciding].tolist() for one in new), strict=True):
+            times, values = self.left
+            if since_ns is not None and time_ns >= since_ns:
+                break
+            self._deciding -= 1
+            same = np.flatnonzero((values == np.uint64(value)) & (times <= time_ns))
+            if len(same):
+                self.reached += 1
+                self.left = np.delete(times, same[-1]), np.delete(values, same[-1])
+        if not self._deciding:
+            self.left = self.left[0][:0], self.left[1][:0]
 
     def missed(self, leader: Side, until_ns: int | None) -> int:
         """Return how many changes were not taken; those behind a time may still be."""
-        waiting = self._waiting(leader, until_ns)
-        left = 0 if until_ns is None else int(np.count_nonzero(self.left[0] <= until_ns))
-        return self.led - self.reached - int(np.count_nonzero(waiting)) + left
+        times, _ = self._waiting(leader)
+        waiting = np.append(self.left[0], times)
+        open_ = 0 if until_ns is None else int(np.count_nonzero(waiting > until_ns))
+        return self.led - self.reached - open_
 
-    def _waiting(self, leader: Side, until_ns: int | None) -> Bool:
-        """Tell which of the remembered changes may still be taken: those behind a time."""
-        times = leader.times_ns[-len(self.taken) :] if len(self.taken) else leader.times_ns[:0]
-        waiting: Bool = ~self.taken[-len(times) :] if len(times) else self.taken[:0].copy()
-        if until_ns is None:
-            waiting[:] = False
-        else:
-            waiting &= times > until_ns
-        return waiting
+    def _waiting(self, leader: Side) -> Changed:
+        """Return the remembered changes that were not taken."""
+        known = min(len(self.taken), len(leader.times_ns))
+        waiting = ~self.taken[len(self.taken) - known :]
+        times, values = leader.times_ns, leader.values
+        return times[len(times) - known :][waiting], values[len(values) - known :][waiting]
 
-    def end(self, leader: Side, until_ns: int | None) -> None:
+    def end(self, leader: Side) -> None:
         """Begin anew: nobody listens to the leader any more. Those who tell of the follower may go on."""
-        waiting = self._waiting(leader, until_ns)
-        missed = self.missed(leader, until_ns)
-        known = len(waiting)
-        still = np.zeros(len(self.left[0]), np.bool_) if until_ns is None else self.left[0] > until_ns
-        left_ns, left = self.left
-        times, values = leader.times_ns[len(leader.times_ns) - known :], leader.values[len(leader.values) - known :]
-        left_ns, left = np.append(left_ns[still], times[waiting]), np.append(left[still], values[waiting])
-        self.left = left_ns[-CHANGES_KEPT:], left[-CHANGES_KEPT:]
-        self.led, self.taken = self.reached + missed, self.taken[:0]
+        times, values = self._waiting(leader)
+        left_ns, left = np.append(self.left[0], times), np.append(self.left[1], values)
+        self.left, self.taken = (left_ns[-CHANGES_KEPT:], left[-CHANGES_KEPT:]), self.taken[:0]
+        self._deciding = _DECIDING
 
 
 AnySide = TypeVar("AnySide", bound=Side)
