@@ -130,6 +130,15 @@ def test_no_time_between_changes_is_told_across_a_loss(tmp_path: Path) -> None:
     assert "1 row says that data was lost before (ConsistentDataSeries 0)" in done.stderr
 
 
+def test_no_time_between_changes_is_told_across_rows_that_are_gone(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "x.db", [("a", "INT")], [Row(10 * at, (at,)) for at in range(50)])
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("DELETE FROM log_1 WHERE rowid BETWEEN 20 AND 40 OR rowid < 5")
+        database.commit()
+    (row,) = as_json("vars", path, "--history", "a")["logged_variables"]
+    assert (row["rows"], row["changes"], row["longest_ns"]) == (25, 24, 10_000_000)
+
+
 def test_a_logger_that_begins_anew_has_missed_what_was_between(tmp_path: Path) -> None:
     path = tmp_path / "x.db"
     variables = [("a", "INT"), ("b", "INT")]

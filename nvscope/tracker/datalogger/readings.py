@@ -1,8 +1,9 @@
 """Readings of databases: the values that their rows hold.
 
 NULL is no value: where only changes are stored, it was what it had been; else nobody knows it. ConsistentDataSeries 0
-says that data was lost before a row, and all counters at 0 that the logger began anew: changes may be missing there,
-and how long a value lasted is not known.
+says that data was lost before a row, all counters at 0 that the logger began anew, and a row id that is not the next
+one that rows are missing, as where a page is damaged: changes may be missing there, and how long a value lasted is not
+known.
 """
 
 from __future__ import annotations
@@ -45,6 +46,7 @@ class ReadRows:
         self._wanted = wanted
         self._meant_of: dict[RowTable, I64] = {}
         self._stretch: dict[str, int] = {}
+        self._last_row: dict[RowTable, int] = {}
         self.missed = 0
         self._came: list[tuple[I64, I64, I64]] = []
 
@@ -61,9 +63,12 @@ class ReadRows:
     def of(self, told: Told, part: RowBatch) -> Iterator[Readings]:
         """Yield the readings of a batch, in stretches of so many that memory stays bounded."""
         tables = [
-            _TableRows(table, rows, records, self.numbers_of(table, told.max_streams), self._stretches(table, records))
+            _TableRows(
+                table, rows, records, self.numbers_of(table, told.max_streams),
+                self._stretches(table, records, part.logged.rowid[rows]),
+            )
             for table, rows, records in part.by_table()
-        ]
+        ]  # fmt: skip
         self._came = [(one.numbers, part.row[one.rows], one.stretch) for one in tables if one.table.log.only_changes]
         chosen = None if told.chosen is None else told.chosen[part.row]
         variables = max((len(one.numbers) for one in tables), default=1)
@@ -88,13 +93,16 @@ class ReadRows:
         rows, stretch = (np.concatenate([np.empty(0, np.int64), *(one[at] for one in own)]) for at in range(2))
         return rows, stretch
 
-    def _stretches(self, table: RowTable, records: Records) -> I64:
+    def _stretches(self, table: RowTable, records: Records, rowid: I64) -> I64:
         """Return numbers of rows that are the same where nothing was lost between these."""
         lost = ~consistent(records)
         if table.series not in self._stretch:
             lost[0] = False  # there is nothing before it
         self.missed += int(np.count_nonzero(lost))
         lost |= _restarts(table, records)
+        # Loggers number rows one by one, and delete the oldest alone: others that are missing cannot be read any more.
+        lost |= np.diff(rowid, prepend=self._last_row.get(table, int(rowid[0]) - 1)) > 1
+        self._last_row[table] = int(rowid[-1])
         number = self._stretch.get(table.series, 0) + np.cumsum(lost)
         self._stretch[table.series] = int(number[-1])
         return number

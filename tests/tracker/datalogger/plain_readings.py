@@ -64,23 +64,27 @@ def time_ns(text: object) -> int | None:
     return int(told.timestamp()) * 10**9 + told.microsecond * 1000
 
 
-def stored_rows(paths: Sequence[Path], table: str = "log_1") -> Iterator[tuple[list[str], tuple[Value, ...]]]:
-    """Yield the rows of a table of several files, one file after the other, with the names of the columns."""
+def stored_rows(paths: Sequence[Path], table: str = "log_1") -> Iterator[tuple[list[str], int, tuple[Value, ...]]]:
+    """Yield the rows of a table of several files, file after file, with the names of the columns and the id."""
     for path in paths:
         with closing(sqlite3.connect(path)) as database:
             names = [name for _, name, *_ in database.execute(f"PRAGMA table_info({table})")]
-            for row in database.execute(f"SELECT * FROM {table} ORDER BY rowid"):
-                yield names, row
+            for number, *row in database.execute(f"SELECT rowid, * FROM {table} ORDER BY rowid"):
+                yield names, number, tuple(row)
 
 
 def read(paths: Sequence[Path]) -> list[Variable]:
     """Return the variables of databases of one series, in the order of their columns."""
     found: dict[str, Variable] = {}
     frame = stretch = 0
-    for names, row in stored_rows(paths):
+    before: int | None = None
+    for names, number, row in stored_rows(paths):
         when = time_ns(row[0])
         if when is None:
             continue
+        # A row that is not the next one: what was between cannot be read, such as those without a time.
+        stretch += before is not None and number > before + 1
+        before = number
         frame += 1
         values = dict(zip(names[2:], row[2:], strict=True))
         counted = [name for name in values if not name.endswith(COUNT_SUFFIX)]
