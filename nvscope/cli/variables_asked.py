@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from nvscope.analysis.read_values import nothing_asked, read_source
+from nvscope.capture.datalogger.names import PREFIX, title_of
+from nvscope.capture.formats import DATABASES
 from nvscope.cli.terminal import tell
 from nvscope.errors import UsageError
 
@@ -58,8 +60,19 @@ class VariablesAsked:
             )
         return self.inquiry.nothing_defined()
 
-    def nothing_of(self, listed: str | None, read: Sequence[ReadValues]) -> UsageError | None:
-        """Return the error that there is nothing of what was asked for, where nobody told a value of it."""
+    def nothing_of(
+        self, listed: str | None, read: Sequence[ReadValues], infos: Sequence[SourceInfo] = ()
+    ) -> UsageError | None:
+        """Return the error that there is nothing of what was asked for, where nobody told a value of it.
+
+        ``infos`` are those of what was read.
+        """
+        of_databases = bool(infos) and all(info.format in DATABASES for info in infos)
+        if of_databases and self.inquiry.layouts is None and not any(one.known for one in read):
+            where = " between these times" if self.inquiry.asked else ""
+            what = "no database has a row" if len(infos) > 1 else "the database has no row"
+            next_step = "leave --from-time and --to-time out" if where else "`nvscope audit` tells what is in it"
+            return UsageError(f"{what}{where}", next_step=next_step)
         if listed is not None and read_source(listed):
             return nothing_asked(listed, [variable for one in read for variable in one.known])
         return self.nothing_defined
@@ -70,6 +83,10 @@ class VariablesAsked:
             return ()
         if listed is None and self.inquiry.layouts is None:
             return None
+        if self.inquiry.layouts is None and listed is not None:
+            titles = [title_of(path) for path in self.inquiry.paths]
+            if (title := f"{PREFIX}{listed.strip()}") in titles:
+                raise UsageError(f"no list is called {listed.strip()}", next_step=f"the database is --list {title}")
         layouts = self.inquiry.defined_layouts()
         if listed is None:
             return None

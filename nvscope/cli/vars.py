@@ -205,7 +205,7 @@ def _last_values(asked: VariablesAsked, listed: str | None) -> VariablesRead:
 
         rows = last_rows(read_ones.known, secrets=asked.secrets)
     read = [one.read for one in read_ones.known.values()]
-    if not any(rows.values()) and (problem := asked.nothing_of(listed, read)):
+    if not any(rows.values()) and (problem := asked.nothing_of(listed, read, found.infos)):
         raise problem
     layouts = asked.inquiry.layouts
     undecoded = left_out(found.state, found.values, keys) if found.values else None
@@ -318,7 +318,7 @@ def _at(asked: VariablesAsked, text: str, listed: str | None) -> VariablesRead:
 
         rows = rows_at(known, found.time_ns, secrets=asked.secrets)
     read = [one.read for one in known.values()]
-    if not any(rows.values()) and (problem := asked.nothing_of(listed, read)):
+    if not any(rows.values()) and (problem := asked.nothing_of(listed, read, found.source.infos)):
         raise problem
     asked.tell(
         at_document(

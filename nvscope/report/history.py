@@ -351,7 +351,7 @@ def render_at(
         known = [row for row in of_page if row["missing"] not in _NO_VALUE]
         lines += align(_AT, [_at_cells(row, "not yet seen") for row in known], None if wide else width, 2)
         never = [row["name"] for row in of_page if row["missing"] in _NO_VALUE]
-        lines += never_told(never, width, of_pages=of_pages)
+        lines += never_told(never, width, of_pages=of_pages, filtered=shown["filter"] is not None)
     if not groups and not has_read_rows(shown):
         lines += wrap([Cell("The definition files have no list that can be decoded.", Tone.WARNING)], width)
     return paint(lines, colour=colour)

@@ -58,7 +58,8 @@ def render(
     if shown["variables"] or has_read_rows(shown):
         parts += [absent, [*_lines(shown, width, wide, utc, names)]]
         for rows in read_rows_by_list(shown).values():
-            parts.append([*_read_lines(rows, width, wide, utc, names.get(rows[0].get("sender", ""), ""))])
+            name = names.get(rows[0].get("sender", ""), "")
+            parts.append([*_read_lines(rows, width, wide, utc, name, filtered=shown["filter"] is not None)])
     else:
         told = _nothing_told(shown["filter"], some_came, of_one_list)
         parts[0] = [*parts[0], *wrap([Cell(told, Tone.WARNING)], width)]
@@ -129,7 +130,7 @@ def read_rows_by_list(document: Mapping[str, Any]) -> Mapping[str, Sequence[Mapp
 
 
 def _read_lines(
-    rows: Sequence[Mapping[str, Any]], width: int, wide: bool, utc: bool, name: str
+    rows: Sequence[Mapping[str, Any]], width: int, wide: bool, utc: bool, name: str, *, filtered: bool
 ) -> Iterator[Line]:  # fmt: skip
     """Yield the variables of one controller or database; those that never had a value by their names."""
     of_pages = is_of_pages(rows[0])
@@ -139,7 +140,9 @@ def _read_lines(
     yield from wrap([Cell(rows[0]["list"], Tone.STRONG), Cell(told)], width)
     if known:
         yield from align(_COLUMNS, [_cells(row, utc) for row in known], None if wide else width, 2)
-    yield from never_told([row["name"] for row in rows if row["text"] is None], width, of_pages=of_pages)
+    yield from never_told(
+        [row["name"] for row in rows if row["text"] is None], width, of_pages=of_pages, filtered=filtered
+    )
 
 
 def is_of_pages(row: Mapping[str, Any]) -> bool:
@@ -147,11 +150,16 @@ def is_of_pages(row: Mapping[str, Any]) -> bool:
     return "place" in row
 
 
-def never_told(names: Sequence[str], width: int, *, of_pages: bool) -> Sequence[Line]:
-    """Return which variables never had a value, though somebody asked for it; nothing where there are none."""
+def never_told(names: Sequence[str], width: int, *, of_pages: bool, filtered: bool) -> Sequence[Line]:
+    """Return which variables never had a value, though somebody asked for it; nothing where there are none.
+
+    ``filtered``: they may have had one where a filter has left it out.
+    """
     if not names:
         return []
     told = "Never readable (???)" if of_pages else "Never a value (NULL in each row)"
+    if filtered:
+        told = "No value that could be read in what the filter chooses"
     more = f" and {units.count(len(names) - _MOST_NAMED)} more" if len(names) > _MOST_NAMED else ""
     return wrap([Cell(f"{told}: {'; '.join(names[:_MOST_NAMED])}{more}.", Tone.WARNING)], width, 2, 4)
 

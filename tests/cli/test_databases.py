@@ -405,3 +405,28 @@ def test_evidence_of_a_rule_holds_no_rows(tmp_path: Path) -> None:
     # What a rule says is said all the same.
     assert (done.returncode, [*evidence.iterdir()]) == (1, [])
     assert "rows of databases are left out of the evidence of 1 rule" in done.stderr
+
+
+def test_a_database_without_rows_is_told_as_that(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "x.db", [("a", "INT")], [])
+    done = run_text("vars", path)
+    assert (done.returncode, done.stderr.splitlines()[0]) == (2, "nvscope: the database has no row")
+    done = run_text("vars", GENUINE, "--from-time", "1h")
+    assert done.stderr.splitlines() == [
+        "nvscope: the database has no row between these times", "  leave --from-time and --to-time out",
+    ]  # fmt: skip
+
+
+def test_a_database_is_listed_with_its_prefix(tmp_path: Path) -> None:
+    done = run_text("vars", GENUINE, "--list", "genuine-5min.db")
+    assert done.stderr.splitlines() == [
+        "nvscope: no list is called genuine-5min.db", "  the database is --list db/genuine-5min.db",
+    ]  # fmt: skip
+
+
+def test_what_a_filter_leaves_out_is_not_told_as_null(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "x.db", [("a", "INT")], [Row(0, (1,)), Row(10, (2,))])
+    told = run_text("vars", path, "-Y", "db.values > 20").stdout
+    assert told.splitlines()[0] == "shown: what db.values > 20 chooses"
+    assert "No value that could be read in what the filter chooses: a." in told
+    assert "NULL" not in told

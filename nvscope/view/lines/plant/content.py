@@ -177,11 +177,14 @@ def capture_lines(report: Report, clock: Clock) -> list[list[Cell]]:
 
 
 def filter_cells(chosen: Mapping[str, Any], all_telegrams: int, besides: str = "") -> list[Cell]:
-    """Return the line that says what a filter chooses, and of how many telegrams; ``besides`` ends it."""
-    number = f"{units.count(chosen['telegrams'])} of {units.count_of(all_telegrams, 'telegram')}"
+    """Return the line that says what a filter chooses, and of how many telegrams if any; ``besides`` ends it."""
+    numbers = []
+    if all_telegrams:
+        numbers.append(f"{units.count(chosen['telegrams'])} of {units.count_of(all_telegrams, 'telegram')}")
     if "finding." in chosen["expression"]:
-        number += ", of each finding the first ten"
-    return [Cell("shown: what "), Cell(chosen["expression"], Tone.STRONG), Cell(f" chooses ({number}){besides}")]
+        numbers.append("of each finding the first ten")
+    told = f" ({', '.join(numbers)})" if numbers else ""
+    return [Cell("shown: what "), Cell(chosen["expression"], Tone.STRONG), Cell(f" chooses{told}{besides}")]
 
 
 def _lies_elsewhere(capture: Row) -> bool:
