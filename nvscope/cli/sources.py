@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
 from collections.abc import Sequence
@@ -231,6 +232,26 @@ def _files_of(recording: Recording) -> str:
     return first if first == last else f"{first} … {last}"
 
 
+def _tell_of_closed_files(infos: Sequence[SourceInfo]) -> None:
+    """Say which closed files of a series of databases lie beside the one that was read, and were not."""
+    from nvscope.capture.formats import DATABASES
+
+    databases = [info.path for info in infos if info.format in DATABASES and not info.is_live]
+    if not databases:
+        return
+    from nvscope.datalogger.database import closed_files
+    from nvscope.units import count_of
+    from nvscope.view.escape import visible
+
+    read = {os.path.realpath(path) for path in databases}
+    for path in databases:
+        beside = [other for _, other in closed_files(path) if os.path.realpath(other) not in read]
+        if beside:
+            told = f"{count_of(len(beside), 'closed file')} of its series beside it, such as {visible(beside[-1])}"
+            what = "was not named, and is not read" if len(beside) == 1 else "were not named, and are not read"
+            echo(f"nvscope: {visible(path)}: {told}, {what}.", err=True)
+
+
 def tell_of_losses(infos: Sequence[SourceInfo]) -> ExitCode:
     """Say on stderr which sources could not be read to their end, or lost something; return the exit code of that."""
     from nvscope.units import count_of
@@ -243,6 +264,7 @@ def tell_of_losses(infos: Sequence[SourceInfo]) -> ExitCode:
             echo(f"nvscope: {visible(info.path)}: no packets are in it; its topics are {told}{more}.", err=True)
         for note in info.notes:
             echo(f"nvscope: {visible(info.path)}: {visible(note)}.", err=True)
+    _tell_of_closed_files(infos)
     failed = [info for info in infos if info.failure]
     for info in failed:
         echo(f"nvscope: {visible(info.path)}: {visible(info.failure)}; this is what came until then.", err=True)

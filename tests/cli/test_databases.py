@@ -430,3 +430,13 @@ def test_what_a_filter_leaves_out_is_not_told_as_null(tmp_path: Path) -> None:
     assert told.splitlines()[0] == "shown: what db.values > 20 chooses"
     assert "No value that could be read in what the filter chooses: a." in told
     assert "NULL" not in told
+
+
+def test_closed_files_that_nobody_named_are_told(tmp_path: Path) -> None:
+    for name in ("x.db.0", "x.db.1", "x.db"):
+        write_log(tmp_path / name, [("a", "INT")], [Row(0, (1,))])
+    newest = str(tmp_path / "x.db")
+    done = run_text("vars", newest)
+    told = f"2 closed files of its series beside it, such as {newest}.1, were not named, and are not read."
+    assert done.stderr == f"nvscope: {newest}: {told}\n"
+    assert run_text("vars", newest, f"{newest}.0", f"{newest}.1").stderr == ""
