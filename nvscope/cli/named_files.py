@@ -194,11 +194,11 @@ def _holds_definitions(directory: str) -> bool:
     """Return whether something below a directory is called like a definition, or begins like one."""
     from itertools import islice
 
-    from nvscope.definition.wanted_files import files_below
+    from nvscope.definition.wanted_files import files_below, is_other_xml
 
     try:
         return any(
-            _is_file(path) and _is_worth_reading(path) and not _is_capture(path)
+            _is_file(path) and _is_worth_reading(path) and not is_other_xml(path) and not _is_capture(path)
             for path in islice(files_below(directory), _MOST_LOOKED_AT)
         )
     except OSError:

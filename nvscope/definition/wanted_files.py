@@ -30,6 +30,9 @@ _BEGIN = re.compile(
     rb"|(?i:VAR_GLOBAL|TYPE)\s|\(\*\s*@)",
     re.DOTALL,
 )
+_ROOT = re.compile(
+    rb"(?:\xef\xbb\xbf)?\s*(?:<\?xml[^>]*>\s*)?(?:<!--.*?-->\s*)*<(?:[\w.-]+:)?([\w.-]+)", re.DOTALL
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +81,16 @@ def is_worth_reading(path: str) -> bool:
             return _BEGIN.match(file.read(HEAD_BYTES)) is not None
     except (OSError, ValueError):
         return False
+
+
+def is_other_xml(path: str) -> bool:
+    """Return whether a file is XML with a root that no definition has, such as what build servers or loggers read."""
+    try:
+        with Path(path).open("rb") as file:
+            root = _ROOT.match(file.read(HEAD_BYTES))
+    except (OSError, ValueError):
+        return False
+    return root is not None and root[1] not in (b"GVL", b"TcPlcObject", b"project")
 
 
 def _files_of(text: str, base: Path | None) -> list[DefinitionFile]:

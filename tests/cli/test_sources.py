@@ -99,6 +99,15 @@ def test_a_directory_with_captures_is_a_source_and_its_definitions_are_told(tmp_
     assert nvscope("report", "day", "--gvl", "day", "-q", cwd=tmp_path).stderr == ""
 
 
+@pytest.mark.parametrize("root", ["testsuites", "DataLoggerConfigDocument xmlns='http://x'", "x:report"])
+def test_other_xml_in_a_directory_is_taken_for_no_definition(root: str, tmp_path: Path) -> None:
+    folder = tmp_path / "day"
+    folder.mkdir()
+    (folder / "peers.pcap").write_bytes((PEERS / "peers.pcap").read_bytes())
+    (folder / "junit.xml").write_text(f"<?xml version='1.0'?>\n<!-- made -->\n<{root}/>")
+    assert "definitions" not in nvscope("report", "day", "-q", cwd=tmp_path).stderr
+
+
 def test_what_can_be_read_as_a_capture_is_one_whatever_its_name(tmp_path: Path) -> None:
     (tmp_path / "line.st").write_bytes(CAPTURE.read_bytes())
     done = nvscope("report", "line.st", cwd=tmp_path)
