@@ -46,6 +46,7 @@ def _file(file: AuditedFile) -> dict[str, Any]:
                 "rows": list(damage.rows),
                 "after_row": damage.after,
                 "until_row": damage.until,
+                "partly": damage.partly,
             }
             for damage in file.damages
         ],

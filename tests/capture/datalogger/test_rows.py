@@ -215,6 +215,28 @@ def test_damaged_bytes_raise_nothing_and_rows_keep_their_order(tmp_path: Path, d
     assert len(rows) <= 800 or len(damages)
 
 
+@_shared
+@given(st.integers(0, 1 << 20), st.sampled_from([b"\xff" * 10, b"\xff", b"\x7f", b"\0\0", bytes(40)]))
+def test_no_row_is_lost_that_was_read(tmp_path: Path, at: int, some: bytes) -> None:
+    path = tmp_path / "a.db"
+    if not path.exists():
+        filled(path, 800, 512)
+    raw = bytearray(path.read_bytes())
+    at %= len(raw)
+    raw[at : at + len(some)] = some
+    (tmp_path / "broken.db").write_bytes(raw)
+    try:
+        rows, damages = read(tmp_path / "broken.db")
+    except UnreadableInput:
+        return
+    ids = {row[0][1] for row in rows}  # type: ignore[index]
+    for damage in damages:
+        if damage.row_count:
+            assert ids.isdisjoint(damage.rows)
+        elif not damage.partly:
+            assert not [one for one in ids if (damage.after or 0) < one <= (damage.until or 1 << 63)]  # type: ignore[operator]
+
+
 @pytest.mark.parametrize(
     ("content", "told"),
     [
