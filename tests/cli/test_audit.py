@@ -152,6 +152,17 @@ def test_nothing_beside_a_database_is_made_or_changed(tmp_path: Path, mode: str)
     assert before == after
 
 
+def test_what_may_be_missing_with_a_damaged_wal_is_a_warning(tmp_path: Path) -> None:
+    path = write(tmp_path / "x.db", every_value(), DECLARED, changes=False)
+    (tmp_path / "x.db-wal").write_bytes(b"no log, but as long as one may be, and longer than its head")
+    done = audit(path)
+    assert (done.returncode, done.stdout.splitlines()[0]) == (0, "! To be trusted with care: 1 warning")
+    (finding,) = document(path)["findings"]
+    assert (finding["code"], finding["severity"]) == ("NV959", "warning")
+    assert "nothing of it can be taken in" in finding["message"]
+    assert "nothing of it can be taken in" in run_text("vars", path).stderr
+
+
 def test_who_writes_to_a_database_is_told(tmp_path: Path) -> None:
     pytest.importorskip("fcntl")
     path = write(tmp_path / "x.db", every_value(), DECLARED, changes=False)

@@ -28,7 +28,8 @@ class LogDatabase:
     """A database with tables of DataLoggers.
 
     ``notes`` are sentences on its state that people should know. ``damages`` tells what of the definitions of tables
-    could not be read. Nothing of it holds once it is closed.
+    could not be read, ``doubt`` is why something may be missing that nobody sees (may be ''). Nothing of
+    it holds once it is closed.
     """
 
     path: str
@@ -36,6 +37,7 @@ class LogDatabase:
     schema: Schema
     damages: Damages
     notes: tuple[str, ...]
+    doubt: str = ""
 
     @property
     def tables(self) -> tuple[StoredTable, ...]:
@@ -95,7 +97,7 @@ def _opened(path: str, stack: ExitStack) -> LogDatabase:
         notes.append(f"cut short: {missing} of its {counted} pages are missing at its end")
     if schema.left_out:
         notes.append(f"{schema.left_out} more tables were not looked at")
-    return LogDatabase(place.path, file, schema, damages, tuple(notes))
+    return LogDatabase(place.path, file, schema, damages, tuple(notes), place.doubt)
 
 
 def changed_since(path: str, before: list[tuple[int, int] | None]) -> bool:

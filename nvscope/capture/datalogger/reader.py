@@ -102,7 +102,7 @@ class LogReader(Reader):
 
     def _tell_state(self, database: LogDatabase, path: str) -> None:
         """Tell what state the file is in: what is missing of it, or else what people may want to know."""
-        lost = [*map(str, database.damages)]
+        lost = [*filter(None, [database.doubt.rstrip(".")]), *map(str, database.damages)]
         if database.file.pages_missing or (database.path == path and sqlite_file.left_beside(path)):
             lost[:0] = database.notes
         else:

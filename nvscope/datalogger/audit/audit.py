@@ -95,6 +95,8 @@ def audited(paths: Sequence[str], asked_ns: int | None = None, progress: Progres
     return audit
 
 
+_BOTH_AGAIN = "Copy the database again together with what lies beside it, while nobody writes to them."
+
 _Key = tuple[str, tuple[str, ...]]
 """A table by its name and columns."""
 
@@ -136,6 +138,10 @@ class _Reading:
             told.size_bytes = os.path.getsize(member.path)
             with opened(member.path) as database:
                 told.notes += database.notes
+                if database.doubt:
+                    self._of_files.append(
+                        Finding(SERIES_BROKEN, Severity.WARNING, database.doubt, told.path, hint=_BOTH_AGAIN)
+                    )
                 self._read_tables(database, told)
         except OSError as error:
             self._cannot(told, error.strerror or str(error), "check the name and who may read it")
