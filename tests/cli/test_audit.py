@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import random
+import re
 import shutil
 import sqlite3
 import subprocess
@@ -116,6 +117,23 @@ def test_lines_fit_the_terminal(tmp_path: Path, columns: int) -> None:
     (tmp_path / "text.db").write_text("Timestamp;a\n")
     done = audit(tmp_path / "x.db", GENUINE, tmp_path / "text.db", environment={"COLUMNS": str(columns)})
     assert max(map(display_width, done.stdout.splitlines())) <= columns
+
+
+@pytest.mark.parametrize("columns", [60, 80, 100])
+def test_no_number_is_cut(tmp_path: Path, columns: int) -> None:
+    long = {"Arp.Plc.Eclr/stAxis.position": 740.0157463, "Arp.Plc.Eclr/stAxis.velocity": -0.00327371359}
+    rows = [
+        Row(n * 250, {**{name: value * (n + 1) for name, value in long.items()}, "text": f"order number {n} of many"})
+        for n in range(40)
+    ]
+    declared = {**dict.fromkeys(long, "DOUBLE"), "text": "TEXT"}
+    path = write(tmp_path / "x.db", rows, declared, changes=False)
+    whole = set(audit(path, "--wide").stdout.split())
+    done = audit(path, environment={"COLUMNS": str(columns)}).stdout
+    table = done[done.index("  variable") :]
+    assert ("Hidden: " in table) is (columns < 100)
+    cut = [word for word in table.partition("Hidden: ")[0].split() if word not in whole]
+    assert all(re.search("[a-z']", word) for word in cut), cut
 
 
 def test_markdown_has_the_same(tmp_path: Path) -> None:

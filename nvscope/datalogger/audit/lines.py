@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from nvscope import units
 from nvscope.datalogger.audit.audit import Audit, AuditedTable
 from nvscope.datalogger.audit.time_strip import drawn, legend
+from nvscope.datalogger.audit.values import Figures, Value
 from nvscope.datalogger.audit.words import about, coverage, groups, place, shown_value, told_of_files, verdict
 from nvscope.findings.kind import Severity
 from nvscope.view.escape import visible
 from nvscope.view.lines.table import Cell, Column, Line, Tone, align, wrap
+from nvscope.view.lines.text_width import display_width
 
 SYMBOLS = {
     None: Cell("✗", Tone.ERROR),
@@ -30,11 +33,13 @@ _COLUMNS = (
     Column("stored", right=True),
     Column("changes", right=True),
     Column("unknown", right=True, importance=4),
-    Column("first", right=True, importance=1, shortest=6),
-    Column("last", right=True, importance=3, shortest=6),
-    Column("least", right=True, importance=2, shortest=6),
-    Column("greatest", right=True, importance=2, shortest=6),
+    Column("first", right=True, importance=1),
+    Column("last", right=True, importance=3),
+    Column("least", right=True, importance=2),
+    Column("greatest", right=True, importance=2),
 )
+_VALUES = slice(4, 8)
+_SHORTEST_TEXT = 8
 
 
 def lines(audit: Audit, width: int, *, wide: bool = False, every: bool = False) -> Iterator[Line]:
@@ -80,17 +85,30 @@ def _table(table: AuditedTable, width: int, *, wide: bool, every: bool) -> Itera
             Cell(units.count(figures.stored)),
             Cell(units.count(figures.changes)),
             Cell(units.percent(figures.unknown, table.audit.rows) if figures.unknown else "0"),
-            *(
-                Cell(visible(shown_value(value)) or "-")
-                for value in (figures.first, figures.last, figures.least, figures.greatest)
-            ),
+            *(Cell(visible(shown_value(value)) or "-") for value in _values(figures)),
         ]
         for variable, figures in shown
     ]
-    yield from align(_COLUMNS, rows, None if wide else width, _INDENT)
+    columns = _columns([_values(figures) for _, figures in shown])
+    yield from align(columns, rows, None if wide else width, _INDENT)
     if len(shown) < len(variables):
         left = units.count_of(len(variables) - len(shown), "variable")
         yield [Cell(f"  {left} more: --all shows them", Tone.FAINT)]
+
+
+def _values(figures: Figures) -> tuple[Value, ...]:
+    return figures.first, figures.last, figures.least, figures.greatest
+
+
+def _columns(values: Sequence[Sequence[Value]]) -> list[Column]:
+    """Return the columns for some values: texts and bytes may be cut, a number that is cut is another one."""
+    columns = list(_COLUMNS)
+    for at, (column, own) in enumerate(zip(columns[_VALUES], zip(*values, strict=True), strict=True), _VALUES.start):
+        if any(isinstance(value, str | bytes) for value in own):
+            numbers = [display_width(shown_value(value)) for value in own if isinstance(value, int | float)]
+            shortest = max(display_width(column.title), _SHORTEST_TEXT, *numbers)
+            columns[at] = replace(column, shortest=shortest)
+    return columns
 
 
 def _strip(table: AuditedTable, width: int) -> Iterator[Line]:
