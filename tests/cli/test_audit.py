@@ -52,6 +52,26 @@ def test_a_database_of_a_controller_can_be_trusted() -> None:
     assert len(counted) == 18
 
 
+def test_files_of_one_name_are_told_apart_by_their_folders(tmp_path: Path) -> None:
+    (tmp_path / "sub").mkdir()
+    for folder in (tmp_path, tmp_path / "sub"):
+        spoiled(folder)
+    done = audit("x.db", "sub/x.db", cwd=tmp_path).stdout
+    for name in ("x.db", "sub/x.db"):
+        assert f"\n    {name} · row 21 · " in done
+        assert f"\n{name} · log_1 · " in done
+    assert "`sub/x.db · row 21" in audit("x.db", "sub/x.db", "--md", cwd=tmp_path).stdout
+
+
+@pytest.mark.parametrize("words", [["empty"], ["empty", "x.db"]])
+def test_a_folder_without_a_database_is_told_by_its_name(tmp_path: Path, words: list[str]) -> None:
+    spoiled(tmp_path)
+    (tmp_path / "empty").mkdir()
+    done = audit(*words, cwd=tmp_path, environment={"COLUMNS": "160"})
+    assert done.returncode == (4 if len(words) == 1 else 1)
+    assert "  empty: a folder in which no file is called *.db or *.db.0: name the database itself\n" in done.stdout
+
+
 def test_an_error_ends_with_1_and_is_told_first(tmp_path: Path) -> None:
     done = audit(spoiled(tmp_path))
     assert done.returncode == 1
@@ -77,7 +97,7 @@ def test_a_file_that_cannot_be_read_keeps_no_other_from_it(tmp_path: Path) -> No
     shutil.copy(GENUINE, tmp_path / "good.db")
     done = audit("text.db", "good.db", "gone.db", cwd=tmp_path)
     assert done.returncode == 1
-    assert "text.db: not an SQLite database. Copy it again" in done.stdout
+    assert "text.db: not an SQLite database. Name a database, which begins" in done.stdout
     assert "gone.db: No such file or directory" in done.stdout
     assert "1080 rows" in done.stdout
     assert audit("text.db", "gone.db", cwd=tmp_path).returncode == 4
@@ -133,7 +153,7 @@ def test_no_number_is_cut(tmp_path: Path, columns: int) -> None:
     table = done[done.index("  variable") :]
     assert ("Hidden: " in table) is (columns < 100)
     cut = [word for word in table.partition("Hidden: ")[0].split() if word not in whole]
-    assert all(re.search("[a-z']", word) for word in cut), cut
+    assert all(word == "…" or re.search("[a-z']", word) for word in cut), cut
 
 
 def test_markdown_has_the_same(tmp_path: Path) -> None:

@@ -64,6 +64,10 @@ class Damage:
             return f"page {self.page} {self.harm.value}: {self.lost}"
         return f"page {self.page} and {count_of(self.pages - 1, 'other')} {self.harm.several}: {self.lost}"
 
+    def told(self, pages_missing: int) -> str:
+        """Say the same of a file of which it was said already how many pages are missing at its end."""
+        return self.lost if self.harm is Harm.MISSING and self.pages <= pages_missing else str(self)
+
     @property
     def lost(self) -> str:
         """Say which rows are not there."""

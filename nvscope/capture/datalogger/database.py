@@ -20,7 +20,8 @@ from nvscope.errors import UnreadableInput
 AnyRows = Rows | SqlRows
 """Rows as they were read: by pages, or by SQLite."""
 
-_COPY_AGAIN = "copy it again from the controller: a database begins with 'SQLite format 3'"
+_NO_DATABASE = "name a database, which begins with 'SQLite format 3'; if this should be one, copy it again"
+_COPY_AGAIN = "copy it again from the controller"
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,9 @@ def opened(path: str) -> Iterator[LogDatabase]:
         try:
             database = _opened(path, stack)
         except NotADatabase as error:
-            raise UnreadableInput(str(error), where=path, next_step=_COPY_AGAIN) from None
+            raise UnreadableInput(
+                str(error), where=path, next_step=_NO_DATABASE if error.is_other else _COPY_AGAIN
+            ) from None
         except OSError as error:
             raise UnreadableInput(error.strerror or str(error), where=path) from None
         yield database

@@ -9,7 +9,7 @@ from nvscope import units
 from nvscope.datalogger.audit.audit import Audit, AuditedTable
 from nvscope.datalogger.audit.time_strip import drawn, legend
 from nvscope.datalogger.audit.values import Figures, Value
-from nvscope.datalogger.audit.words import about, coverage, groups, place, shown_value, told_of_files, verdict
+from nvscope.datalogger.audit.words import Names, about, coverage, groups, place, shown_value, told_of_files, verdict
 from nvscope.findings.kind import Severity
 from nvscope.view.escape import visible
 from nvscope.view.lines.table import Cell, Column, Line, Tone, align, wrap
@@ -58,7 +58,7 @@ def lines(audit: Audit, width: int, *, wide: bool = False, every: bool = False) 
         yield [SYMBOLS[group.severity], Cell(" "), Cell(head, Tone.STRONG)]
         for finding in group.shown:
             yield from wrap([Cell(visible(finding.message))], width, 2 * _INDENT, 2 * _INDENT)
-            yield from wrap([Cell(visible(place(finding)), Tone.FAINT)], width, 2 * _INDENT, 3 * _INDENT)
+            yield from wrap([Cell(visible(place(finding, audit.name_of)), Tone.FAINT)], width, 2 * _INDENT, 3 * _INDENT)
         if group.more:
             yield from wrap([Cell(group.more, Tone.FAINT)], width, 2 * _INDENT, 2 * _INDENT)
         yield from wrap([Cell(f"Next  {group.findings[0].next_step}")], width, 2 * _INDENT, 5 * _INDENT)
@@ -66,11 +66,11 @@ def lines(audit: Audit, width: int, *, wide: bool = False, every: bool = False) 
         yield [Cell(f"  {units.count_of(audit.left_out, 'finding')} more are not kept", Tone.WARNING)]
     for table in audit.tables:
         yield []
-        yield from _table(table, width, wide=wide, every=every)
+        yield from _table(table, audit.name_of, width, wide=wide, every=every)
 
 
-def _table(table: AuditedTable, width: int, *, wide: bool, every: bool) -> Iterator[Line]:
-    named, *rest = (visible(part) for part in about(table))
+def _table(table: AuditedTable, names: Names, width: int, *, wide: bool, every: bool) -> Iterator[Line]:
+    named, *rest = (visible(part) for part in about(table, names))
     yield from wrap([Cell(named, Tone.STRONG), Cell("".join(f" · {part}" for part in rest))], width, hanging=_INDENT)
     if told := coverage(table):
         yield from wrap([Cell(told)], width, _INDENT, _INDENT)

@@ -214,6 +214,7 @@ def test_a_file_that_is_cut_is_told(tmp_path: Path, changes: bool) -> None:
     (finding,) = audited([str(path)]).findings
     assert finding.kind.code == "NV959"
     assert finding.message.startswith("Cut short: ")
+    assert "pages are missing at its end: rows behind" in finding.message
 
 
 def test_tables_of_several_sessions_are_told_apart(tmp_path: Path) -> None:
