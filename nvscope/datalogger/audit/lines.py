@@ -125,5 +125,5 @@ def _strip(table: AuditedTable, width: int) -> Iterator[Line]:
     space = room - len(first) - len(last)
     if space > 0:
         yield [Cell(" " * _INDENT), Cell(first, Tone.FAINT), Cell(" " * space), Cell(last, Tone.FAINT)]
-    if said := legend(marks):
+    if said := legend(marks, only_changes=audit.table.only_changes):
         yield from wrap([Cell("   ".join(said), Tone.FAINT)], width, _INDENT, _INDENT)

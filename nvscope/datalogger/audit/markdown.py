@@ -46,7 +46,7 @@ def _table(table: AuditedTable, names: Names) -> Iterator[str]:
     if marks:
         yield ""
         yield markdown_code(drawn(marks, only_changes=table.audit.table.only_changes).replace(" ", "."))
-        if said := legend(marks):
+        if said := legend(marks, only_changes=table.audit.table.only_changes):
             yield f"({markdown_safe(', '.join(said))})"
     yield ""
     yield "| variable | stored | changes | unknown | first | last | least | greatest |"
