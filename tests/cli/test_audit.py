@@ -131,6 +131,43 @@ def test_the_interval_of_the_configuration_is_what_is_judged_by(tmp_path: Path) 
     assert audit(path, "--config", tmp_path / "task.xml").returncode == 0
 
 
+def configured(folder: Path, names: list[str], interval: str) -> Path:
+    lines = "".join(f'<Variable name="{name}"/>' for name in names)
+    path = folder / "session.xml"
+    path.write_text(
+        f'<DataLoggerConfigDocument><General name="s" samplingInterval="{interval}"/>'
+        f'<Datasink type="db" dst="x.db"/><Variables>{lines}</Variables></DataLoggerConfigDocument>',
+        "utf-8",
+    )
+    return path
+
+
+@pytest.mark.parametrize(
+    ("names", "interval", "told"),
+    [
+        (["a", "b", "c"], "250ms", ""),
+        (["A", "b"], "300ms", ""),
+        (["a", "b", "gone"], "250ms", "of the configuration's 3 variables, no table has gone"),
+        (["d", "e"], "250ms", "the configuration does not fit: no table has any of its 2 variables (d, e)"),
+        (["a"], "500ms", "it asks for values every 500.0 ms, and rows come every 250.0 ms"),
+    ],
+)
+def test_a_configuration_of_another_session_is_told(tmp_path: Path, names: list[str], interval: str, told: str) -> None:
+    path = write(
+        tmp_path / "x.db", [Row(n * 250, {"a": n, "b": n, "c": n}) for n in range(40)], DECLARED, changes=False
+    )
+    configuration = configured(tmp_path, names, interval)
+    done = audit(path, "--config", configuration, environment={"COLUMNS": "200"})
+    assert done.returncode == 0
+    good = "● To be trusted: nothing is missing that is not told"
+    bad = "! To be trusted with care: the configuration is not that of the tables"
+    fits = "of the configuration" in told or not told
+    assert done.stdout.splitlines()[0] == (good if fits else bad)
+    notes = document(path, "--config", configuration)["notes"]
+    assert len(notes) == bool(told)
+    assert all(told in note and note in done.stdout for note in notes)
+
+
 @pytest.mark.parametrize("columns", [60, 80, 160])
 def test_lines_fit_the_terminal(tmp_path: Path, columns: int) -> None:
     spoiled(tmp_path)

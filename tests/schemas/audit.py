@@ -75,6 +75,7 @@ def audit() -> Schema:
         {
             "files": several(record(file), "by series, in their order"), "tables": several(record(table)),
             "findings": several(record(finding), "by series: of files, then of tables"),
+            "notes": several(text(), "what people should know of all, such as that the configuration does not fit"),
             "findings_left_out": whole("how many more there are than are kept"),
         },
     )  # fmt: skip

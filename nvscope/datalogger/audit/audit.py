@@ -56,13 +56,14 @@ class AuditedTable:
 
 @dataclass(slots=True)
 class Audit:
-    """All that an audit tells; ``left_out`` findings are not kept."""
+    """All that an audit tells; ``left_out`` findings are not kept, ``unfit`` is why the configuration is another's."""
 
     files: list[AuditedFile] = field(default_factory=list)
     tables: list[AuditedTable] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
     left_out: int = 0
     notes: list[str] = field(default_factory=list)
+    unfit: list[str] = field(default_factory=list)
 
     def name_of(self, path: str) -> str:
         """Return how a file is called here: by its name alone where no other one has that, else by its path."""

@@ -21,6 +21,7 @@ def document(audit: Audit) -> dict[str, Any]:
         "files": [_file(one) for one in audit.files],
         "tables": [_table(one) for one in audit.tables],
         "findings": [_finding(one) for one in audit.findings],
+        "notes": [visible(note) for note in audit.notes],
         "findings_left_out": audit.left_out,
     }
 
