@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from nvscope.cli.terminal import ColourOption, WideOption, colour_wanted, echo, numbers, tables_are_wide, tell, width
 from nvscope.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from nvscope.datalogger.configuration import Session
 
 
 def audit(
@@ -23,8 +26,8 @@ def audit(
         str | None,
         typer.Option(
             "--config", metavar="FILE.xml", show_default=False,
-            help="The session's configuration, for the interval at which values should come. Without it, that is the "
-            "median of the table.",
+            help="The session's configuration, for the interval at which values should come, and whether it is that of "
+            "the table. Without it, the interval is the median of the table.",
         ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="For programs (nvscope.audit/1).")] = False,
@@ -46,7 +49,9 @@ def audit(
         raise UsageError("no database is named", next_step="nvscope audit FILE.db")
     if "" in files:
         raise UsageError("the name of a database is empty", next_step="leave it out, or name a file")
-    asked_ns = _interval_ns(config)
+    session = _session(config)
+    # Of a task, the configuration does not say how often it runs.
+    asked_ns = None if session is None or session.task else session.sampling_ns
 
     from nvscope.cli.read_progress import ReadProgress
     from nvscope.datalogger.audit.audit import audited
@@ -55,6 +60,10 @@ def audit(
 
     with ReadProgress(quiet=quiet) as progress:
         found = audited(files, asked_ns, progress)
+    if session is not None:
+        from nvscope.datalogger.audit.configured import compare
+
+        compare(session, found)
     shown = colour_wanted(colour)
     if as_json:
         tell(document(found), str, as_json=True, colour=False)
@@ -76,8 +85,8 @@ def audit(
         raise typer.Exit(ExitCode.ASSERTION_FAILED)
 
 
-def _interval_ns(config: str | None) -> int | None:
-    """Return the interval that a configuration asks for, None where nothing says it."""
+def _session(config: str | None) -> Session | None:
+    """Return the session of a configuration, None without one."""
     if config is None:
         return None
     from nvscope.datalogger.configuration_file import read_configuration
@@ -85,5 +94,4 @@ def _interval_ns(config: str | None) -> int | None:
     found = read_configuration(config)
     for sentence in found.unknown:
         echo(sentence, err=True)
-    # Of a task, the configuration does not say how often it runs.
-    return None if found.session.task else found.session.sampling_ns
+    return found.session

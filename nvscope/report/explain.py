@@ -109,6 +109,7 @@ def document(
                 "name": kind.name,
                 "severity": kind.severity.word,
                 "judged": bool(kind.judged),
+                "audited": bool(kind.of_databases),
                 "security": bool(kind.of_security),
                 "meaning": kind.meaning,
                 "causes": list(kind.causes),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import random
+import re
 import shutil
 import sqlite3
 import subprocess
@@ -51,6 +52,26 @@ def test_a_database_of_a_controller_can_be_trusted() -> None:
     assert len(counted) == 18
 
 
+def test_files_of_one_name_are_told_apart_by_their_folders(tmp_path: Path) -> None:
+    (tmp_path / "sub").mkdir()
+    for folder in (tmp_path, tmp_path / "sub"):
+        spoiled(folder)
+    done = audit("x.db", "sub/x.db", cwd=tmp_path).stdout
+    for name in ("x.db", "sub/x.db"):
+        assert f"\n    {name} · row 21 · " in done
+        assert f"\n{name} · log_1 · " in done
+    assert "`sub/x.db · row 21" in audit("x.db", "sub/x.db", "--md", cwd=tmp_path).stdout
+
+
+@pytest.mark.parametrize("words", [["empty"], ["empty", "x.db"]])
+def test_a_folder_without_a_database_is_told_by_its_name(tmp_path: Path, words: list[str]) -> None:
+    spoiled(tmp_path)
+    (tmp_path / "empty").mkdir()
+    done = audit(*words, cwd=tmp_path, environment={"COLUMNS": "160"})
+    assert done.returncode == (4 if len(words) == 1 else 1)
+    assert "  empty: a folder in which no file is called *.db or *.db.0: name the database itself\n" in done.stdout
+
+
 def test_an_error_ends_with_1_and_is_told_first(tmp_path: Path) -> None:
     done = audit(spoiled(tmp_path))
     assert done.returncode == 1
@@ -76,7 +97,7 @@ def test_a_file_that_cannot_be_read_keeps_no_other_from_it(tmp_path: Path) -> No
     shutil.copy(GENUINE, tmp_path / "good.db")
     done = audit("text.db", "good.db", "gone.db", cwd=tmp_path)
     assert done.returncode == 1
-    assert "text.db: not an SQLite database. Copy it again" in done.stdout
+    assert "text.db: not an SQLite database. Name a database, which begins" in done.stdout
     assert "gone.db: No such file or directory" in done.stdout
     assert "1080 rows" in done.stdout
     assert audit("text.db", "gone.db", cwd=tmp_path).returncode == 4
@@ -110,12 +131,66 @@ def test_the_interval_of_the_configuration_is_what_is_judged_by(tmp_path: Path) 
     assert audit(path, "--config", tmp_path / "task.xml").returncode == 0
 
 
+def configured(folder: Path, names: list[str], interval: str) -> Path:
+    lines = "".join(f'<Variable name="{name}"/>' for name in names)
+    path = folder / "session.xml"
+    path.write_text(
+        f'<DataLoggerConfigDocument><General name="s" samplingInterval="{interval}"/>'
+        f'<Datasink type="db" dst="x.db"/><Variables>{lines}</Variables></DataLoggerConfigDocument>',
+        "utf-8",
+    )
+    return path
+
+
+@pytest.mark.parametrize(
+    ("names", "interval", "told"),
+    [
+        (["a", "b", "c"], "250ms", ""),
+        (["A", "b"], "300ms", ""),
+        (["a", "b", "gone"], "250ms", "of the configuration's 3 variables, no table has gone"),
+        (["d", "e"], "250ms", "the configuration does not fit: no table has any of its 2 variables (d, e)"),
+        (["a"], "500ms", "it asks for values every 500.0 ms, and rows come every 250.0 ms"),
+    ],
+)
+def test_a_configuration_of_another_session_is_told(tmp_path: Path, names: list[str], interval: str, told: str) -> None:
+    path = write(
+        tmp_path / "x.db", [Row(n * 250, {"a": n, "b": n, "c": n}) for n in range(40)], DECLARED, changes=False
+    )
+    configuration = configured(tmp_path, names, interval)
+    done = audit(path, "--config", configuration, environment={"COLUMNS": "200"})
+    assert done.returncode == 0
+    good = "● To be trusted: nothing is missing that is not told"
+    bad = "! To be trusted with care: the configuration is not that of the tables"
+    fits = "of the configuration" in told or not told
+    assert done.stdout.splitlines()[0] == (good if fits else bad)
+    notes = document(path, "--config", configuration)["notes"]
+    assert len(notes) == bool(told)
+    assert all(told in note and note in done.stdout for note in notes)
+
+
 @pytest.mark.parametrize("columns", [60, 80, 160])
 def test_lines_fit_the_terminal(tmp_path: Path, columns: int) -> None:
     spoiled(tmp_path)
     (tmp_path / "text.db").write_text("Timestamp;a\n")
     done = audit(tmp_path / "x.db", GENUINE, tmp_path / "text.db", environment={"COLUMNS": str(columns)})
     assert max(map(display_width, done.stdout.splitlines())) <= columns
+
+
+@pytest.mark.parametrize("columns", [60, 80, 100])
+def test_no_number_is_cut(tmp_path: Path, columns: int) -> None:
+    long = {"Arp.Plc.Eclr/stAxis.position": 740.0157463, "Arp.Plc.Eclr/stAxis.velocity": -0.00327371359}
+    rows = [
+        Row(n * 250, {**{name: value * (n + 1) for name, value in long.items()}, "text": f"order number {n} of many"})
+        for n in range(40)
+    ]
+    declared = {**dict.fromkeys(long, "DOUBLE"), "text": "TEXT"}
+    path = write(tmp_path / "x.db", rows, declared, changes=False)
+    whole = set(audit(path, "--wide").stdout.split())
+    done = audit(path, environment={"COLUMNS": str(columns)}).stdout
+    table = done[done.index("  variable") :]
+    assert ("Hidden: " in table) is (columns < 100)
+    cut = [word for word in table.partition("Hidden: ")[0].split() if word not in whole]
+    assert all(word == "…" or re.search("[a-z']", word) for word in cut), cut
 
 
 def test_markdown_has_the_same(tmp_path: Path) -> None:
@@ -150,6 +225,17 @@ def test_nothing_beside_a_database_is_made_or_changed(tmp_path: Path, mode: str)
     assert done.returncode == 0
     assert "40 rows" in done.stdout
     assert before == after
+
+
+def test_what_may_be_missing_with_a_damaged_wal_is_a_warning(tmp_path: Path) -> None:
+    path = write(tmp_path / "x.db", every_value(), DECLARED, changes=False)
+    (tmp_path / "x.db-wal").write_bytes(b"no log, but as long as one may be, and longer than its head")
+    done = audit(path)
+    assert (done.returncode, done.stdout.splitlines()[0]) == (0, "! To be trusted with care: 1 warning")
+    (finding,) = document(path)["findings"]
+    assert (finding["code"], finding["severity"]) == ("NV959", "warning")
+    assert "nothing of it can be taken in" in finding["message"]
+    assert "nothing of it can be taken in" in run_text("vars", path).stderr
 
 
 def test_who_writes_to_a_database_is_told(tmp_path: Path) -> None:

@@ -247,6 +247,19 @@ def test_a_database_that_is_cut_tells_what_is_left(tmp_path: Path) -> None:
     assert len(json.loads(done.stdout)["logged_variables"]) == 18
 
 
+def test_where_a_database_is_damaged_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "x.db"
+    content = bytearray(Path(GENUINE).read_bytes())
+    content[10 * 4096 : 10 * 4096 + 8] = bytes(8)
+    path.write_bytes(content)
+    done = run_text("vars", str(path))
+    assert done.returncode == 3
+    assert "x.db, offset 40960: page 11 is no page of a table: rows between" in done.stderr
+    content[100:108] = bytes(8)
+    path.write_bytes(content)
+    assert "copy it again from where it was written" in run_text("vars", str(path)).stderr
+
+
 def test_what_was_left_beside_a_database_is_read_and_stays(tmp_path: Path) -> None:
     path = tmp_path / "x.db"
     with closing(sqlite3.connect(path)) as database:

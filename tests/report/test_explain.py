@@ -37,7 +37,7 @@ def titles() -> list[str]:
     return [title for title in dict.fromkeys(one.column.title for one in every) if title]
 
 
-@pytest.mark.parametrize("code", ["NV206", "NV301", "NV702", "NV905", "lost", "jitter", "second-sender"])
+@pytest.mark.parametrize("code", ["NV206", "NV301", "NV702", "NV905", "NV952", "lost", "jitter", "second-sender"])
 def test_golden(code: str, golden: Callable[[str, str], None]) -> None:
     golden(f"explain-{code}.txt", explain.render(code))
 
@@ -218,4 +218,9 @@ def test_passwords_in_clear_stand_with_all_that_is_about_security() -> None:
 
 @pytest.mark.parametrize("code", CATALOGUE)
 def test_it_is_said_what_nothing_judges(code: str) -> None:
-    assert ("Nothing judges it yet" in explain.render(code)) is not CATALOGUE[code].judged
+    kind = CATALOGUE[code]
+    shown = explain.render(code)
+    assert ("Nothing judges it yet" in shown) is not (kind.judged or kind.of_databases)
+    assert ("by `nvscope audit FILE.db`" in shown) is kind.of_databases
+    (row,) = explain.document(code)["findings"]
+    assert (row["judged"], row["audited"]) == (kind.judged, kind.of_databases)

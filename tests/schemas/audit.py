@@ -33,6 +33,7 @@ def audit() -> Schema:
         "rows": several(_ROWID, "the first ten of these, by their ids, where they are known"),
         "after_row": maybe(whole("rows behind this id are lost", None)),
         "until_row": maybe(whole("rows up to this id are lost", None)),
+        "partly": truth("whether only some of the rows between these are lost"),
     }  # fmt: skip
     file = {
         "path": text(), "series": text("the file of its series that is written last"),
@@ -74,6 +75,7 @@ def audit() -> Schema:
         {
             "files": several(record(file), "by series, in their order"), "tables": several(record(table)),
             "findings": several(record(finding), "by series: of files, then of tables"),
+            "notes": several(text(), "what people should know of all, such as that the configuration does not fit"),
             "findings_left_out": whole("how many more there are than are kept"),
         },
     )  # fmt: skip

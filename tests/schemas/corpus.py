@@ -45,7 +45,7 @@ COMMANDS = (
     "report captures/truncated.pcap",
     f"report {_PLANT} --from-time 5s --to-time -2s",
     "report captures/peers/peers.pcap --from-time 1h",
-    "audit captures/datalogger/genuine-5min.db",
+    "audit captures/datalogger/genuine-5min.db --config captures/datalogger/genuine-5min.config.xml",
     f"vars {_PEERS}",
     f"vars {_PEERS} -Y 'nv.index == 1'",
     "vars captures/visu/panel.pcap",

@@ -175,6 +175,7 @@ def explain() -> Schema:
         "name": word(kind.name for kind in kinds),
         "severity": word(SEVERITIES),
         "judged": truth("whether any report can have it"),
+        "audited": truth("whether audits of DataLogger databases can have it"),
         "security": truth("whether it is about who should not be there"),
         "meaning": text(),
         "causes": several(text(), "the most usual one first"),

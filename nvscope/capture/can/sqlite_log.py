@@ -200,7 +200,9 @@ def _check(path: str, where: str) -> None:
             found = database.has_table("messages")
     except _DATABASE_FAULTS as error:
         raise cut or UnreadableInput(
-            f"an SQLite file that cannot be read: {type(error).__name__}: {error}", where=where
+            f"an SQLite file that cannot be read: {type(error).__name__}: {error}",
+            where=where,
+            next_step="copy it again from where it was written; `sqlite3 FILE .recover` may find what is left of it",
         ) from error
     if not found:
         raise _NoMessages

@@ -18,18 +18,28 @@ MOST_ROWS = 10
 
 
 class Harm(Enum):
-    """What is wrong, in the words in which it is told of a page."""
+    """What is wrong, in the words in which it is told of a page, and of ``several``."""
 
-    MISSING = "is missing: the file ends before it"
-    NOT_OF_TABLE = "is no page of a table"
-    TWICE = "is referred to twice"
-    NO_SUCH_PAGE = "is referred to and cannot exist"
-    TOO_DEEP = "lies deeper than any page can"
-    BAD_CELL = "has rows that lie outside it or out of their order"
-    BAD_RECORD = "has rows whose values cannot be told apart"
-    BAD_OVERFLOW = "has rows of which a part is missing"
-    TOO_LONG = "has rows that are too long to be read"
-    UNREADABLE = "cannot be read from the disk"
+    MISSING = "is missing: the file ends before it", "are missing: the file ends before them"
+    NOT_OF_TABLE = "is no page of a table", "are no pages of a table"
+    TWICE = "is referred to twice", "are referred to twice"
+    NO_SUCH_PAGE = "is referred to and cannot exist", "are referred to and cannot exist"
+    TOO_DEEP = "lies deeper than any page can", "lie deeper than any page can"
+    BAD_CELL = (
+        "has rows that lie outside it or out of their order",
+        "have rows that lie outside them or out of their order",
+    )
+    BAD_RECORD = "has rows whose values cannot be told apart", "have rows whose values cannot be told apart"
+    BAD_OVERFLOW = "has rows of which a part is missing", "have rows of which a part is missing"
+    TOO_LONG = "has rows that are too long to be read", "have rows that are too long to be read"
+    UNREADABLE = "cannot be read from the disk", "cannot be read from the disk"
+
+    several: str
+
+    def __new__(cls, one: str, several: str) -> Harm:
+        harm = object.__new__(cls)
+        harm._value_, harm.several = one, several
+        return harm
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +47,7 @@ class Damage:
     """Something that cannot be read: ``pages`` of them, the first of which is ``page``, from 1.
 
     What is lost are the ``rows``, the first ten of ``row_count``; or, where nobody can say which, those whose ids are
-    above ``after`` and not above ``until``, each None where there is no such bound.
+    above ``after`` and not above ``until``, each None where there is no such bound. ``partly``: only some of these.
     """
 
     harm: Harm
@@ -47,10 +57,16 @@ class Damage:
     until: int | None = None
     rows: tuple[int, ...] = ()
     row_count: int = 0
+    partly: bool = False
 
     def __str__(self) -> str:
-        pages = f"page {self.page}" if self.pages == 1 else f"page {self.page} and {count_of(self.pages - 1, 'other')}"
-        return f"{pages} {self.harm.value}: {self.lost}"
+        if self.pages == 1:
+            return f"page {self.page} {self.harm.value}: {self.lost}"
+        return f"page {self.page} and {count_of(self.pages - 1, 'other')} {self.harm.several}: {self.lost}"
+
+    def told(self, pages_missing: int) -> str:
+        """Say the same of a file of which it was said already how many pages are missing at its end."""
+        return self.lost if self.harm is Harm.MISSING and self.pages <= pages_missing else str(self)
 
     @property
     def lost(self) -> str:
@@ -60,13 +76,14 @@ class Damage:
             more = self.row_count - len(self.rows)
             rows = f"row {named}" if self.row_count == 1 else f"rows {named}"
             return rows + (f" and {more} more" if more else "")
+        rows = "some of the rows" if self.partly else "rows"
         if self.after is None and self.until is None:
-            return "rows from there are lost"
+            return f"{rows} from there are lost"
         if self.until is None:
-            return f"rows behind {self.after} are lost"
+            return f"{rows} behind {self.after} are lost"
         if self.after is None:
-            return f"rows up to {self.until} are lost"
-        return f"rows between {self.after} and {self.until} are lost"
+            return f"{rows} up to {self.until} are lost"
+        return f"{rows} between {self.after} and {self.until} are lost"
 
 
 class Damages:
@@ -77,6 +94,8 @@ class Damages:
         self.breaks: list[int] = []
         """Row ids behind which rows are missing; who reads the rows takes them away."""
         self._kept: list[Damage] = []
+        self._kept_pages = 0
+        self._last: tuple[Harm, int] | None = None
 
     def __iter__(self) -> Iterator[Damage]:
         return iter(self._kept)
@@ -87,11 +106,14 @@ class Damages:
     @property
     def left_out(self) -> int:
         """How many of those that were found are not kept."""
-        return self.count - sum(damage.pages for damage in self._kept)
+        return self.count - self._kept_pages
 
     def add(self, damage: Damage) -> None:
         """Take one more, with all rows of it that can be named."""
-        self.count += damage.pages
+        # Several places of a page are one fault of it.
+        pages = 0 if self._last == (damage.harm, damage.page) else damage.pages
+        self._last = damage.harm, damage.page
+        self.count += pages
         self.breaks += damage.rows if damage.row_count else [_LEAST_ROWID if damage.after is None else damage.after]
         damage = replace(damage, rows=damage.rows[:MOST_ROWS])
         last = self._kept[-1] if self._kept else None
@@ -99,15 +121,20 @@ class Damages:
             # Only what follows without a row between them, or rows that are named one by one, can be told as one.
             if damage.row_count:
                 rows = (last.rows + damage.rows)[:MOST_ROWS]
-                same = last.page == damage.page
-                self.count -= damage.pages if same else 0
-                self._kept[-1] = replace(
-                    last, pages=last.pages + (0 if same else damage.pages), rows=rows,
-                    row_count=last.row_count + damage.row_count,
+                self._keep(
+                    replace(last, pages=last.pages + pages, rows=rows, row_count=last.row_count + damage.row_count),
+                    pages, instead=True,
                 )  # fmt: skip
                 return
-            if last.until is not None and last.until == damage.after:
-                self._kept[-1] = replace(last, pages=last.pages + damage.pages, until=damage.until)
+            if last.until is not None and last.until == damage.after and last.partly == damage.partly:
+                self._keep(replace(last, pages=last.pages + pages, until=damage.until), pages, instead=True)
                 return
         if len(self._kept) < MOST_KEPT:
-            self._kept.append(damage)
+            self._keep(damage, pages)
+
+    def _keep(self, damage: Damage, pages: int, *, instead: bool = False) -> None:
+        """Keep damage, ``instead`` of the last; so many pages are new with it."""
+        if instead:
+            self._kept.pop()
+        self._kept.append(damage)
+        self._kept_pages += pages

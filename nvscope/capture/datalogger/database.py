@@ -20,7 +20,8 @@ from nvscope.errors import UnreadableInput
 AnyRows = Rows | SqlRows
 """Rows as they were read: by pages, or by SQLite."""
 
-_COPY_AGAIN = "copy it again from the controller: a database begins with 'SQLite format 3'"
+_NO_DATABASE = "name a database, which begins with 'SQLite format 3'; if this should be one, copy it again"
+_COPY_AGAIN = "copy it again from the controller"
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,8 @@ class LogDatabase:
     """A database with tables of DataLoggers.
 
     ``notes`` are sentences on its state that people should know. ``damages`` tells what of the definitions of tables
-    could not be read. Nothing of it holds once it is closed.
+    could not be read, ``doubt`` is why something may be missing that nobody sees (may be ''). Nothing of
+    it holds once it is closed.
     """
 
     path: str
@@ -36,6 +38,7 @@ class LogDatabase:
     schema: Schema
     damages: Damages
     notes: tuple[str, ...]
+    doubt: str = ""
 
     @property
     def tables(self) -> tuple[StoredTable, ...]:
@@ -76,7 +79,9 @@ def opened(path: str) -> Iterator[LogDatabase]:
         try:
             database = _opened(path, stack)
         except NotADatabase as error:
-            raise UnreadableInput(str(error), where=path, next_step=_COPY_AGAIN) from None
+            raise UnreadableInput(
+                str(error), where=path, next_step=_NO_DATABASE if error.is_other else _COPY_AGAIN
+            ) from None
         except OSError as error:
             raise UnreadableInput(error.strerror or str(error), where=path) from None
         yield database
@@ -95,7 +100,7 @@ def _opened(path: str, stack: ExitStack) -> LogDatabase:
         notes.append(f"cut short: {missing} of its {counted} pages are missing at its end")
     if schema.left_out:
         notes.append(f"{schema.left_out} more tables were not looked at")
-    return LogDatabase(place.path, file, schema, damages, tuple(notes))
+    return LogDatabase(place.path, file, schema, damages, tuple(notes), place.doubt)
 
 
 def changed_since(path: str, before: list[tuple[int, int] | None]) -> bool:

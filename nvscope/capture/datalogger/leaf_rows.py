@@ -16,8 +16,9 @@ import numpy as np
 
 from dissectors.batch import I64, U8, Bool
 from dissectors.datalogger.varints import varints
+from nvscope.capture.datalogger.lost_cells import LEAST_ROWID, LostCells, lost_cells, rising
 from nvscope.capture.datalogger.page_file import HEADER_BYTES, Header
-from nvscope.capture.datalogger.tree import LEAF, LEAF_HEAD_BYTES, LEAST_ROWID, Leaves
+from nvscope.capture.datalogger.tree import LEAF, LEAF_HEAD_BYTES, Leaves
 
 POINTER_BYTES = 4
 """The number of the page in which a record goes on."""
@@ -30,8 +31,8 @@ class LeafRows:
     """Rows in the order of their ids; ``leaf`` is the place of the page of each among those that were asked for.
 
     The record has ``length`` bytes, of which ``local`` lie at ``start``; if that is not all of them, the number of the
-    page in which it goes on stands behind them. ``bad_leaf`` are pages that are no leaves, ``bad_cells`` those of which
-    rows are left out.
+    page in which it goes on stands behind them. ``bad_leaf`` are pages that are no leaves, ``lost`` are cells of others
+    that are left out.
     """
 
     leaf: I64
@@ -40,7 +41,7 @@ class LeafRows:
     length: I64
     local: I64
     bad_leaf: Bool
-    bad_cells: Bool
+    lost: tuple[LostCells, ...] = ()
 
     def __len__(self) -> int:
         return len(self.rowid)
@@ -92,11 +93,10 @@ def rows_of(data: U8, leaves: Leaves, header: Header) -> LeafRows:
     good &= (rowid > low) | ((rowid == low) & (low == LEAST_ROWID))
     good &= rowid <= leaves.high[leaf]
     good = _rising(leaf, rowid, good)
-    bad_cells = np.zeros(len(base), np.bool_)
     if good.all():
-        return LeafRows(leaf, rowid, start, length, local, bad_leaf, bad_cells)
-    bad_cells[leaf[~good]] = True
-    return LeafRows(leaf[good], rowid[good], start[good], length[good], local[good], bad_leaf, bad_cells)
+        return LeafRows(leaf, rowid, start, length, local, bad_leaf)
+    lost = tuple(lost_cells(leaf, rowid, good, leaves.low, leaves.high))
+    return LeafRows(leaf[good], rowid[good], start[good], length[good], local[good], bad_leaf, lost)
 
 
 def _local(length: I64, usable: int) -> I64:
@@ -111,7 +111,7 @@ def _local(length: I64, usable: int) -> I64:
 
 
 def _rising(leaf: I64, rowid: I64, good: Bool) -> Bool:
-    """Return which of the good rows have ids above all before them in their page."""
+    """Return the good rows without those whose ids are out of the order of the others in their page."""
     if len(rowid) < 2:
         return good
     if good.all() and ((rowid[1:] > rowid[:-1]) | (leaf[1:] != leaf[:-1])).all():
@@ -121,7 +121,6 @@ def _rising(leaf: I64, rowid: I64, good: Bool) -> Bool:
     rows = np.flatnonzero(good)
     wrong = np.flatnonzero((rowid[rows[1:]] <= rowid[rows[:-1]]) & (leaf[rows[1:]] == leaf[rows[:-1]]))
     for page in dict.fromkeys(leaf[rows[wrong]].tolist()):
-        own = rows[leaf[rows] == page]
-        most = np.maximum.accumulate(rowid[own])
-        good[own[1:]] = rowid[own[1:]] > most[:-1]
+        first, stop = np.searchsorted(leaf[rows], [page, page + 1])
+        good[rows[first:stop]] = rising(rowid[rows[first:stop]])
     return good

@@ -25,7 +25,11 @@ _LEAST_USABLE_BYTES = 480
 
 
 class NotADatabase(Exception):
-    """A file that does not begin as SQLite databases do; says why."""
+    """A file that does not begin as SQLite databases do; says why, and whether it is something else."""
+
+    def __init__(self, what: str, *, is_other: bool = False) -> None:
+        super().__init__(what)
+        self.is_other = is_other
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +51,7 @@ class Header:
     def of(cls, head: bytes) -> Self:
         """Return what the first bytes of a database say; NotADatabase where they are of none."""
         if len(head) < HEADER_BYTES or not head.startswith(MAGIC):
-            raise NotADatabase("empty" if not head else "not an SQLite database")
+            raise NotADatabase("empty" if not head else "not an SQLite database", is_other=bool(head))
         (page_bytes,) = struct.unpack_from(">H", head, 16)
         page_bytes = _MOST_PAGE_BYTES if page_bytes == 1 else page_bytes
         reserved_bytes = head[20]

@@ -6,7 +6,7 @@ come in the order of their times.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,9 +18,10 @@ from nvscope.capture.can import sqlite_file
 from nvscope.capture.can.on_disk import on_disk
 from nvscope.capture.content import Content
 from nvscope.capture.datalogger import database as databases
-from nvscope.capture.datalogger.damage import Damages
+from nvscope.capture.datalogger.damage import Damage, Damages
 from nvscope.capture.datalogger.database import LogDatabase
 from nvscope.capture.datalogger.names import series_of, title_of
+from nvscope.capture.datalogger.page_file import PageFile
 from nvscope.capture.datalogger.schema import StoredTable
 from nvscope.capture.datalogger.sql_records import as_records
 from nvscope.capture.datalogger.table_rows import Rows
@@ -70,6 +71,8 @@ class LogReader(Reader):
         super().__init__(content, sizes)
         self._pieces = iter(()) if content.disk_path else content.pieces()
         self._lost: list[str] = []
+        self._first_at: int | None = None
+        """Where the first page begins of which something cannot be read."""
 
     def batches(self) -> Iterator[PacketBatch]:
         """Yield the rows, those of each table in the order of their ids."""
@@ -85,14 +88,15 @@ class LogReader(Reader):
                         self._follow(batch)
                         yield replace(batch, ends=(), source=None, channel=None)
             for track in tracks:
-                self._tell_table(track, name=track.table.log.name if len(tracks) > 1 else "")
+                self._tell_table(track, database.file, name=track.table.log.name if len(tracks) > 1 else "")
             if sqlite_file.state(path) != before:
                 self._lost.append("it changed while it was read: read it again when nobody writes to it")
         if self.content.disk_path:
             self.position = self.content.size_bytes or 0
         if self._lost:
             self.progress.left_out = "; ".join(self._lost)
-            self.progress.truncation = Truncation(self.position, self.progress.left_out)
+            at = self.position if self._first_at is None else min(self.position, self._first_at)
+            self.progress.truncation = Truncation(at, self.progress.left_out)
 
     def _follow(self, batch: PacketBatch) -> None:
         """Tell how far the file is read: about as far as the rows that were read are long."""
@@ -102,16 +106,24 @@ class LogReader(Reader):
 
     def _tell_state(self, database: LogDatabase, path: str) -> None:
         """Tell what state the file is in: what is missing of it, or else what people may want to know."""
-        lost = [*map(str, database.damages)]
+        lost = [*filter(None, [database.doubt.rstrip(".")]), *self._told(database.damages, database.file)]
         if database.file.pages_missing or (database.path == path and sqlite_file.left_beside(path)):
             lost[:0] = database.notes
         else:
             self.progress.notes = database.notes
         self._lost += lost
 
-    def _tell_table(self, track: _Table, name: str) -> None:
+    def _told(self, damages: Iterable[Damage], file: PageFile) -> Iterator[str]:
+        """Yield sentences on damage, and keep in mind where it begins."""
+        for damage in damages:
+            if 0 < damage.page <= file.pages + file.pages_missing:
+                at = (damage.page - 1) * file.page_bytes
+                self._first_at = at if self._first_at is None else min(at, self._first_at)
+            yield damage.told(file.pages_missing)
+
+    def _tell_table(self, track: _Table, file: PageFile, name: str) -> None:
         of = f" of table {name}" if name else ""
-        self._lost += [f"{damage}{of}" for damage in track.damages]
+        self._lost += [f"{told}{of}" for told in self._told(track.damages, file)]
         if track.damages.left_out:
             self._lost.append(f"and {count_of(track.damages.left_out, 'place')} more{of} that cannot be read")
         if track.untimed:

@@ -12,8 +12,9 @@ from dissectors.datalogger.records import Cells, Records
 from nvscope.capture.datalogger.damage import Damage, Harm
 from nvscope.capture.datalogger.leaf_rows import POINTER_BYTES, LeafRows, rows_of
 from nvscope.capture.datalogger.long_rows import MOST_ROW_BYTES, LongRows, put_together
+from nvscope.capture.datalogger.lost_cells import between
 from nvscope.capture.datalogger.page_file import PageFile
-from nvscope.capture.datalogger.tree import LEAST_ROWID, MOST_ROWID, Leaves, Tree
+from nvscope.capture.datalogger.tree import Leaves, Tree
 
 _READ_BYTES = 1 << 20, 1 << 22
 """Bytes of leaves that are looked at together: the least, and the most where a page has few rows."""
@@ -62,15 +63,8 @@ def table_rows(file: PageFile, tree: Tree, columns: int, real: Sequence[int]) ->
     for leaves in _together(file, tree, most_rows):
         data, found = file.read(leaves.page)
         rows = rows_of(data, leaves, file.header)
-        for place in np.flatnonzero(rows.bad_leaf | rows.bad_cells).tolist():
-            harm = Harm.BAD_CELL if rows.bad_cells[place] else Harm.NOT_OF_TABLE if found[place] else Harm.UNREADABLE
-            low, high = int(leaves.low[place]), int(leaves.high[place])
-            tree.damages.add(
-                Damage(
-                    harm, int(leaves.page[place]), after=None if low == LEAST_ROWID else low,
-                    until=None if high == MOST_ROWID else high,
-                )
-            )  # fmt: skip
+        for _, damage in sorted(_damages(rows, leaves, found), key=lambda one: one[0]):
+            tree.damages.add(damage)
         for part in _parts(rows, most_rows):
             buffer, whole = _with_long_rows(file, tree, data, leaves, rows.take(part))
             records = Records(buffer, whole.start, whole.length, columns, real)
@@ -82,6 +76,16 @@ def table_rows(file: PageFile, tree: Tree, columns: int, real: Sequence[int]) ->
                 records = Records(buffer, whole.start, whole.length, columns, real)
             if len(whole):
                 yield Rows(whole.rowid, records, whole.start, whole.length)
+
+
+def _damages(rows: LeafRows, leaves: Leaves, found: Bool) -> Iterator[tuple[int, Damage]]:
+    """Yield what of leaves cannot be read, each with the place of its page; ``found`` are those that the disk has."""
+    for place in np.flatnonzero(rows.bad_leaf).tolist():
+        harm = Harm.NOT_OF_TABLE if found[place] else Harm.UNREADABLE
+        low, high = int(leaves.low[place]), int(leaves.high[place])
+        yield place, between(harm, int(leaves.page[place]), low, high)
+    for lost in rows.lost:
+        yield lost.leaf, lost.damage(int(leaves.page[lost.leaf]))
 
 
 def _together(file: PageFile, tree: Tree, most_rows: int) -> Iterator[Leaves]:

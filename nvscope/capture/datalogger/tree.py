@@ -18,13 +18,12 @@ import numpy as np
 
 from dissectors.batch import I64, U8, Bool
 from dissectors.datalogger.varints import varints
-from nvscope.capture.datalogger.damage import Damage, Damages, Harm
+from nvscope.capture.datalogger.damage import Damages, Harm
+from nvscope.capture.datalogger.lost_cells import LEAST_ROWID, MOST_ROWID, between, lost_cells
 from nvscope.capture.datalogger.page_file import HEADER_BYTES, PageFile
 
 INTERIOR, LEAF = 5, 13
 LEAF_HEAD_BYTES, _INTERIOR_HEAD_BYTES = 8, 12
-
-LEAST_ROWID, MOST_ROWID = -(1 << 63), (1 << 63) - 1
 
 _MOST_DEPTH = 20
 """As SQLite itself limits it."""
@@ -112,13 +111,20 @@ class Tree:
         good &= (used > 0) & (key >= branch.low) & (key <= branch.high)
         before = np.concatenate([[LEAST_ROWID], np.maximum.accumulate(np.where(good, key, LEAST_ROWID))[:-1]])[:count]
         good &= key >= before
-        child, key = child[good], key[good]
         last = int.from_bytes(page[head + 8 : head + 12].tobytes(), "big")
+        self._tell_lost(key, good, branch)
+        child, key = child[good], key[good]
         low = np.concatenate([[branch.low], key]).astype(np.int64)
         high = np.concatenate([key, [branch.high]]).astype(np.int64)
-        if not good.all():
-            self.damages.add(_damage(Harm.BAD_CELL, branch.page, branch.low, branch.high))
         return Leaves(np.append(child, last), low, high)
+
+    def _tell_lost(self, key: I64, good: Bool, branch: _Branch) -> None:
+        """Tell of children that are lost with their cells: how far their rows go, no other cell says."""
+        if good.all():
+            return
+        one = np.zeros(len(key), np.int64)
+        for lost in lost_cells(one, key, good, np.array([branch.low]), np.array([branch.high])):
+            self.damages.add(between(Harm.BAD_CELL, branch.page, lost.low, lost.high, partly=True))
 
     def _are_leaves(self, pages: I64) -> bool:
         """Return whether what an interior page refers to are leaves, by the first that can be told."""
@@ -152,7 +158,7 @@ class Tree:
         for row in np.flatnonzero(~good).tolist():
             number = int(page[row])
             harm = Harm.TWICE if again[row] and there[row] else self._harm(number)
-            self.damages.add(_damage(harm, number, int(leaves.low[row]), int(leaves.high[row])))
+            self.damages.add(between(harm, number, int(leaves.low[row]), int(leaves.high[row])))
         return Leaves(page[good], leaves.low[good], leaves.high[good])
 
     def _harm(self, page: int) -> Harm:
@@ -163,10 +169,4 @@ class Tree:
         return page <= self._file.pages + self._file.pages_missing
 
     def _lost(self, harm: Harm, branch: _Branch) -> None:
-        self.damages.add(_damage(harm, branch.page, branch.low, branch.high))
-
-
-def _damage(harm: Harm, page: int, low: int, high: int) -> Damage:
-    return Damage(
-        harm, page, after=None if low == LEAST_ROWID else low, until=None if high == MOST_ROWID else high
-    )  # fmt: skip
+        self.damages.add(between(harm, branch.page, branch.low, branch.high))

@@ -38,6 +38,7 @@ class AuditedFile:
     what: str = ""
     next_step: str = ""
     notes: list[str] = field(default_factory=list)
+    pages_missing: int = 0
     damages: list[Damage] = field(default_factory=list)
     faults: int = 0
     rows: int = 0
@@ -55,13 +56,20 @@ class AuditedTable:
 
 @dataclass(slots=True)
 class Audit:
-    """All that an audit tells; ``left_out`` findings are not kept."""
+    """All that an audit tells; ``left_out`` findings are not kept, ``unfit`` is why the configuration is another's."""
 
     files: list[AuditedFile] = field(default_factory=list)
     tables: list[AuditedTable] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
     left_out: int = 0
     notes: list[str] = field(default_factory=list)
+    unfit: list[str] = field(default_factory=list)
+
+    def name_of(self, path: str) -> str:
+        """Return how a file is called here: by its name alone where no other one has that, else by its path."""
+        name = os.path.basename(path)
+        alike = {one.path for one in self.files if os.path.basename(one.path) == name}
+        return name if len(alike) < 2 else path
 
     def of(self, severity: Severity) -> list[Finding]:
         """Return the findings that are so bad."""
@@ -76,6 +84,10 @@ class Audit:
 def audited(paths: Sequence[str], asked_ns: int | None = None, progress: Progress | None = None) -> Audit:
     """Return the audit of the series that paths name; ``asked_ns`` is the interval by the configuration."""
     audit = Audit()
+    audit.notes += [
+        f"{path}: a folder in which no file is called *.db or *.db.0: name the database itself"
+        for path in paths if os.path.isdir(path) and not series_of([path])
+    ]  # fmt: skip
     for series in series_of(paths):
         reading = _Reading(series, asked_ns, progress)
         reading.read()
@@ -94,6 +106,8 @@ def audited(paths: Sequence[str], asked_ns: int | None = None, progress: Progres
                 audit.left_out += 1
     return audit
 
+
+_BOTH_AGAIN = "Copy the database again together with what lies beside it, while nobody writes to them."
 
 _Key = tuple[str, tuple[str, ...]]
 """A table by its name and columns."""
@@ -136,6 +150,10 @@ class _Reading:
             told.size_bytes = os.path.getsize(member.path)
             with opened(member.path) as database:
                 told.notes += database.notes
+                if database.doubt:
+                    self._of_files.append(
+                        Finding(SERIES_BROKEN, Severity.WARNING, database.doubt, told.path, hint=_BOTH_AGAIN)
+                    )
                 self._read_tables(database, told)
         except OSError as error:
             self._cannot(told, error.strerror or str(error), "check the name and who may read it")
@@ -176,7 +194,7 @@ class _Reading:
             self._read_table(database, stored, damages, told)
             told.damages += damages
             faults += damages.count
-        told.faults = faults
+        told.faults, told.pages_missing = faults, database.file.pages_missing
         if faults or database.file.pages_missing:
             told.status = "damaged"
             told.faults = max(faults, 1)
@@ -222,8 +240,9 @@ def _damaged(told: AuditedFile) -> Finding:
 def _in_words(told: AuditedFile) -> str:
     parts = [next((note for note in told.notes if note.startswith("cut short")), "damaged")]
     if told.damages:
-        parts.append(str(told.damages[0]))
-    more = f"; {units.count_of(told.faults, 'fault')} in all" if told.faults > 1 else ""
+        parts.append(told.damages[0].told(told.pages_missing))
+    named = told.damages[0].pages if told.damages else 0
+    more = f"; {units.count_of(told.faults, 'fault')} in all" if told.faults > max(named, 1) else ""
     sentence = f"{': '.join(parts)}{more}."
     return sentence[0].upper() + sentence[1:]
 

@@ -21,6 +21,7 @@ def document(audit: Audit) -> dict[str, Any]:
         "files": [_file(one) for one in audit.files],
         "tables": [_table(one) for one in audit.tables],
         "findings": [_finding(one) for one in audit.findings],
+        "notes": [visible(note) for note in audit.notes],
         "findings_left_out": audit.left_out,
     }
 
@@ -46,6 +47,7 @@ def _file(file: AuditedFile) -> dict[str, Any]:
                 "rows": list(damage.rows),
                 "after_row": damage.after,
                 "until_row": damage.until,
+                "partly": damage.partly,
             }
             for damage in file.damages
         ],

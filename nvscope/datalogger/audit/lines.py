@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from nvscope import units
 from nvscope.datalogger.audit.audit import Audit, AuditedTable
 from nvscope.datalogger.audit.time_strip import drawn, legend
-from nvscope.datalogger.audit.words import about, coverage, groups, place, shown_value, told_of_files, verdict
+from nvscope.datalogger.audit.values import Figures, Value
+from nvscope.datalogger.audit.words import Names, about, coverage, groups, place, shown_value, told_of_files, verdict
 from nvscope.findings.kind import Severity
 from nvscope.view.escape import visible
 from nvscope.view.lines.table import Cell, Column, Line, Tone, align, wrap
+from nvscope.view.lines.text_width import display_width
 
 SYMBOLS = {
     None: Cell("✗", Tone.ERROR),
@@ -30,11 +33,13 @@ _COLUMNS = (
     Column("stored", right=True),
     Column("changes", right=True),
     Column("unknown", right=True, importance=4),
-    Column("first", right=True, importance=1, shortest=6),
-    Column("last", right=True, importance=3, shortest=6),
-    Column("least", right=True, importance=2, shortest=6),
-    Column("greatest", right=True, importance=2, shortest=6),
+    Column("first", right=True, importance=1),
+    Column("last", right=True, importance=3),
+    Column("least", right=True, importance=2),
+    Column("greatest", right=True, importance=2),
 )
+_VALUES = slice(4, 8)
+_SHORTEST_TEXT = 8
 
 
 def lines(audit: Audit, width: int, *, wide: bool = False, every: bool = False) -> Iterator[Line]:
@@ -53,7 +58,7 @@ def lines(audit: Audit, width: int, *, wide: bool = False, every: bool = False) 
         yield [SYMBOLS[group.severity], Cell(" "), Cell(head, Tone.STRONG)]
         for finding in group.shown:
             yield from wrap([Cell(visible(finding.message))], width, 2 * _INDENT, 2 * _INDENT)
-            yield from wrap([Cell(visible(place(finding)), Tone.FAINT)], width, 2 * _INDENT, 3 * _INDENT)
+            yield from wrap([Cell(visible(place(finding, audit.name_of)), Tone.FAINT)], width, 2 * _INDENT, 3 * _INDENT)
         if group.more:
             yield from wrap([Cell(group.more, Tone.FAINT)], width, 2 * _INDENT, 2 * _INDENT)
         yield from wrap([Cell(f"Next  {group.findings[0].next_step}")], width, 2 * _INDENT, 5 * _INDENT)
@@ -61,11 +66,11 @@ def lines(audit: Audit, width: int, *, wide: bool = False, every: bool = False) 
         yield [Cell(f"  {units.count_of(audit.left_out, 'finding')} more are not kept", Tone.WARNING)]
     for table in audit.tables:
         yield []
-        yield from _table(table, width, wide=wide, every=every)
+        yield from _table(table, audit.name_of, width, wide=wide, every=every)
 
 
-def _table(table: AuditedTable, width: int, *, wide: bool, every: bool) -> Iterator[Line]:
-    named, *rest = (visible(part) for part in about(table))
+def _table(table: AuditedTable, names: Names, width: int, *, wide: bool, every: bool) -> Iterator[Line]:
+    named, *rest = (visible(part) for part in about(table, names))
     yield from wrap([Cell(named, Tone.STRONG), Cell("".join(f" · {part}" for part in rest))], width, hanging=_INDENT)
     if told := coverage(table):
         yield from wrap([Cell(told)], width, _INDENT, _INDENT)
@@ -80,17 +85,30 @@ def _table(table: AuditedTable, width: int, *, wide: bool, every: bool) -> Itera
             Cell(units.count(figures.stored)),
             Cell(units.count(figures.changes)),
             Cell(units.percent(figures.unknown, table.audit.rows) if figures.unknown else "0"),
-            *(
-                Cell(visible(shown_value(value)) or "-")
-                for value in (figures.first, figures.last, figures.least, figures.greatest)
-            ),
+            *(Cell(visible(shown_value(value)) or "-") for value in _values(figures)),
         ]
         for variable, figures in shown
     ]
-    yield from align(_COLUMNS, rows, None if wide else width, _INDENT)
+    columns = _columns([_values(figures) for _, figures in shown])
+    yield from align(columns, rows, None if wide else width, _INDENT)
     if len(shown) < len(variables):
         left = units.count_of(len(variables) - len(shown), "variable")
         yield [Cell(f"  {left} more: --all shows them", Tone.FAINT)]
+
+
+def _values(figures: Figures) -> tuple[Value, ...]:
+    return figures.first, figures.last, figures.least, figures.greatest
+
+
+def _columns(values: Sequence[Sequence[Value]]) -> list[Column]:
+    """Return the columns for some values: texts and bytes may be cut, a number that is cut is another one."""
+    columns = list(_COLUMNS)
+    for at, (column, own) in enumerate(zip(columns[_VALUES], zip(*values, strict=True), strict=True), _VALUES.start):
+        if any(isinstance(value, str | bytes) for value in own):
+            numbers = [display_width(shown_value(value)) for value in own if isinstance(value, int | float)]
+            shortest = max(display_width(column.title), _SHORTEST_TEXT, *numbers)
+            columns[at] = replace(column, shortest=shortest)
+    return columns
 
 
 def _strip(table: AuditedTable, width: int) -> Iterator[Line]:
@@ -107,5 +125,5 @@ def _strip(table: AuditedTable, width: int) -> Iterator[Line]:
     space = room - len(first) - len(last)
     if space > 0:
         yield [Cell(" " * _INDENT), Cell(first, Tone.FAINT), Cell(" " * space), Cell(last, Tone.FAINT)]
-    if said := legend(marks):
+    if said := legend(marks, only_changes=audit.table.only_changes):
         yield from wrap([Cell("   ".join(said), Tone.FAINT)], width, _INDENT, _INDENT)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from nvscope import units
 from nvscope.datalogger.audit.audit import Audit, AuditedTable
 from nvscope.datalogger.audit.time_strip import drawn, legend
-from nvscope.datalogger.audit.words import about, coverage, groups, place, shown_value, told_of_files, verdict
+from nvscope.datalogger.audit.words import Names, about, coverage, groups, place, shown_value, told_of_files, verdict
 from nvscope.findings.kind import Severity
 from nvscope.view.escape import markdown_code, markdown_safe
 
@@ -27,17 +27,17 @@ def markdown(audit: Audit) -> Iterator[str]:
         yield ""
         yield f"- **{group.severity.word} {group.kind.code} {group.kind.name}**"
         for finding in group.shown:
-            yield f"  - {markdown_safe(finding.message)} {markdown_code(place(finding))}"
+            yield f"  - {markdown_safe(finding.message)} {markdown_code(place(finding, audit.name_of))}"
         if group.more:
             yield f"  - {markdown_safe(group.more)}"
         yield f"  - Next: {markdown_safe(group.findings[0].next_step)}"
     for table in audit.tables:
         yield ""
-        yield from _table(table)
+        yield from _table(table, audit.name_of)
 
 
-def _table(table: AuditedTable) -> Iterator[str]:
-    named, *rest = about(table)
+def _table(table: AuditedTable, names: Names) -> Iterator[str]:
+    named, *rest = about(table, names)
     yield f"{markdown_code(named)} · {' · '.join(map(markdown_safe, rest))}"
     if covered := coverage(table):
         yield ""
@@ -46,7 +46,7 @@ def _table(table: AuditedTable) -> Iterator[str]:
     if marks:
         yield ""
         yield markdown_code(drawn(marks, only_changes=table.audit.table.only_changes).replace(" ", "."))
-        if said := legend(marks):
+        if said := legend(marks, only_changes=table.audit.table.only_changes):
             yield f"({markdown_safe(', '.join(said))})"
     yield ""
     yield "| variable | stored | changes | unknown | first | last | least | greatest |"

@@ -155,6 +155,14 @@ class TableAudit:
         return min(found, default=None)
 
     @property
+    def usual_ns(self) -> int | None:
+        """The interval at which the rows of a single task come, None where that is not known or not regular."""
+        if self._judge is not None or len(self._of_task) != 1:
+            return None
+        (task,) = self._of_task.values()
+        return task.intervals.median_ns if task.intervals.is_regular else None
+
+    @property
     def needs_another_look(self) -> int | None:
         """The interval to audit the same rows by again, where that became known too late; None where all is well."""
         if self._judge is not None or self._known_ns is not None:

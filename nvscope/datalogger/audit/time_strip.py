@@ -13,6 +13,8 @@ from dissectors.batch import I64
 
 _CELLS = 1 << 11
 _FIRST_CELL_NS = 1_000_000
+_USUAL = 3, 2
+"""As much longer than usual a time between two rows may be, for which nothing is missing between them."""
 
 
 class Mark(IntEnum):
@@ -51,9 +53,10 @@ def drawn(marks: Sequence[Mark], *, only_changes: bool) -> str:
     return "".join(nothing if mark is Mark.NOTHING else MARKS[mark][0] for mark in marks)
 
 
-def legend(marks: Sequence[Mark]) -> list[str]:
+def legend(marks: Sequence[Mark], *, only_changes: bool) -> list[str]:
     """Return what the marks of a strip say, of those that do not speak for themselves."""
-    return [" ".join(MARKS[mark]) for mark in sorted(set(marks)) if mark > Mark.ROWS]
+    told = [" ".join(MARKS[mark]) for mark in sorted(set(marks)) if mark > Mark.ROWS]
+    return [f"{NO_CHANGE} no change", *told] if only_changes and Mark.NOTHING in marks else told
 
 
 class TimeStrip:
@@ -87,13 +90,25 @@ class TimeStrip:
         np.maximum(cells, np.uint8(mark), out=cells)
 
     def cells(self, count: int) -> list[Mark]:
-        """Return so many cells, or as many as there are, over the time that was taken."""
+        """Return so many cells, or as many as there are, over the time that was taken.
+
+        What lies between two rows that follow each other as usual is a part of these, whatever cell each begins in.
+        """
         used = np.flatnonzero(self._marks)
         if not len(used):
             return []
         length = int(used[-1]) + 1
+        marks = self._marks[:length].copy()
+        steps = np.diff(used)
+        of_rows = marks[used] == Mark.ROWS
+        between = steps[of_rows[1:] & of_rows[:-1]]
+        if len(between):
+            usual = int(np.median(between)) * _USUAL[0] // _USUAL[1] + 1
+            # Before each cell that has a mark: whether those in front of it are spanned.
+            spanned = np.repeat(steps <= usual, steps)
+            marks[used[0] + 1 :][spanned & (marks[used[0] + 1 :] == Mark.NOTHING)] = Mark.ROWS
         bounds = [place * length // count for place in range(count + 1)] if length > count else list(range(length + 1))
-        told = [Mark(int(self._marks[first:last].max())) for first, last in pairwise(bounds)]
+        told = [Mark(int(marks[first:last].max())) for first, last in pairwise(bounds)]
         if length >= count:
             return told
         return [told[place * length // count] for place in range(count)]

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from nvscope import units
@@ -14,6 +13,9 @@ from nvscope.findings.kind import FindingKind, Severity
 
 _MOST_NAMED = 3
 _LONGEST_VALUE = 24
+
+Names = Callable[[str], str]
+"""Tells how a file is called, by its path."""
 
 
 def verdict(audit: Audit) -> tuple[Severity | None, str]:
@@ -26,17 +28,17 @@ def verdict(audit: Audit) -> tuple[Severity | None, str]:
     listed = f": {', '.join(told)}" if told else ""
     if counts[Severity.ERROR]:
         return Severity.ERROR, f"Not to be trusted as it is{listed}"
-    if counts[Severity.WARNING]:
-        return Severity.WARNING, f"To be trusted with care{listed}"
+    if counts[Severity.WARNING] or audit.unfit:
+        return Severity.WARNING, f"To be trusted with care{listed or ': the configuration is not that of the tables'}"
     if not any(table.audit.rows for table in audit.tables):
         return Severity.NOTE, "Empty: no row was written yet"
     return Severity.NOTE, f"To be trusted{listed or ': nothing is missing that is not told'}"
 
 
-def about(table: AuditedTable) -> list[str]:
+def about(table: AuditedTable, names: Names) -> list[str]:
     """Return what a table is, and of what time, in parts."""
     audit = table.audit
-    parts = [_named(table.files), audit.table.name, units.count_of(audit.rows, "row")]
+    parts = [_named(table.files, names), audit.table.name, units.count_of(audit.rows, "row")]
     if audit.first_ns is not None and audit.last_ns is not None:
         since = f"{units.absolute_time(audit.first_ns, utc=True)} UTC"
         parts.append(f"{units.duration(audit.last_ns - audit.first_ns)} from {since}")
@@ -72,9 +74,9 @@ def coverage(table: AuditedTable) -> str:
     return f"{share} of the time covered: {', '.join(parts)}"
 
 
-def _named(files: Sequence[str]) -> str:
-    names = [os.path.basename(path) for path in files]
-    return names[0] if len(names) == 1 else f"{names[0]} to {names[-1]} ({len(names)} files)"
+def _named(files: Sequence[str], names: Names) -> str:
+    first = names(files[0])
+    return first if len(files) == 1 else f"{first} to {names(files[-1])} ({len(files)} files)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,9 +116,9 @@ def groups(audit: Audit) -> list[Group]:
     return [Group(own[0].kind, severity, tuple(own)) for (_, severity), own in ordered]
 
 
-def place(finding: Finding) -> str:
+def place(finding: Finding, names: Names) -> str:
     """Say where a finding is: variable, file, rows, time."""
-    parts = [finding.variable or "", os.path.basename(finding.file)]
+    parts = [finding.variable or "", names(finding.file)]
     if finding.rows:
         rows = ", ".join(map(str, sorted(finding.rows)))
         more = f" and {units.count(finding.rows_cut)} more" if finding.rows_cut else ""

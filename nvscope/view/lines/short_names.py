@@ -97,7 +97,8 @@ def _alike(names: Sequence[str]) -> int:
 def _is_border(name: str, at: int, *, whole_words: bool) -> bool:
     """Tell whether a word or a number begins or ends there; ``whole_words`` have the number behind them.
 
-    No number ends inside: 0x18FE, a group 1a2b of an IPv6 or hardware address, and 12 are each one.
+    No number ends inside: 0x18FE, a group 1a2b of an IPv6 or hardware address, and 12 are each one. Nor is an index
+    taken from what it is of: [1] alone says nothing.
     """
     if at in (0, len(name)):
         return True
@@ -106,6 +107,8 @@ def _is_border(name: str, at: int, *, whole_words: bool) -> bool:
     if any(begin < at < end for begin, end in map(re.Match.span, HEXADECIMAL.finditer(name))):
         return False
     last, following = name[at - 1], name[at]
+    if last == "[" or following in "[]":
+        return False
     if following.isdigit():
         return not last.isdigit() and not (whole_words and last.isalpha())
     if last.isalpha() and following.isalpha():

@@ -144,8 +144,45 @@ def test_what_a_writer_left_beside_a_database_is_taken_in_and_stays(tmp_path: Pa
     assert not len(damages)
     with opened(str(found / "live.db")) as log:
         (note,) = log.notes
-    assert "left beside it, and was taken in" in note
+    assert ("and was taken in: the file alone lacks" in note) is (mode == "wal")
+    assert ("what its writer had not finished was undone" in note) is (mode == "delete")
     assert {one.name: (one.read_bytes(), one.stat().st_mtime_ns) for one in found.iterdir()} == before
+
+
+@pytest.mark.parametrize(
+    ("size", "doubt"),
+    [
+        (100, "it does not begin as one"), (32 + 1048 * 3 - 1, "it ends in the middle of a page"),
+        (40, "it ends in the middle of a page"), (32 + 1048, ""),
+    ],
+)  # fmt: skip
+def test_a_wal_of_which_nothing_is_taken_in_is_told_as_that(tmp_path: Path, size: int, doubt: str) -> None:
+    path = filled(tmp_path / "a.db", 500)
+    live = tmp_path / "live.db"
+    live.write_bytes(path.read_bytes())
+    with closing(sqlite3.connect(live, isolation_level=None)) as database:
+        database.execute("PRAGMA journal_mode = wal")
+        put(database, range(501, 901))
+        wal = (tmp_path / "live.db-wal").read_bytes()
+    path.with_name("a.db-wal").write_bytes(b"\x7f" * size if "begin" in doubt else wal[:size])
+    rows, damages = read(path)
+    assert numbers(rows) == [("int", n) for n in range(1, 501)]
+    assert not len(damages)
+    with opened(str(path)) as log:
+        assert "taken in, " not in "".join(log.notes)
+        if doubt:
+            assert log.notes == ()
+            assert log.doubt.startswith(f"a.db-wal lies beside it and is damaged ({doubt}): nothing of it can be taken")
+        else:
+            assert log.notes == ("a.db-wal lies beside it, and no finished change is in it to be taken in",)
+            assert log.doubt == ""
+
+
+def test_a_journal_that_has_nothing_to_undo_is_told_as_that(tmp_path: Path) -> None:
+    path = filled(tmp_path / "a.db", 500)
+    path.with_name("a.db-journal").write_bytes(bytes.fromhex("d9d505f920a163d7") + bytes(600))
+    with opened(str(path)) as log:
+        assert log.notes == ("a.db-journal lies beside it, and there was nothing to undo",)
 
 
 def test_rows_of_a_file_that_is_cut_are_those_of_the_pages_that_are_left(tmp_path: Path) -> None:
@@ -213,6 +250,28 @@ def test_damaged_bytes_raise_nothing_and_rows_keep_their_order(tmp_path: Path, d
     ids = [row[0][1] for row in rows]  # type: ignore[index]
     assert ids == sorted(set(ids))
     assert len(rows) <= 800 or len(damages)
+
+
+@_shared
+@given(st.integers(0, 1 << 20), st.sampled_from([b"\xff" * 10, b"\xff", b"\x7f", b"\0\0", bytes(40)]))
+def test_no_row_is_lost_that_was_read(tmp_path: Path, at: int, some: bytes) -> None:
+    path = tmp_path / "a.db"
+    if not path.exists():
+        filled(path, 800, 512)
+    raw = bytearray(path.read_bytes())
+    at %= len(raw)
+    raw[at : at + len(some)] = some
+    (tmp_path / "broken.db").write_bytes(raw)
+    try:
+        rows, damages = read(tmp_path / "broken.db")
+    except UnreadableInput:
+        return
+    ids = {row[0][1] for row in rows}  # type: ignore[index]
+    for damage in damages:
+        if damage.row_count:
+            assert ids.isdisjoint(damage.rows)
+        elif not damage.partly:
+            assert not [one for one in ids if (damage.after or 0) < one <= (damage.until or 1 << 63)]  # type: ignore[operator]
 
 
 @pytest.mark.parametrize(

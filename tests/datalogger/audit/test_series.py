@@ -145,6 +145,67 @@ def test_a_page_that_is_lost_is_told_and_nothing_that_follows_from_it(tmp_path: 
     assert audit.files[0].status == "damaged"
 
 
+def cell_places(raw: bytearray, page: int, kind: int) -> list[int]:
+    """Return where the cells of a page begin, in their order; it is checked to be of a kind."""
+    at = (page - 1) * 1024
+    assert raw[at] == kind
+    head = 8 if kind == 13 else 12
+    count = int.from_bytes(raw[at + 3 : at + 5], "big")
+    return [at + int.from_bytes(raw[one : one + 2], "big") for one in range(at + head, at + head + 2 * count, 2)]
+
+
+@pytest.mark.parametrize("changes", [False, True])
+@pytest.mark.parametrize("which", [[0], [5], [-1], [4, 5, 6], [2, 9]])
+@pytest.mark.parametrize("spoiled", [b"\xff" * 10, b"\x10\x7f"], ids=["all of its head", "its id"])
+def test_a_row_that_is_lost_is_named_and_nothing_follows_from_it(
+    tmp_path: Path, changes: bool, which: list[int], spoiled: bytes
+) -> None:
+    rows = only_changes(2_000) if changes else every_value(2_000)
+    path = write(tmp_path / "x.db", rows, DECLARED, changes=changes, page_bytes=1024)
+    raw = bytearray(path.read_bytes())
+    places = cell_places(raw, 21, 13)
+    for number in which:
+        raw[places[number] : places[number] + len(spoiled)] = spoiled
+    path.write_bytes(raw)
+    audit = audited([str(path)])
+    (finding,) = audit.findings
+    assert finding.kind.code == "NV959"
+    # An id takes two bytes, behind one of the length.
+    first = (raw[places[1] + 1] & 0x7F) << 7 | raw[places[1] + 2]
+    lost = [first - 1 + number % len(places) for number in which]
+    assert (list(finding.rows), finding.count) == (lost, len(lost))
+    assert "page 21 has rows that lie outside it or out of their order: row" in finding.message
+    assert audit.tables[0].audit.rows == 2_000 - len(lost)
+
+
+def test_an_id_that_is_too_large_takes_no_other_rows_along(tmp_path: Path) -> None:
+    path = write(tmp_path / "x.db", only_changes(2_000), DECLARED, changes=True, page_bytes=1024)
+    raw = bytearray(path.read_bytes())
+    places = cell_places(raw, 21, 13)
+    raw[places[3] + 1 : places[3] + 3] = raw[places[-2] + 1 : places[-2] + 3]
+    path.write_bytes(raw)
+    audit = audited([str(path)])
+    (finding,) = audit.findings
+    assert (finding.count, audit.tables[0].audit.rows) == (1, 1_999)
+
+
+@pytest.mark.parametrize("changes", [False, True])
+@pytest.mark.parametrize("number", [0, 20, 40])
+def test_a_page_of_which_nobody_knows_any_more_is_told_and_nothing_that_follows(
+    tmp_path: Path, changes: bool, number: int
+) -> None:
+    rows = only_changes(2_000) if changes else every_value(2_000)
+    path = write(tmp_path / "x.db", rows, DECLARED, changes=changes, page_bytes=1024)
+    raw = bytearray(path.read_bytes())
+    (root,) = (page for page in range(2, len(raw) // 1024 + 1) if raw[(page - 1) * 1024] == 5)
+    place = cell_places(raw, root, 5)[number]
+    raw[place + 4 : place + 6] = b"\xff\xff"  # the id is not within bounds any more
+    path.write_bytes(raw)
+    (finding,) = audited([str(path)]).findings
+    assert finding.kind.code == "NV959"
+    assert f"page {root} has rows that lie outside it or out of their order: some of the rows " in finding.message
+
+
 @pytest.mark.parametrize("changes", [False, True])
 def test_a_file_that_is_cut_is_told(tmp_path: Path, changes: bool) -> None:
     rows = only_changes(2_000) if changes else every_value(2_000)
@@ -153,6 +214,7 @@ def test_a_file_that_is_cut_is_told(tmp_path: Path, changes: bool) -> None:
     (finding,) = audited([str(path)]).findings
     assert finding.kind.code == "NV959"
     assert finding.message.startswith("Cut short: ")
+    assert "pages are missing at its end: rows behind" in finding.message
 
 
 def test_tables_of_several_sessions_are_told_apart(tmp_path: Path) -> None:

@@ -33,6 +33,8 @@ NAMES = st.lists(PARTS, min_size=1, max_size=12).map("".join) | st.text(max_size
         (["can0/0x18FF0010", "can0/0x18FE0020"], 11, ["…0x18FF0010", "…0x18FE0020"]),
         (["fd00::1a2b:10", "fd00::1a3c:10"], 10, ["…1a2b:10", "…1a3c:10"]),
         (["02:00:1a:01", "02:00:1b:02"], 7, ["…1a:01", "…1b:02"]),
+        (["Arp.Plc.Eclr/values[1]", "Arp.Plc.Eclr/values[12]"], 14, ["…values[1]", "…values[12]"]),
+        (["Arp.Plc.Eclr/a[1]", "Arp.Plc.Eclr/b[1]"], 8, ["…a[1]", "…b[1]"]),
         (["axis12345-of-the-press", "conveyor"], 12, ["axis…e-press", "conveyor"]),
         (["10.20.30.101", "10.20.30.7"], 8, ["…101", "…7"]),
         (["a-name-that-stands-alone"], 11, ["a-nam…alone"]),

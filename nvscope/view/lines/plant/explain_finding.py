@@ -30,12 +30,19 @@ def finding_called(code: str) -> FindingKind | None:
     return None
 
 
+def _where(kind: FindingKind) -> str:
+    """Say where a kind is found that no report of a capture has, '' for all others."""
+    if kind.of_databases:
+        return "Found in databases of DataLoggers, by `nvscope audit FILE.db`: no report of a capture has it."
+    return "" if kind.judged else "Nothing judges it yet: no report has this finding."
+
+
 def finding_lines(kind: FindingKind, width: int) -> Iterator[Line]:
     """Yield what a kind of finding means, what usually causes it, and what to do."""
     yield [Cell(f"{kind.code} {kind.name}", Tone.STRONG), Cell("  "), status(kind.severity)]
     yield []
-    if not kind.judged:
-        yield from wrap([Cell("Nothing judges it yet: no report has this finding.", Tone.NOTE)], width)
+    if told := _where(kind):
+        yield from wrap([Cell(told, Tone.NOTE)], width)
         yield []
     yield from wrap([Cell(kind.meaning)], width)
     yield []
