@@ -85,7 +85,8 @@ def datalog(
             "-w",
             "--write",
             metavar="FILE",
-            help="The database, in place of the dst of the configuration.",
+            help="The database, in place of the dst of the configuration; of a volatile session, too, which is a file "
+            "then.",
             show_default=False,
         ),
     ] = None,
@@ -247,25 +248,8 @@ def _tell_of_left_out(planned: Sequence[Planned]) -> None:
 
 
 def _tell(logs: Sequence[SessionLog]) -> None:
-    from nvscope.units import count_of
-    from nvscope.view.escape import visible
+    from nvscope.datalogger.outcome import outcome
 
     for log in logs:
-        counted, name = log.counted, visible(log.session.name)
-        rows = f"{count_of(counted.rows, 'row')} of {count_of(len(log.logged), 'variable')}"
-        files = "memory" if log.session.volatile else visible(counted.files[-1])
-        more = len(counted.files) - 1
-        told = [f"{rows} in {files}" + (f" and {count_of(more, 'closed file')}" if more > 0 else "")]
-        if counted.inconsistent:
-            told.append(f"{counted.inconsistent} behind a loss (ConsistentDataSeries 0)")
-        echo(f"nvscope: {name}: {'; '.join(told)}.", err=True)
-        if counted.overwritten:
-            lost = count_of(counted.overwritten, "data set")
-            echo(
-                f"nvscope: {name}: the ring buffer had no room for {lost}: bufferCapacity is {log.session.capacity}, "
-                f"and up to {log.session.sets_a_publishing} come in a publishInterval.",
-                err=True,
-            )
-        if counted.not_written:
-            lost = count_of(counted.not_written, "row")
-            echo(f"nvscope: {name}: {lost} not written: another program held the database.", err=True)
+        for line in outcome(log):
+            echo(f"nvscope: {line}", err=True)

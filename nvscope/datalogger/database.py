@@ -87,6 +87,7 @@ def is_database(path: str) -> bool:
 class Database:
     """The files of a session; ``path`` is the one that is written, ``rows`` how many were.
 
+    ``deleted`` counts rows that made room in it, ``removed`` are full files that did, ``closed`` those that stayed.
     ``durable``: each block is on the disk before the next one is taken, where it survives a power cut. ``begins`` tells
     whether the next row is the first of a file, ``goes_on`` whether the table had rows when it was opened, or the
     series closed files.
@@ -98,6 +99,7 @@ class Database:
         self.deleted = 0
         self.closed: list[str] = []
         self.removed: list[str] = []
+        self._own, self._own_closed = 0, dict[str, int]()
         self.begins = True
         self.goes_on = False
         self._session = session
@@ -146,6 +148,7 @@ class Database:
                 raise DatabaseLocked from None
             raise self._failure(error) from None
         self.rows += rows
+        self._own += rows
         self.begins = False
         self._make_room()
 
@@ -154,6 +157,11 @@ class Database:
         if self._connection is not None:
             self._connection.close()
             self._connection = None
+
+    @property
+    def rows_left(self) -> int:
+        """How many of the rows that were written are still there."""
+        return self._own + sum(self._own_closed.values())
 
     @property
     def size_bytes(self) -> int:
@@ -246,6 +254,7 @@ class Database:
                     return  # with the next block
                 raise self._failure(error) from None
             self.deleted += found.rowcount
+            self._own = min(self._own, last - (first + share) + 1)
             if last - first + 1 == share:
                 return
 
@@ -258,12 +267,15 @@ class Database:
         try:
             os.rename(self.path, target)
             self.closed.append(target)
+            self._own_closed[target], self._own = self._own, 0
             files = self._session.files
             if files is not None:
                 closed.append((number, target))
                 for _, oldest in closed[: max(len(closed) - (files - 1), 0)]:
                     os.unlink(oldest)
                     self.removed.append(oldest)
+                    if self._own_closed.pop(oldest, None) is not None:
+                        self.closed.remove(oldest)
         except OSError as error:
             raise CaptureError(
                 f"a full file cannot be closed: {error.strerror}", where=self.path, next_step="check its folder"
