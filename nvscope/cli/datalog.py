@@ -159,8 +159,7 @@ def datalog(
     between = asked_range(from_time, to_time, utc=True)
     inquiry = Inquiry(captured(paths, live, plant, ports), plant, ports, watch=watching(quiet=quiet), asked=between)
     planned = plan(sessions, inquiry.defined_layouts(), plant.datalogger, Targets(write, folder), partly=partly)
-    if partly:
-        _tell_of_left_out(planned)
+    _tell_of_plan(planned)
     if dry_run:
         from nvscope.datalogger.forecast import forecast
 
@@ -239,12 +238,16 @@ def _hold_drops(source: Source) -> bool:
     return any(info.format in holding for info in source.infos)
 
 
-def _tell_of_left_out(planned: Sequence[Planned]) -> None:
+def _tell_of_plan(planned: Sequence[Planned]) -> None:
+    """Say which variables are left out, and what no session can be meant to do."""
+    from nvscope.datalogger.growth import always_full
     from nvscope.view.escape import visible
 
     for one in planned:
         for error in one.left_out:
             echo(f"nvscope: {visible(error.where)}: {visible(error.what)}; left out.", err=True)
+        if told := always_full(one):
+            echo(f"nvscope: {visible(told)}.", err=True)
 
 
 def _tell(logs: Sequence[SessionLog]) -> None:

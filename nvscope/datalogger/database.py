@@ -134,7 +134,7 @@ class Database:
             leaves = leaves_of(blocks, rows) if hasattr(self._connection, "deserialize") else None
             if leaves is None:
                 self._connection.execute("BEGIN IMMEDIATE")
-                self._connection.executemany(self._insert, _tuples(blocks, rows))
+                self._connection.executemany(self._insert, tuples(blocks, rows))
             else:
                 # SQLite copies the records of a database in memory as they are.
                 self._connection.deserialize(self._image(leaves), name=_IMAGE)
@@ -176,9 +176,7 @@ class Database:
         path = self.path if self.path == IN_MEMORY else os.path.abspath(self.path)
         self._connection = sqlite3.connect(path, isolation_level=None, timeout=_BUSY_S, check_same_thread=False)
         execute = self._connection.execute
-        # As controllers have them; both have to be said before the first table is made.
-        execute("PRAGMA page_size = 4096")
-        execute("PRAGMA auto_vacuum = FULL")
+        begin_file(self._connection)
         if not self._durable:
             # Nobody waits for a power cut, or looks at the file, while a capture is turned into it.
             execute("PRAGMA synchronous = OFF")
@@ -302,6 +300,12 @@ class Database:
         )
 
 
+def begin_file(connection: sqlite3.Connection) -> None:
+    """Have a file as controllers have it; this has to be said before the first table is made."""
+    connection.execute("PRAGMA page_size = 4096")
+    connection.execute("PRAGMA auto_vacuum = FULL")
+
+
 def _template(table: LogTable) -> tuple[bytes, int]:
     """Return a database in memory with an empty table, and the page of its root."""
     connection = sqlite3.connect(IN_MEMORY, isolation_level=None)
@@ -314,7 +318,7 @@ def _template(table: LogTable) -> tuple[bytes, int]:
         connection.close()
 
 
-def _tuples(blocks: Sequence[Block], rows: int) -> Iterator[tuple[Any, ...]]:
+def tuples(blocks: Sequence[Block], rows: int) -> Iterator[tuple[Any, ...]]:
     """Yield rows value by value, as ``executemany`` takes them."""
     columns: list[Sequence[Any]] = []
     for block in blocks:

@@ -49,6 +49,11 @@ class Planned:
         """The lists that it needs."""
         return {one.key for one in self.logged} | {key for key, _ in self.tasks}
 
+    @property
+    def deletes_oldest(self) -> bool:
+        """Whether rows make room where it is full, and no other file is begun; so it is in memory."""
+        return self.session.files == 1 or not self.path
+
 
 @dataclass(frozen=True, slots=True)
 class Targets:

@@ -63,3 +63,24 @@ def test_what_is_volatile_is_kept_where_a_file_is_named(option: str, here: Path)
     assert (here / "v.db").exists() == bool(option)
     if option:
         assert len(rows_of(here / "v.db")) == 100
+
+
+@pytest.mark.parametrize(("sink", "each"), [(FULL, "is deleted as soon"), (f'{FULL} rollover="true"', "fills a file")])
+def test_a_size_below_that_of_an_empty_database_is_a_warning(sink: str, each: str, here: Path) -> None:
+    told(here, CYCLES, sink)
+    words = ("datalog", "plant.pcap", "--config", "c.xml", "--gvl", ".")
+    for option in ("--force", "--dry-run"):
+        done = run_text(*words, option, cwd=here)
+        assert done.returncode == 0
+        assert "nvscope: c.xml, line 1, column " in done.stderr
+        assert f"an empty database of these variables has 12288; each block of rows {each}" in done.stderr
+    told(here, CYCLES, FULL.replace("12000", "12289"), "--force")
+    assert "empty database" not in run_text(*words, "--force", cwd=here).stderr
+
+
+def test_a_forecast_tells_a_folder_that_is_not_there(here: Path) -> None:
+    told(here, CYCLES, "")
+    done = run_text(
+        "datalog", "plant.pcap", "--config", "c.xml", "--gvl", ".", "-w", "no/x.db", "--dry-run", cwd=here
+    )  # fmt: skip
+    assert "  Its folder does not exist, and none is made: no" in done.stdout.splitlines()
