@@ -17,7 +17,6 @@ from nvscope.cli.sources import (
     DecodeOption,
     FromTimeOption,
     ReadOption,
-    SourcesArgument,
     ToTimeOption,
     asked_range,
     port_rules,
@@ -31,8 +30,8 @@ if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.capture.source import Source
     from nvscope.datalogger.configuration import Session
+    from nvscope.datalogger.datalog import DataLog
     from nvscope.datalogger.plan import Planned
-    from nvscope.datalogger.session_log import SessionLog
 
 _LOG = "log"
 
@@ -68,7 +67,15 @@ def _verbs() -> None:
 @with_live_options
 def datalog(
     live: LiveOptions,
-    sources: SourcesArgument = None,
+    sources: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="SOURCE...",
+            help="Capture files, directories of them, or - for stdin; or an interface, udp://ADDRESS:PORT or "
+            "can:INTERFACE:CHANNEL; and definition files, as for --gvl.",
+            show_default=False,
+        ),
+    ] = None,
     read: ReadOption = None,
     config: Annotated[
         list[str] | None,
@@ -167,16 +174,17 @@ def datalog(
             echo(line)
         return
     source = inquiry.open()
+    _refuse_databases(source)
     # Of a directory, these are the captures in it.
     read_from = (*paths, *(info.path for info in source.infos), *plant.inputs, *config)
     inputs = {identity for path in read_from if (identity := identity_of(path))}
     check_files(planned, lambda path: identity_of(path) in inputs, append=append, force=force)
     if force:
         remove_files(planned)
-    logs = _logged(inquiry, source, planned, quiet=quiet, append=append, document_style=document_style)
+    log = _logged(inquiry, source, planned, quiet=quiet, append=append, document_style=document_style)
     if not quiet:
-        _tell(logs)
-    lost = any(log.counted.not_written for log in logs)
+        _tell(log)
+    lost = any(one.counted.not_written for one in log.sessions)
     code = max(tell_of_losses(source.infos), ExitCode.DATA_LOSS if lost else ExitCode.GOOD)
     if code:
         raise typer.Exit(code)
@@ -198,7 +206,7 @@ def _sessions(config: Sequence[str]) -> list[Session]:
 
 def _logged(
     inquiry: Inquiry, source: Source, planned: Sequence[Planned], *, quiet: bool, append: bool, document_style: bool
-) -> Sequence[SessionLog]:
+) -> DataLog:
     """Log captures, or what comes live; whatever ends it, what was taken is written."""
     from nvscope.cli.memory import keep_freed_memory
     from nvscope.datalogger.judging import Judge, StateSoFar, WholeCapture
@@ -227,7 +235,7 @@ def _logged(
                     progress()
     finally:
         log.end()
-    return log.sessions
+    return log
 
 
 def _hold_drops(source: Source) -> bool:
@@ -236,6 +244,20 @@ def _hold_drops(source: Source) -> bool:
 
     holding = {known.name for known in FORMATS if known.holds_drops}
     return any(info.format in holding for info in source.infos)
+
+
+def _refuse_databases(source: Source) -> None:
+    """Say that databases are no telegrams; UsageError where there is nothing else."""
+    from nvscope.view.escape import visible
+
+    databases = [info.path for info in source.infos if info.format == "datalogger"]
+    if databases and len(databases) == len(source.infos):
+        raise UsageError(
+            "rows of databases are not logged again, and no capture is given", where=databases[0],
+            next_step="name the capture of the telegrams; `nvscope export` writes the rows of databases",
+        )  # fmt: skip
+    for path in databases:
+        echo(f"nvscope: {visible(path)}: rows of databases are not logged again.", err=True)
 
 
 def _tell_of_plan(planned: Sequence[Planned]) -> None:
@@ -250,9 +272,10 @@ def _tell_of_plan(planned: Sequence[Planned]) -> None:
             echo(f"nvscope: {visible(told)}.", err=True)
 
 
-def _tell(logs: Sequence[SessionLog]) -> None:
+def _tell(log: DataLog) -> None:
     from nvscope.datalogger.outcome import outcome
 
-    for log in logs:
-        for line in outcome(log):
+    heard = log.heard
+    for one in log.sessions:
+        for line in outcome(one, heard):
             echo(f"nvscope: {line}", err=True)

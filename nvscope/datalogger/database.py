@@ -12,6 +12,7 @@ import re
 import sqlite3
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -102,6 +103,7 @@ class Database:
         self._own, self._own_closed = 0, dict[str, int]()
         self.begins = True
         self.goes_on = False
+        self._made = False
         self._session = session
         self._table = table
         self._durable = durable
@@ -115,6 +117,7 @@ class Database:
         Raises UsageError where that holds another table, and CaptureError where it cannot be written.
         """
         exists = self.path != IN_MEMORY and os.path.exists(self.path)
+        self._made |= not exists
         try:
             self._connect()
             if exists:
@@ -157,6 +160,25 @@ class Database:
         if self._connection is not None:
             self._connection.close()
             self._connection = None
+
+    def end(self) -> bool:
+        """Close the file, and return whether it is there: one that was made and has got no row is taken away."""
+        unused = self._made and not self.rows and self._is_empty()
+        self.close()
+        if unused and self.path != IN_MEMORY:
+            with suppress(OSError):
+                os.unlink(os.path.realpath(self.path))
+        return not unused
+
+    def _is_empty(self) -> bool:
+        """Return whether the file holds the table alone, and that has no row."""
+        if self._connection is None:
+            return False
+        asked = f"SELECT (SELECT count(*) FROM main.sqlite_master), EXISTS (SELECT 1 FROM main.{self._table.name})"
+        try:
+            return bool(self._connection.execute(asked).fetchone() == (1, 0))
+        except sqlite3.Error:
+            return False
 
     @property
     def rows_left(self) -> int:

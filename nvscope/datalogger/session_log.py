@@ -51,8 +51,9 @@ class Counted:
     """What became of a session: rows that were written, how many of them are not consistent, and what was lost.
 
     ``overwritten`` are data sets that the ring buffer had no room for, ``not_written`` rows for which another program
-    held the file too long. Of the rows, ``left`` are still there, in ``files``, the one that was written last: others
-    made room, by themselves (``deleted``, with those that were there before) or in whole files (``removed``).
+    held the file too long. Of the rows, ``left`` are still there, in ``files``, the last written one at the end; there is
+    none where there was no row. Others made room, by themselves (``deleted``, with those that were there before) or in
+    whole files (``removed``).
     """
 
     samples: int = 0
@@ -135,9 +136,8 @@ class SessionLog:
             self._flush()
         finally:
             counted, database = self.counted, self._database
-            counted.files = [*database.closed, database.path]
             counted.left, counted.deleted, counted.removed = database.rows_left, database.deleted, len(database.removed)
-            database.close()
+            counted.files = [*database.closed, database.path] if database.end() else []
 
     def _flush(self) -> None:
         """Write all rows that wait for their block to be full, as far as nobody holds the file."""

@@ -1,4 +1,4 @@
-"""``nvscope datalog``: what it says at its end is what is there."""
+"""``nvscope datalog``: what it says at its end is what is there, and why there is nothing."""
 
 from __future__ import annotations
 
@@ -84,3 +84,60 @@ def test_a_forecast_tells_a_folder_that_is_not_there(here: Path) -> None:
         "datalog", "plant.pcap", "--config", "c.xml", "--gvl", ".", "-w", "no/x.db", "--dry-run", cwd=here
     )  # fmt: skip
     assert "  Its folder does not exist, and none is made: no" in done.stdout.splitlines()
+
+
+def lines(folder: Path, *words: str | Path) -> tuple[int, list[str]]:
+    done = run_text("datalog", *words, "--config", "c.xml", "--gvl", ".", cwd=folder)
+    return done.returncode, done.stderr.splitlines()
+
+
+def test_a_list_that_never_came_is_told_and_no_file_is_left(here: Path) -> None:
+    (here / "list2.gvl").write_text(gvl(2, ["dwSecond"]), encoding="utf-8")
+    (here / "c.xml").write_text(configuration(["a/dwSecond"]), encoding="utf-8")
+    code, told = lines(here, "plant.pcap")
+    assert (code, told[0]) == (0, "nvscope: session: 0 rows of 1 variable, and no file was made.")
+    assert told[1].startswith("nvscope: session: no telegram of udp/1202/2 came in 5.0 s, among 100 frames; ")
+    assert not (here / "log.db").exists()
+    (here / "c.xml").write_text(configuration(["a/dwFirst", "a/dwSecond"], 'samplingInterval="1s"'), encoding="utf-8")
+    code, told = lines(here, "plant.pcap")
+    assert (code, told[0]) == (0, "nvscope: session: 4 rows of 2 variables in log.db.")
+    assert told[-1].startswith("nvscope: session: no telegram of udp/1202/2 came")
+    assert "; 1 variable of it is NULL in all rows; " in told[-1]
+    assert [row[-1] for row in rows_of(here / "log.db")] == [None] * 4
+
+
+def test_telegrams_of_another_shape_are_told(here: Path) -> None:
+    (here / "list1.gvl").write_text(gvl(1, ["dwFirst", "dwMore"]), encoding="utf-8")
+    (here / "c.xml").write_text(configuration(["a/dwFirst"]), encoding="utf-8")
+    told = lines(here, "plant.pcap")[1]
+    assert told[1].startswith(
+        "nvscope: session: 100 telegrams of udp/1202/1 came, of another shape than the definition"
+    )
+
+
+def test_an_interval_that_was_not_over_is_told(here: Path) -> None:
+    (here / "c.xml").write_text(configuration(["a/dwFirst"], 'samplingInterval="1h"'), encoding="utf-8")
+    told = lines(here, "plant.pcap", "--from-time", "1s")[1]
+    assert told[1:] == [
+        "nvscope: session: telegrams came in 4.0 s, among 80 frames, but no sampling was due: samplingInterval is "
+        "1 h 00 min."
+    ]
+
+
+def test_a_file_that_was_there_stays_though_nothing_came(here: Path) -> None:
+    (here / "list2.gvl").write_text(gvl(2, ["dwSecond"]), encoding="utf-8")
+    told(here, CYCLES, "")
+    (here / "c.xml").write_text(configuration(["a/dwSecond"]), encoding="utf-8")
+    assert lines(here, "plant.pcap", "--append")[1][0] == "nvscope: session: 0 rows of 1 variable in log.db."
+    assert (here / "log.db").exists()
+
+
+def test_databases_are_no_source_of_rows(here: Path) -> None:
+    told(here, CYCLES, "")
+    (here / "log.db").rename(here / "old.db")
+    code, said = lines(here, "old.db")
+    assert code == 2
+    assert said[0] == "nvscope: old.db: rows of databases are not logged again, and no capture is given"
+    code, said = lines(here, "old.db", "plant.pcap")
+    assert (code, said[0]) == (0, "nvscope: old.db: rows of databases are not logged again.")
+    assert len(rows_of(here / "log.db")) == 100
