@@ -11,7 +11,7 @@ import os
 import re
 import sqlite3
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,8 @@ from nvscope.errors import CaptureError, UsageError
 
 _PAGES_AT, _IMAGE = 28, "image"
 _BUSY_S = 5.0
+_SHOWN = 60
+_HELD = frozenset({sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED})
 _NUMBERED = re.compile(r"\.(\d{1,18})\Z")
 IN_MEMORY = ":memory:"
 _SQLITE = b"SQLite format 3\0"
@@ -147,7 +149,7 @@ class Database:
             self._connection.execute("COMMIT")
         except sqlite3.Error as error:
             self._undo()
-            if getattr(error, "sqlite_errorcode", 0) & 0xFF in {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED}:
+            if getattr(error, "sqlite_errorcode", 0) & 0xFF in _HELD:
                 raise DatabaseLocked from None
             raise self._failure(error) from None
         self.rows += rows
@@ -223,12 +225,10 @@ class Database:
             columns = execute(f"PRAGMA main.table_info({quoted(name)})")
             found[name] = recognise(name, [(column, kind) for _, column, kind, *_ in columns])
         own = self._table.name
-        if None in found.values() or found.get(own, self._table) != self._table:
+        unlike = _unlike(found, self._table)
+        if unlike:
             self.close()
-            raise UsageError(
-                "the file holds what is no DataLogger's, or no table of this session's variables", where=self.path,
-                next_step="log to another file, or take this one away",
-            )  # fmt: skip
+            raise UsageError(unlike[0], where=self.path, next_step=unlike[1])
         self.goes_on = bool(closed_files(self.path))
         if own in found:
             self.goes_on |= execute(f"SELECT count(*) FROM (SELECT 1 FROM main.{own} LIMIT 1)").fetchone()[0] > 0
@@ -270,7 +270,7 @@ class Database:
             try:
                 found = self._connection.execute(f"DELETE FROM main.{name} WHERE rowid < ?", (first + share,))
             except sqlite3.Error as error:
-                if getattr(error, "sqlite_errorcode", 0) & 0xFF in {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED}:
+                if getattr(error, "sqlite_errorcode", 0) & 0xFF in _HELD:
                     return  # with the next block
                 raise self._failure(error) from None
             self.deleted += found.rowcount
@@ -307,6 +307,11 @@ class Database:
         code = getattr(error, "sqlite_errorcode", 0) & 0xFF
         told = f"{self.rows} rows were written before" if self.rows else "nothing was written"
         folder = os.path.dirname(self.path) or "."
+        if code in _HELD:
+            return CaptureError(
+                f"another program holds the database; {told}", where=self.path,
+                next_step="close it there, and start again: rows wait for it while they are logged, not at the start",
+            )  # fmt: skip
         if code == sqlite3.SQLITE_FULL:
             return CaptureError(f"the disk is full; {told}", where=self.path, next_step="make room, or log elsewhere")
         if code == sqlite3.SQLITE_CANTOPEN and not Path(folder).is_dir():
@@ -320,6 +325,29 @@ class Database:
         return CaptureError(
             f"cannot be written: {error}; {told}", where=self.path, next_step="check the file and its folder"
         )
+
+
+def _unlike(found: Mapping[str, LogTable | None], own: LogTable) -> tuple[str, str] | None:
+    """Return why a file with some tables cannot be gone on with, and what to do; None where it can."""
+    foreign = next((name for name, table in found.items() if table is None), None)
+    if foreign is not None:
+        return f"the file holds what is no DataLogger's: the table {foreign[:_SHOWN]}", "log to another file"
+    known = found.get(own.name)
+    if known is None or known == own:
+        return None
+    if known.raw != own.raw:
+        there, here = ("numbers", "texts") if known.raw else ("texts", "numbers")
+        style = "Raw" if known.raw else "Iso8601"
+        return (
+            f"the table of these variables has its times as {there} there, and the session writes {here}",
+            f'write tsfmt="{style}" in the configuration, or log to another file',
+        )
+    types = {one.name: one.declared for one in known.variables}
+    other = next((one for one in own.variables if types.get(one.name) != one.declared), None)
+    if other is not None and other.name in types:
+        what = f"'{other.name[:_SHOWN]}' is {types[other.name]} in the table there, and {other.declared} in its list"
+        return what, "log to another file: the type of the variable has changed"
+    return "the file has a table of this name for other variables", "log to another file"
 
 
 def begin_file(connection: sqlite3.Connection) -> None:

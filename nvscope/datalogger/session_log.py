@@ -51,8 +51,8 @@ class Counted:
     """What became of a session: rows that were written, how many of them are not consistent, and what was lost.
 
     ``overwritten`` are data sets that the ring buffer had no room for, ``not_written`` rows for which another program
-    held the file too long. Of the rows, ``left`` are still there, in ``files``, the last written one at the end; there is
-    none where there was no row. Others made room, by themselves (``deleted``, with those that were there before) or in
+    held the file too long. Of the rows, ``left`` are still there, in ``files``, the last written one at the end; none
+    where there was no row. Others made room, by themselves (``deleted``, with those that were there before) or in
     whole files (``removed``).
     """
 

@@ -100,10 +100,10 @@ def test_a_list_that_never_came_is_told_and_no_file_is_left(here: Path) -> None:
     assert not (here / "log.db").exists()
     (here / "c.xml").write_text(configuration(["a/dwFirst", "a/dwSecond"], 'samplingInterval="1s"'), encoding="utf-8")
     code, told = lines(here, "plant.pcap")
-    assert (code, told[0]) == (0, "nvscope: session: 4 rows of 2 variables in log.db.")
+    assert (code, told[0]) == (0, "nvscope: session: 5 rows of 2 variables in log.db.")
     assert told[-1].startswith("nvscope: session: no telegram of udp/1202/2 came")
     assert "; 1 variable of it is NULL in all rows; " in told[-1]
-    assert [row[-1] for row in rows_of(here / "log.db")] == [None] * 4
+    assert [row[-1] for row in rows_of(here / "log.db")] == [None] * 5
 
 
 def test_telegrams_of_another_shape_are_told(here: Path) -> None:
