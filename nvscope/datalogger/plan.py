@@ -89,7 +89,7 @@ def plan(
     for session in sessions:
         found = resolve(session, layouts, settings)
         if found.left_out and (not partly or not found.logged):
-            raise _first(found)
+            raise _first(found, partly=partly)
         _check_columns(session, found.logged)
         planned.append(
             _with_tasks(Planned(session, found.logged, found.left_out, targets.of(session)), layouts, settings)
@@ -133,9 +133,13 @@ def _check_different(planned: Sequence[Planned], what: str, told: Sequence[str])
         seen[own] = one.session
 
 
-def _first(found: Resolved) -> ConfigurationError:
+def _first(found: Resolved, *, partly: bool) -> ConfigurationError:
     first = found.left_out[0]
     more = len(found.left_out) - 1
+    if partly:
+        none = f"none of the {more + 1} variables is known" if more else "the only variable is not known"
+        what = f"{none}, and nothing is left to log: {first.what}"
+        return ConfigurationError(what, where=first.where, next_step=first.next_step)
     if not more:
         return first
     told = f"{first.next_step} {more} more {'is' if more == 1 else 'are'} not known either; --partly leaves them out."
@@ -161,7 +165,7 @@ def _with_tasks(planned: Planned, layouts: Layouts, settings: DataLoggerSettings
         mask = np.zeros(len(logged), np.bool_)
         mask[columns] = True
         rest &= ~mask
-        found.append((next(iter(list_of_task(task, tasks, lists))), mask))
+        found.append((next(iter(list_of_task(task, settings, lists))), mask))
     return replace(planned, tasks=tuple(found), rest=rest if rest.any() else None)
 
 
