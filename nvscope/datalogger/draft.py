@@ -96,5 +96,5 @@ def _read(setting: str) -> tuple[str, Any]:
         return attribute.field, attribute.read(text)
     except NotMeant as error:
         raise UsageError(
-            f"--set {attribute.name}: '{text[:60]}' {error}", next_step=f"it is {attribute.help}"
+            f"--set {attribute.name}: '{text[:60]}' {error}", next_step=f"{attribute.name}: {attribute.help}"
         ) from None

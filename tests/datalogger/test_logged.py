@@ -99,7 +99,8 @@ def test_the_project_file_goes_before_names(layouts: Layouts) -> None:
 def test_a_mistake_in_the_project_file_is_told_where_it_is(tmp_path: Path) -> None:
     (tmp_path / "press.gvl").write_text(PLC.format(index=1), encoding="utf-8")
     (tmp_path / "types.st").write_text(TYPES, encoding="utf-8")
-    text = 'definitions = ["press.gvl", "types.st"]\n[datalogger.variables]\n"a/b" = "press:fTmp"\n[datalogger.tasks]\nT = "prss"\n'
+    text = 'definitions = ["press.gvl", "types.st"]\n[datalogger.variables]\n"a/b" = "press:fTmp"\n'
+    text += '[datalogger.tasks]\nT = "prss"\n'
     (tmp_path / "nvscope.toml").write_text(text, encoding="utf-8")
     project = read_project(tmp_path / "nvscope.toml")
     own, layouts = session("a/b", general="T"), Layouts(project.definition)
