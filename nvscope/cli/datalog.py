@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from nvscope.datalogger.plan import Planned
 
 _LOG = "log"
+_DATABASES = frozenset({"sqlite", "datalogger"})
 
 
 class _Sources(Group):
@@ -168,6 +169,7 @@ def datalog(
     planned = plan(sessions, inquiry.defined_layouts(), plant.datalogger, Targets(write, folder), partly=partly)
     _tell_of_plan(planned)
     if dry_run:
+        _check_ending(write)
         from nvscope.datalogger.forecast import forecast
 
         for line in forecast(planned, plant.definition.nominal_intervals_ns()):
@@ -179,6 +181,7 @@ def datalog(
     read_from = (*paths, *(info.path for info in source.infos), *plant.inputs, *config)
     inputs = {identity for path in read_from if (identity := identity_of(path))}
     check_files(planned, lambda path: identity_of(path) in inputs, append=append, force=force)
+    _check_ending(write)
     if force:
         remove_files(planned)
     log = _logged(inquiry, source, planned, quiet=quiet, append=append, document_style=document_style)
@@ -188,6 +191,26 @@ def datalog(
     code = max(tell_of_losses(source.infos), ExitCode.DATA_LOSS if lost else ExitCode.GOOD)
     if code:
         raise typer.Exit(code)
+
+
+def _check_ending(write: str | None) -> None:
+    """Raise UsageError where the name of a database is that of a table, or a capture, as other verbs write them."""
+    import os
+
+    from nvscope.capture.formats import FORMATS
+    from nvscope.export.files import format_of
+
+    if write is None:
+        return
+    ending = os.path.splitext(write)[1].lower()
+    next_step = "name it .db; `nvscope export FILE.db -w` writes its rows as a table"
+    try:
+        format_of(write)
+    except UsageError:
+        if not any(ending in known.suffixes for known in FORMATS if known.name not in _DATABASES):
+            return
+        next_step = "name it .db; `nvscope record` and `convert` write captures"
+    raise UsageError(f"a database is written, and {ending} is no ending of one", where=write, next_step=next_step)
 
 
 def _sessions(config: Sequence[str]) -> list[Session]:

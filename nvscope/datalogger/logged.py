@@ -173,7 +173,8 @@ class _Names:
     def _near(self, plain: str) -> list[str]:
         last = plain.rpartition(".")[2]
         names = list(self._by_name)[:_MOST_COMPARED]
-        near = [name for name in names if name.rpartition(".")[2] == last]
+        same = [name for name in names if name.rpartition(".")[2] == last]
+        near = get_close_matches(plain[:_LONGEST], same, _MOST_NEAR, 0.0)
         near += get_close_matches(plain[:_LONGEST], names, _MOST_NEAR, 0.6)
         near += get_close_matches(plain.partition(".")[2][:_LONGEST], names, _MOST_NEAR, 0.6)
         return [self._by_name[name][0].name for name in dict.fromkeys(near)][:_MOST_NEAR]

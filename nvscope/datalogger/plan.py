@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 import re
-from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dissectors.batch import Bool
-from dissectors.datalogger.tables import CONSISTENT, COUNT_SUFFIX, TIMESTAMP
+from nvscope.datalogger.column_names import next_step_of, taken_names
 from nvscope.datalogger.configuration import Session
 from nvscope.datalogger.database import IN_MEMORY, Database, closed_files, closed_names, is_database, table_of
 from nvscope.datalogger.datalog import DataLog, interval_of
@@ -110,14 +109,13 @@ def plan(
 
 def _check_columns(session: Session, logged: Sequence[Logged]) -> None:
     """Raise ConfigurationError where a variable is called like another column of its table, in any case of letters."""
-    names = [name for one in logged for name in (one.uri, *([one.uri + COUNT_SUFFIX] if session.only_changes else ()))]
-    times = Counter(name.lower() for name in (TIMESTAMP, CONSISTENT, *names))
-    uris = {one.uri for one in logged}
+    uris = [one.uri for one in logged]
+    taken = taken_names(uris, only_changes=session.only_changes)
     for variable in session.variables:
-        if variable.uri in uris and times[variable.uri.lower()] > 1:
+        if variable.uri in uris and variable.uri.lower() in taken:
             raise ConfigurationError(
                 f"Variable, attribute name: '{variable.uri}' is what another column of the database is called",
-                where=str(variable.position), next_step="Call it as the controller does: Arp.Plc.Eclr/NAME.",
+                where=str(variable.position), next_step=next_step_of(variable.uri),
             )  # fmt: skip
 
 

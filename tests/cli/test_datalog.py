@@ -250,7 +250,9 @@ def test_a_configuration_that_somebody_has_worked_on_is_kept(here: Path) -> None
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["nothing"], "no variable is named 'nothing'"),
+        (["nothing"], "no list and no variable is named 'nothing'"),
+        (["lsit1"], "lists near it: list1"),
+        (["dwFirsd"], "of variables, near it: dwFirst"),
         (["list1", "--set", "buffer=3"], "--set buffer=3: no attribute\n  write ATTRIBUTE=VALUE; there are name, "),
         (["list1", "--set", "bufferCapacity=x"], "--set bufferCapacity: 'x' is no whole number"),
         (["list1", "-w", "list1.gvl"], "list1.gvl"),
@@ -269,3 +271,16 @@ def test_what_the_shell_made_is_not_written_over(here: Path) -> None:
     done = logged(here, "--force")
     assert (done.returncode, "the file is an input" in done.stderr) == (2, True)
     assert (here / "plant.pcap").exists()
+
+
+def test_a_counter_and_a_variable_have_not_one_name(here: Path) -> None:
+    (here / "list1.gvl").write_text(gvl(1, ["a", "a_change_count"]), encoding="utf-8")
+    words = ("config", "list1", "--gvl", ".", "-w", "own.xml", "--set")
+    done = datalog(here, *words, "storeChangesOnly=true")
+    assert done.returncode == 2
+    assert "It is the counter of 'Arp.Plc.Eclr/a': leave one of both out, or write storeChangesOnly" in done.stderr
+    assert datalog(here, *words, "storeChangesOnly=false").returncode == 0
+    text = configuration(["a/a", "a/a_change_count"], "", 'storeChangesOnly="true"')
+    (here / "c.xml").write_text(text, encoding="utf-8")
+    done = logged(here)
+    assert (done.returncode, "It is the counter of 'a/a': leave one of both out" in done.stderr) == (2, True)

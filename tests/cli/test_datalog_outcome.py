@@ -141,3 +141,13 @@ def test_databases_are_no_source_of_rows(here: Path) -> None:
     code, said = lines(here, "old.db", "plant.pcap")
     assert (code, said[0]) == (0, "nvscope: old.db: rows of databases are not logged again.")
     assert len(rows_of(here / "log.db")) == 100
+
+
+@pytest.mark.parametrize(("ending", "verb"), [("csv", "export"), ("parquet", "export"), ("pcapng", "record")])
+@pytest.mark.parametrize("option", ["--dry-run", "--force"])
+def test_a_database_is_not_called_like_another_file(option: str, ending: str, verb: str, here: Path) -> None:
+    (here / "c.xml").write_text(configuration(["a/dwFirst"]), encoding="utf-8")
+    code, said = lines(here, "plant.pcap", "-w", f"x.{ending}", option)
+    assert (code, said[0]) == (2, f"nvscope: x.{ending}: a database is written, and .{ending} is no ending of one")
+    assert f"nvscope {verb}" in said[1]
+    assert not (here / f"x.{ending}").exists()
