@@ -60,7 +60,7 @@ def record_in_batches(folder: Path, captures: Sequence[Path], plant: Plant, pack
 def told(rows: Mapping[str, Sequence[Row]]) -> Told:
     """Return rows with their types; a file without rows that stands alone is as none.
 
-    Controllers leave it, nvscope only where it had rows that were deleted.
+    The oracle always leaves one, nvscope only where it had rows, which were deleted.
     """
     if set(rows) == {""} and not rows[""]:
         return {}
