@@ -209,7 +209,7 @@ def _check_ending(write: str | None) -> None:
     except UsageError:
         if not any(ending in known.suffixes for known in FORMATS if known.name not in _DATABASES):
             return
-        next_step = "name it .db; `nvscope record` and `convert` write captures"
+        next_step = "name it .db; captures are written by record and convert"
     raise UsageError(f"a database is written, and {ending} is no ending of one", where=write, next_step=next_step)
 
 
