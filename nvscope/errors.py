@@ -37,21 +37,27 @@ class NvscopeError(Exception):
     ``str`` of an error has the worst of it escaped, since that goes wherever exceptions go.
 
     ``what`` happened, ``where`` (file, offset, line; may be empty), and what to do ``next_step`` (may be empty).
-    ``excerpt`` are lines of what is wrong with a mark beneath, safe to be shown as they are (may be empty).
+    ``excerpt`` are lines of what is wrong with a mark beneath, safe to be shown as they are (may be empty). ``others``
+    are what else is wrong, to be told behind it.
     """
 
     exit_code = ExitCode.BUG
 
-    def __init__(self, what: str, *, where: str = "", next_step: str = "", excerpt: Sequence[str] = ()) -> None:
+    def __init__(
+        self, what: str, *, where: str = "", next_step: str = "", excerpt: Sequence[str] = (),
+        others: Sequence[NvscopeError] = (),
+    ) -> None:  # fmt: skip
         super().__init__(what)
         self.what = what
         self.where = where
         self.next_step = next_step
         self.excerpt = tuple(excerpt)
+        self.others = tuple(others)
 
     def __str__(self) -> str:
         head = f"{self.where}: {self.what}" if self.where else self.what
-        return "\n  ".join(map(_printable, [head, *self.excerpt, *filter(None, [self.next_step])]))
+        told = "\n  ".join(map(_printable, [head, *self.excerpt, *filter(None, [self.next_step])]))
+        return "\n".join([told, *map(str, self.others)])
 
 
 def _printable(text: str) -> str:

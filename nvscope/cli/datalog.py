@@ -17,7 +17,6 @@ from nvscope.cli.sources import (
     DecodeOption,
     FromTimeOption,
     ReadOption,
-    SourcesArgument,
     ToTimeOption,
     asked_range,
     port_rules,
@@ -31,10 +30,11 @@ if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.capture.source import Source
     from nvscope.datalogger.configuration import Session
+    from nvscope.datalogger.datalog import DataLog
     from nvscope.datalogger.plan import Planned
-    from nvscope.datalogger.session_log import SessionLog
 
 _LOG = "log"
+_DATABASES = frozenset({"sqlite", "datalogger"})
 
 
 class _Sources(Group):
@@ -68,7 +68,15 @@ def _verbs() -> None:
 @with_live_options
 def datalog(
     live: LiveOptions,
-    sources: SourcesArgument = None,
+    sources: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="SOURCE...",
+            help="Capture files, directories of them, or - for stdin; or an interface, udp://ADDRESS:PORT or "
+            "can:INTERFACE:CHANNEL; and definition files, as for --gvl.",
+            show_default=False,
+        ),
+    ] = None,
     read: ReadOption = None,
     config: Annotated[
         list[str] | None,
@@ -85,7 +93,8 @@ def datalog(
             "-w",
             "--write",
             metavar="FILE",
-            help="The database, in place of the dst of the configuration.",
+            help="The database, in place of the dst of the configuration; of a volatile session, too, which is a file "
+            "then.",
             show_default=False,
         ),
     ] = None,
@@ -158,28 +167,50 @@ def datalog(
     between = asked_range(from_time, to_time, utc=True)
     inquiry = Inquiry(captured(paths, live, plant, ports), plant, ports, watch=watching(quiet=quiet), asked=between)
     planned = plan(sessions, inquiry.defined_layouts(), plant.datalogger, Targets(write, folder), partly=partly)
-    if partly:
-        _tell_of_left_out(planned)
+    _tell_of_plan(planned)
     if dry_run:
+        _check_ending(write)
         from nvscope.datalogger.forecast import forecast
 
         for line in forecast(planned, plant.definition.nominal_intervals_ns()):
             echo(line)
         return
     source = inquiry.open()
+    _refuse_databases(source)
     # Of a directory, these are the captures in it.
     read_from = (*paths, *(info.path for info in source.infos), *plant.inputs, *config)
     inputs = {identity for path in read_from if (identity := identity_of(path))}
     check_files(planned, lambda path: identity_of(path) in inputs, append=append, force=force)
+    _check_ending(write)
     if force:
         remove_files(planned)
-    logs = _logged(inquiry, source, planned, quiet=quiet, append=append, document_style=document_style)
+    log = _logged(inquiry, source, planned, quiet=quiet, append=append, document_style=document_style)
     if not quiet:
-        _tell(logs)
-    lost = any(log.counted.not_written for log in logs)
+        _tell(log)
+    lost = any(one.counted.not_written for one in log.sessions)
     code = max(tell_of_losses(source.infos), ExitCode.DATA_LOSS if lost else ExitCode.GOOD)
     if code:
         raise typer.Exit(code)
+
+
+def _check_ending(write: str | None) -> None:
+    """Raise UsageError where the name of a database is that of a table, or a capture, as other verbs write them."""
+    import os
+
+    from nvscope.capture.formats import FORMATS
+    from nvscope.export.files import format_of
+
+    if write is None:
+        return
+    ending = os.path.splitext(write)[1].lower()
+    next_step = "name it .db; `nvscope export FILE.db -w` writes its rows as a table"
+    try:
+        format_of(write)
+    except UsageError:
+        if not any(ending in known.suffixes for known in FORMATS if known.name not in _DATABASES):
+            return
+        next_step = "name it .db; captures are written by record and convert"
+    raise UsageError(f"a database is written, and {ending} is no ending of one", where=write, next_step=next_step)
 
 
 def _sessions(config: Sequence[str]) -> list[Session]:
@@ -198,7 +229,7 @@ def _sessions(config: Sequence[str]) -> list[Session]:
 
 def _logged(
     inquiry: Inquiry, source: Source, planned: Sequence[Planned], *, quiet: bool, append: bool, document_style: bool
-) -> Sequence[SessionLog]:
+) -> DataLog:
     """Log captures, or what comes live; whatever ends it, what was taken is written."""
     from nvscope.cli.memory import keep_freed_memory
     from nvscope.datalogger.judging import Judge, StateSoFar, WholeCapture
@@ -227,7 +258,7 @@ def _logged(
                     progress()
     finally:
         log.end()
-    return log.sessions
+    return log
 
 
 def _hold_drops(source: Source) -> bool:
@@ -238,34 +269,36 @@ def _hold_drops(source: Source) -> bool:
     return any(info.format in holding for info in source.infos)
 
 
-def _tell_of_left_out(planned: Sequence[Planned]) -> None:
+def _refuse_databases(source: Source) -> None:
+    """Say that databases are no telegrams; UsageError where there is nothing else."""
+    from nvscope.view.escape import visible
+
+    databases = [info.path for info in source.infos if info.format == "datalogger"]
+    if databases and len(databases) == len(source.infos):
+        raise UsageError(
+            "rows of databases are not logged again, and no capture is given", where=databases[0],
+            next_step="name the capture of the telegrams; `nvscope export` writes the rows of databases",
+        )  # fmt: skip
+    for path in databases:
+        echo(f"nvscope: {visible(path)}: rows of databases are not logged again.", err=True)
+
+
+def _tell_of_plan(planned: Sequence[Planned]) -> None:
+    """Say which variables are left out, and what no session can be meant to do."""
+    from nvscope.datalogger.growth import always_full
     from nvscope.view.escape import visible
 
     for one in planned:
         for error in one.left_out:
             echo(f"nvscope: {visible(error.where)}: {visible(error.what)}; left out.", err=True)
+        if told := always_full(one):
+            echo(f"nvscope: {visible(told)}.", err=True)
 
 
-def _tell(logs: Sequence[SessionLog]) -> None:
-    from nvscope.units import count_of
-    from nvscope.view.escape import visible
+def _tell(log: DataLog) -> None:
+    from nvscope.datalogger.outcome import outcome
 
-    for log in logs:
-        counted, name = log.counted, visible(log.session.name)
-        rows = f"{count_of(counted.rows, 'row')} of {count_of(len(log.logged), 'variable')}"
-        files = "memory" if log.session.volatile else visible(counted.files[-1])
-        more = len(counted.files) - 1
-        told = [f"{rows} in {files}" + (f" and {count_of(more, 'closed file')}" if more > 0 else "")]
-        if counted.inconsistent:
-            told.append(f"{counted.inconsistent} behind a loss (ConsistentDataSeries 0)")
-        echo(f"nvscope: {name}: {'; '.join(told)}.", err=True)
-        if counted.overwritten:
-            lost = count_of(counted.overwritten, "data set")
-            echo(
-                f"nvscope: {name}: the ring buffer had no room for {lost}: bufferCapacity is {log.session.capacity}, "
-                f"and up to {log.session.sets_a_publishing} come in a publishInterval.",
-                err=True,
-            )
-        if counted.not_written:
-            lost = count_of(counted.not_written, "row")
-            echo(f"nvscope: {name}: {lost} not written: another program held the database.", err=True)
+    heard = log.heard
+    for one in log.sessions:
+        for line in outcome(one, heard):
+            echo(f"nvscope: {line}", err=True)

@@ -52,6 +52,7 @@ def config(
     A controller reads it too, where its variables are called so.
     """
     from nvscope.analysis.inquiry import Inquiry
+    from nvscope.datalogger.column_names import next_step_of, taken_names
     from nvscope.datalogger.configuration_file import written
     from nvscope.datalogger.draft import chosen, session_of, uris
     from nvscope.whole_files import is_stdout
@@ -61,7 +62,11 @@ def config(
     layouts = Inquiry((), plant).defined_layouts()
     variables = chosen(layouts, names or ())
     session = session_of(variables, plant.definition.nominal_intervals_ns(), settings or ())
-    text = written(session, uris(variables, layouts, prefix))
+    called = uris(variables, layouts, prefix)
+    taken = taken_names(called, only_changes=session.only_changes)
+    if twice := next((uri for uri in called if uri.lower() in taken), None):
+        raise UsageError(f"'{twice}' is what another column of the database is called", next_step=next_step_of(twice))
+    text = written(session, called)
     if write is None or is_stdout(write):
         echo(text, nl=False)
         return

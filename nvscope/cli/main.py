@@ -159,3 +159,5 @@ def _show(error: NvscopeError) -> None:
         print(f"  {line}", file=sys.stderr)
     if error.next_step:
         print(notice(f"  {visible(error.next_step)}"), file=sys.stderr)
+    for other in error.others:
+        _show(other)

@@ -10,11 +10,12 @@ from typing import Any
 from xml.sax.saxutils import quoteattr
 
 from dissectors.datalogger.tables import MOST_VARIABLES
-from nvscope.datalogger.configuration import ATTRIBUTES, DEFAULTS, Attribute, NamedVariable, NotMeant, Session
+from nvscope.datalogger.configuration import ATTRIBUTES, DEFAULTS, NamedVariable, NotMeant, Session
 from nvscope.definition.position import Position
-from nvscope.definition.source import read_source
+from nvscope.definition.source import NoDefinition, read_source
 from nvscope.definition.xml_tree import Element, read_xml
 from nvscope.errors import ConfigurationError
+from nvscope.units import count_of
 
 ROOT = "DataLoggerConfigDocument"
 _NAMESPACE = "http://www.phoenixcontact.com/schema/dataloggerconfig"
@@ -22,6 +23,8 @@ _ELEMENTS = ("General", "Datasink", "Variables")
 _TEXTS = ("path", "task")
 _SHOWN = 60
 _LEAST_LIKE = 0.75
+_MOST_TOLD = 10
+_MEND = "Correct the file there, or have `nvscope datalog config` write one."
 _LONGEST_NAME = 1_000
 
 
@@ -37,60 +40,92 @@ def read_configuration(path: str) -> Configuration:
     """Return the session of a file.
 
     Namespaces do not matter. Elements and attributes that nobody knows are told, and left aside; an attribute that
-    looks like a known one is a mistake. Raises ConfigurationError with file, line and attribute.
+    looks like a known one is a mistake. Raises ConfigurationError with file, line and attribute; its ``others`` are
+    further mistakes.
     """
-    root = read_xml(read_source(path))
+    try:
+        root = read_xml(read_source(path, called="configuration"), mend=_MEND)
+    except NoDefinition as error:
+        what = error.what.removesuffix(", no definition file")
+        raise ConfigurationError(
+            f"this is no configuration of a DataLogger: {what}", where=error.where,
+            next_step="Name an XML file; `nvscope datalog config` writes one.",
+        ) from None  # fmt: skip
     if root.tag != ROOT:
         raise root.error(
             f"the file begins with <{root.tag[:_SHOWN]}>", f"The configuration of a DataLogger begins with <{ROOT}>."
         )
-    unknown = [*_unknown_elements(root)]
+    unknown: list[str] = []
+    mistakes: list[ConfigurationError] = [*_unknown_elements(root, unknown)]
     values: dict[str, Any] = dict(DEFAULTS)
     places: dict[str, Position] = {}
     for element in ("General", "Datasink"):
-        found = _only(root, element)
-        unknown += _read(element, found, values, places, root)
-    if values["kind"] == "db" and not values["path"]:
-        found = _only(root, "Datasink") or root
-        raise found.error("Datasink has no attribute dst: which file", 'Write dst="NAME.db".')
+        mistakes += _read(element, root, values, places, unknown)
+    sink = _first(root, "Datasink") or root
+    if values["kind"] == "db" and "path" not in places:
+        mistakes.append(sink.error("Datasink has no attribute dst: which file", 'Write dst="NAME.db".'))
+    variables: dict[str, NamedVariable] = {}
+    mistakes += _variables(root, variables, unknown)
+    if mistakes:
+        raise _all_of(mistakes)
     told: dict[str, Any] = {name: "" if value is None and name in _TEXTS else value for name, value in values.items()}
     session = Session(
         **told,
-        position=root.source.position(root.start), places=places, variables=_variables(root, unknown),
+        position=root.source.position(root.start), places=places, variables=tuple(variables.values()),
     )  # fmt: skip
     return Configuration(session, tuple(unknown))
 
 
-def _only(root: Element, tag: str) -> Element | None:
+def _all_of(mistakes: Sequence[ConfigurationError]) -> ConfigurationError:
+    """Return mistakes, of which there is one at least, as one error that tells the first few."""
+    first, others = mistakes[0], list(mistakes[1:_MOST_TOLD])
+    if more := len(mistakes) - 1 - len(others):
+        others.append(ConfigurationError(f"and {count_of(more, 'more mistake')}"))
+    return ConfigurationError(first.what, where=first.where, next_step=first.next_step, others=others)
+
+
+def _first(root: Element, tag: str) -> Element | None:
+    return next((child for child in root.children if child.tag == tag), None)
+
+
+def _twice(root: Element, tag: str) -> Iterator[ConfigurationError]:
     found = [child for child in root.children if child.tag == tag]
     if len(found) > 1:
-        raise found[1].error(f"there are two elements <{tag}>", "A file configures one session; write another file.")
-    return found[0] if found else None
+        yield found[1].error(f"there are two elements <{tag}>", "A file configures one session; write another file.")
 
 
 def _read(
-    tag: str, found: Element | None, values: dict[str, Any], places: dict[str, Position], root: Element
-) -> Iterator[str]:
-    """Take the attributes of an element, and yield what is wrong with others."""
+    tag: str, root: Element, values: dict[str, Any], places: dict[str, Position], unknown: list[str]
+) -> Iterator[ConfigurationError]:
+    """Take the attributes of an element, and those that nobody knows; yield what is wrong with others."""
+    yield from _twice(root, tag)
+    found = _first(root, tag)
     known = {one.name: one for one in ATTRIBUTES if one.element == tag}
     for one in known.values():
         if one.required and (found is None or one.name not in found.attributes):
-            raise (found or root).error(f"{tag} has no attribute {one.name}: {one.help}", f'Write {one.name}="…".')
-    if found is None:
-        return
-    for name, text in found.attributes.items():
+            yield (found or root).error(f"{tag} has no attribute {one.name}: {one.help}", f'Write {one.name}="…".')
+    for name, text in found.attributes.items() if found else ():
+        assert found
         attribute = known.get(name)
         if attribute is not None:
-            values[attribute.field] = _value(found, attribute, text)
-            places[attribute.field] = found.source.position(_offset(found, name))
+            places[attribute.field] = _place(found, name)
+            try:
+                values[attribute.field] = attribute.read(text)
+            except NotMeant as error:
+                default = f"; without it, {attribute.told(attribute.default)}" if attribute.default is not None else ""
+                told = f"{name}: {attribute.help}{default}."
+                yield _error(found, name, f"'{text[:_SHOWN]}' {error}", told)
             continue
         near = _nearest(name, known)
-        if near:
-            raise _error(found, name, "is not known", f"Write {near}.")
         elsewhere = next((one.element for one in ATTRIBUTES if one.name == name), None)
-        if elsewhere:
-            raise _error(found, name, f"belongs to <{elsewhere}>", "Move it there.")
-        yield f"{_place(found, name)}: {tag}, attribute {name[:_SHOWN]}: not known, and left aside"
+        if near:
+            # What was meant is not missing.
+            places.setdefault(known[near].field, _place(found, name))
+            yield _error(found, name, "is not known", f"Write {near}.")
+        elif elsewhere:
+            yield _error(found, name, f"belongs to <{elsewhere}>", "Move it there.")
+        else:
+            unknown.append(f"{_place(found, name)}: {tag}, attribute {name[:_SHOWN]}: not known, and left aside")
 
 
 def _nearest(name: str, known: Any) -> str:
@@ -99,29 +134,22 @@ def _nearest(name: str, known: Any) -> str:
     return folded[near[0]] if near else ""
 
 
-def _value(element: Element, attribute: Attribute, text: str) -> Any:
-    try:
-        return attribute.read(text)
-    except NotMeant as error:
-        next_step = f"It is {attribute.help}"
-        if attribute.default is not None:
-            next_step += f"; without it, {attribute.told(attribute.default)}"
-        raise _error(element, attribute.name, f"'{text[:_SHOWN]}' {error}", f"{next_step}.") from None
-
-
-def _unknown_elements(root: Element) -> Iterator[str]:
+def _unknown_elements(root: Element, unknown: list[str]) -> Iterator[ConfigurationError]:
     for child in root.children:
         if child.tag not in _ELEMENTS:
             near = _nearest(child.tag, _ELEMENTS)
             if near:
-                raise child.error(f"no element is called <{child.tag[:_SHOWN]}>", f"Write <{near}>.")
-            yield f"{root.source.position(child.start)}: element <{child.tag[:_SHOWN]}>: not known, and left aside"
+                yield child.error(f"no element is called <{child.tag[:_SHOWN]}>", f"Write <{near}>.")
+            else:
+                place = root.source.position(child.start)
+                unknown.append(f"{place}: element <{child.tag[:_SHOWN]}>: not known, and left aside")
 
 
-def _variables(root: Element, unknown: list[str]) -> tuple[NamedVariable, ...]:
-    found: dict[str, NamedVariable] = {}
+def _variables(root: Element, found: dict[str, NamedVariable], unknown: list[str]) -> Iterator[ConfigurationError]:
+    """Take the variables by their names, and yield what is wrong with others."""
+    yield from _twice(root, "Variables")
     names: dict[str, str] = {}
-    parent = _only(root, "Variables")
+    parent = _first(root, "Variables")
     for child in parent.children if parent else ():
         if child.tag != "Variable":
             place = root.source.position(child.start)
@@ -129,27 +157,27 @@ def _variables(root: Element, unknown: list[str]) -> tuple[NamedVariable, ...]:
             continue
         uri = child.attributes.get("name", "").strip()
         if not uri:
-            raise child.error("a variable has no name", 'Write name="Arp.Plc.Eclr/PROGRAM.VARIABLE".')
-        if len(uri) > _LONGEST_NAME or not uri.isprintable():
-            raise _error(child, "name", f"'{uri[:_SHOWN]}' is no name of a variable", "Write its whole name.")
-        if uri in found:
+            yield child.error("a variable has no name", 'Write name="Arp.Plc.Eclr/PROGRAM.VARIABLE".')
+        elif len(uri) > _LONGEST_NAME or not uri.isprintable():
+            yield _error(child, "name", f"'{uri[:_SHOWN]}' is no name of a variable", "Write its whole name.")
+        elif uri in found:
             line = found[uri].position.line
-            raise _error(child, "name", f"'{uri[:_SHOWN]}' is there already, in line {line}", "Name it once.")
-        if (twin := names.get(uri.lower())) is not None:
+            yield _error(child, "name", f"'{uri[:_SHOWN]}' is there already, in line {line}", "Name it once.")
+        elif (twin := names.get(uri.lower())) is not None:
             # Names of columns are the same in any case.
-            raise _error(child, "name", f"'{uri[:_SHOWN]}' differs from '{twin[:_SHOWN]}' by its case alone", "")
-        found[uri] = NamedVariable(uri, root.source.position(_offset(child, "name")))
-        names[uri.lower()] = uri
-    if not found:
-        raise (parent or root).error(
+            yield _error(child, "name", f"'{uri[:_SHOWN]}' differs from '{twin[:_SHOWN]}' by its case alone", "")
+        else:
+            found[uri] = NamedVariable(uri, root.source.position(_offset(child, "name")))
+            names[uri.lower()] = uri
+    if not parent or not any(child.tag == "Variable" for child in parent.children):
+        yield (parent or root).error(
             "no variable is named", 'Write <Variables><Variable name="…"/></Variables>; `nvscope datalog config` does.'
         )
     if len(found) > MOST_VARIABLES:
-        raise (parent or root).error(
+        yield (parent or root).error(
             f"{len(found)} variables are named, and a session has {MOST_VARIABLES} at most",
             "Write several sessions, a file each.",
         )
-    return tuple(found.values())
 
 
 def _offset(element: Element, attribute: str) -> int:

@@ -11,7 +11,8 @@ import os
 import re
 import sqlite3
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,8 @@ from nvscope.errors import CaptureError, UsageError
 
 _PAGES_AT, _IMAGE = 28, "image"
 _BUSY_S = 5.0
+_SHOWN = 60
+_HELD = frozenset({sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED})
 _NUMBERED = re.compile(r"\.(\d{1,18})\Z")
 IN_MEMORY = ":memory:"
 _SQLITE = b"SQLite format 3\0"
@@ -87,6 +90,7 @@ def is_database(path: str) -> bool:
 class Database:
     """The files of a session; ``path`` is the one that is written, ``rows`` how many were.
 
+    ``deleted`` counts rows that made room in it, ``removed`` are full files that did, ``closed`` those that stayed.
     ``durable``: each block is on the disk before the next one is taken, where it survives a power cut. ``begins`` tells
     whether the next row is the first of a file, ``goes_on`` whether the table had rows when it was opened, or the
     series closed files.
@@ -98,8 +102,10 @@ class Database:
         self.deleted = 0
         self.closed: list[str] = []
         self.removed: list[str] = []
+        self._own, self._own_closed = 0, dict[str, int]()
         self.begins = True
         self.goes_on = False
+        self._made = False
         self._session = session
         self._table = table
         self._durable = durable
@@ -113,6 +119,7 @@ class Database:
         Raises UsageError where that holds another table, and CaptureError where it cannot be written.
         """
         exists = self.path != IN_MEMORY and os.path.exists(self.path)
+        self._made |= not exists
         try:
             self._connect()
             if exists:
@@ -132,7 +139,7 @@ class Database:
             leaves = leaves_of(blocks, rows) if hasattr(self._connection, "deserialize") else None
             if leaves is None:
                 self._connection.execute("BEGIN IMMEDIATE")
-                self._connection.executemany(self._insert, _tuples(blocks, rows))
+                self._connection.executemany(self._insert, tuples(blocks, rows))
             else:
                 # SQLite copies the records of a database in memory as they are.
                 self._connection.deserialize(self._image(leaves), name=_IMAGE)
@@ -142,10 +149,11 @@ class Database:
             self._connection.execute("COMMIT")
         except sqlite3.Error as error:
             self._undo()
-            if getattr(error, "sqlite_errorcode", 0) & 0xFF in {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED}:
+            if getattr(error, "sqlite_errorcode", 0) & 0xFF in _HELD:
                 raise DatabaseLocked from None
             raise self._failure(error) from None
         self.rows += rows
+        self._own += rows
         self.begins = False
         self._make_room()
 
@@ -154,6 +162,30 @@ class Database:
         if self._connection is not None:
             self._connection.close()
             self._connection = None
+
+    def end(self) -> bool:
+        """Close the file, and return whether it is there: one that was made and has got no row is taken away."""
+        unused = self._made and not self.rows and self._is_empty()
+        self.close()
+        if unused and self.path != IN_MEMORY:
+            with suppress(OSError):
+                os.unlink(os.path.realpath(self.path))
+        return not unused
+
+    def _is_empty(self) -> bool:
+        """Return whether the file holds the table alone, and that has no row."""
+        if self._connection is None:
+            return False
+        asked = f"SELECT (SELECT count(*) FROM main.sqlite_master), EXISTS (SELECT 1 FROM main.{self._table.name})"
+        try:
+            return bool(self._connection.execute(asked).fetchone() == (1, 0))
+        except sqlite3.Error:
+            return False
+
+    @property
+    def rows_left(self) -> int:
+        """How many of the rows that were written are still there."""
+        return self._own + sum(self._own_closed.values())
 
     @property
     def size_bytes(self) -> int:
@@ -168,9 +200,7 @@ class Database:
         path = self.path if self.path == IN_MEMORY else os.path.abspath(self.path)
         self._connection = sqlite3.connect(path, isolation_level=None, timeout=_BUSY_S, check_same_thread=False)
         execute = self._connection.execute
-        # As controllers have them; both have to be said before the first table is made.
-        execute("PRAGMA page_size = 4096")
-        execute("PRAGMA auto_vacuum = FULL")
+        begin_file(self._connection)
         if not self._durable:
             # Nobody waits for a power cut, or looks at the file, while a capture is turned into it.
             execute("PRAGMA synchronous = OFF")
@@ -195,12 +225,10 @@ class Database:
             columns = execute(f"PRAGMA main.table_info({quoted(name)})")
             found[name] = recognise(name, [(column, kind) for _, column, kind, *_ in columns])
         own = self._table.name
-        if None in found.values() or found.get(own, self._table) != self._table:
+        unlike = _unlike(found, self._table)
+        if unlike:
             self.close()
-            raise UsageError(
-                "the file holds what is no DataLogger's, or no table of this session's variables", where=self.path,
-                next_step="log to another file, or take this one away",
-            )  # fmt: skip
+            raise UsageError(unlike[0], where=self.path, next_step=unlike[1])
         self.goes_on = bool(closed_files(self.path))
         if own in found:
             self.goes_on |= execute(f"SELECT count(*) FROM (SELECT 1 FROM main.{own} LIMIT 1)").fetchone()[0] > 0
@@ -242,10 +270,11 @@ class Database:
             try:
                 found = self._connection.execute(f"DELETE FROM main.{name} WHERE rowid < ?", (first + share,))
             except sqlite3.Error as error:
-                if getattr(error, "sqlite_errorcode", 0) & 0xFF in {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED}:
+                if getattr(error, "sqlite_errorcode", 0) & 0xFF in _HELD:
                     return  # with the next block
                 raise self._failure(error) from None
             self.deleted += found.rowcount
+            self._own = min(self._own, last - (first + share) + 1)
             if last - first + 1 == share:
                 return
 
@@ -258,12 +287,15 @@ class Database:
         try:
             os.rename(self.path, target)
             self.closed.append(target)
+            self._own_closed[target], self._own = self._own, 0
             files = self._session.files
             if files is not None:
                 closed.append((number, target))
                 for _, oldest in closed[: max(len(closed) - (files - 1), 0)]:
                     os.unlink(oldest)
                     self.removed.append(oldest)
+                    if self._own_closed.pop(oldest, None) is not None:
+                        self.closed.remove(oldest)
         except OSError as error:
             raise CaptureError(
                 f"a full file cannot be closed: {error.strerror}", where=self.path, next_step="check its folder"
@@ -275,6 +307,11 @@ class Database:
         code = getattr(error, "sqlite_errorcode", 0) & 0xFF
         told = f"{self.rows} rows were written before" if self.rows else "nothing was written"
         folder = os.path.dirname(self.path) or "."
+        if code in _HELD:
+            return CaptureError(
+                f"another program holds the database; {told}", where=self.path,
+                next_step="close it there, and start again: rows wait for it while they are logged, not at the start",
+            )  # fmt: skip
         if code == sqlite3.SQLITE_FULL:
             return CaptureError(f"the disk is full; {told}", where=self.path, next_step="make room, or log elsewhere")
         if code == sqlite3.SQLITE_CANTOPEN and not Path(folder).is_dir():
@@ -290,6 +327,35 @@ class Database:
         )
 
 
+def _unlike(found: Mapping[str, LogTable | None], own: LogTable) -> tuple[str, str] | None:
+    """Return why a file with some tables cannot be gone on with, and what to do; None where it can."""
+    foreign = next((name for name, table in found.items() if table is None), None)
+    if foreign is not None:
+        return f"the file holds what is no DataLogger's: the table {foreign[:_SHOWN]}", "log to another file"
+    known = found.get(own.name)
+    if known is None or known == own:
+        return None
+    if known.raw != own.raw:
+        there, here = ("numbers", "texts") if known.raw else ("texts", "numbers")
+        style = "Raw" if known.raw else "Iso8601"
+        return (
+            f"the table of these variables has its times as {there} there, and the session writes {here}",
+            f'write tsfmt="{style}" in the configuration, or log to another file',
+        )
+    types = {one.name: one.declared for one in known.variables}
+    other = next((one for one in own.variables if types.get(one.name) != one.declared), None)
+    if other is not None and other.name in types:
+        what = f"'{other.name[:_SHOWN]}' is {types[other.name]} in the table there, and {other.declared} in its list"
+        return what, "log to another file: the type of the variable has changed"
+    return "the file has a table of this name for other variables", "log to another file"
+
+
+def begin_file(connection: sqlite3.Connection) -> None:
+    """Have a file as controllers have it; this has to be said before the first table is made."""
+    connection.execute("PRAGMA page_size = 4096")
+    connection.execute("PRAGMA auto_vacuum = FULL")
+
+
 def _template(table: LogTable) -> tuple[bytes, int]:
     """Return a database in memory with an empty table, and the page of its root."""
     connection = sqlite3.connect(IN_MEMORY, isolation_level=None)
@@ -302,7 +368,7 @@ def _template(table: LogTable) -> tuple[bytes, int]:
         connection.close()
 
 
-def _tuples(blocks: Sequence[Block], rows: int) -> Iterator[tuple[Any, ...]]:
+def tuples(blocks: Sequence[Block], rows: int) -> Iterator[tuple[Any, ...]]:
     """Yield rows value by value, as ``executemany`` takes them."""
     columns: list[Sequence[Any]] = []
     for block in blocks:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -19,6 +20,16 @@ from nvscope.list_key import ListKey
 from nvscope.view.rows.defined import DefinedRows, DefinedTelegrams
 
 _NEVER, _LONGEST = -(1 << 63), (1 << 63) - 1
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """What came in a time: frames, and telegrams by list that could be decoded, or could not (``left_out``)."""
+
+    frames: int
+    duration_ns: int
+    came: Mapping[ListKey, int]
+    left_out: Mapping[ListKey, int]
 
 
 class DataLog:
@@ -40,12 +51,26 @@ class DataLog:
         self._seen: dict[SessionLog, int] = {}
         self._last_ns = _NEVER
         self._drops: int | None = None
+        self._number = np.array([place.number for place in telegrams.places], np.int64)
+        self._came = np.zeros(len(telegrams.keys), np.int64)
+        self._begin_ns: int | None = None
+        self._end_ns = 0
+
+    @property
+    def heard(self) -> Heard:
+        """What came so far."""
+        keys = self._telegrams.keys
+        came = dict(zip(keys, self._came.tolist(), strict=True))
+        left_out = {key: sum(found.values()) for key, found in self._telegrams.left_out.items()}
+        begin_ns = self._end_ns if self._begin_ns is None else self._begin_ns
+        return Heard(self._telegrams.frames, self._end_ns - begin_ns, came, left_out)
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
         self._telegrams.observe(told)
         self._losses.observe(told)
         rows = self._telegrams.rows
+        self._hear(told, rows)
         dropped = self._captured.behind(told.packets.ts_ns, told.first_frame)
         gaps = self._losses.behind(self._judge.judged()) if self._losses.gaps else {}
         stopped = self._stops.behind(rows)
@@ -69,6 +94,14 @@ class DataLog:
             self._last_ns = _NEVER
             for session in self.sessions:
                 session.lose()
+
+    def _hear(self, told: Told, rows: DefinedRows) -> None:
+        self._came += np.bincount(self._number[rows.place], minlength=len(self._came))
+        times_ns = [*told.packets.ts_ns[[0, -1]].tolist()] if len(told.packets.ts_ns) else []
+        times_ns += [] if told.until_ns is None else [told.until_ns]
+        if times_ns:
+            self._begin_ns = min([*times_ns, *([] if self._begin_ns is None else [self._begin_ns])])
+            self._end_ns = max(self._end_ns, *times_ns)
 
     def end(self) -> None:
         """Write all that is left, and close the files."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
+from difflib import get_close_matches
 from typing import Any
 
 from dissectors.datalogger.tables import MOST_VARIABLES
@@ -17,6 +18,7 @@ from nvscope.errors import UsageError
 from nvscope.list_key import ListKey
 
 _PUBLISH_NS, _LEAST_SETS = 1_000_000_000, 2
+_MOST_NEAR, _LIKE, _LONGEST_NAME = 3, 0.6, 200
 
 
 def chosen(layouts: Layouts, names: Sequence[str]) -> dict[tuple[ListKey, str], str]:
@@ -32,8 +34,11 @@ def chosen(layouts: Layouts, names: Sequence[str]) -> dict[tuple[ListKey, str], 
     for name in names:
         try:
             wanted += [(key, None) for key, _ in lists_named(lists, name, layouts.unplaced)]
-        except UsageError:
-            meant = select(layouts, name)
+        except UsageError as error:
+            try:
+                meant = select(layouts, name)
+            except UsageError as none:
+                raise _neither(name, none, error, called.values()) from None
             wanted += [(key, meant.names_in(key, subindex)) for key, subindex in meant.telegrams]
     for key, elements in wanted:
         for layout in layouts.telegrams_of(key) or ():
@@ -48,6 +53,19 @@ def chosen(layouts: Layouts, names: Sequence[str]) -> dict[tuple[ListKey, str], 
             next_step="write several configurations: name lists, or variables such as 'stAxis.*'",
         )
     return found
+
+
+def _neither(name: str, variables: UsageError, lists: UsageError, called: Collection[str]) -> UsageError:
+    """Return the error that neither a variable nor a list has a name."""
+    if ":" in name:
+        return variables
+    names = {one.lower(): one for one in called if one}
+    near = [names[one] for one in get_close_matches(name.strip().lower()[:_LONGEST_NAME], names, _MOST_NEAR, _LIKE)]
+    there = f"lists near it: {', '.join(near)}" if near else lists.next_step
+    return UsageError(
+        f"no list and no variable is named '{name.strip()[:80]}'",
+        next_step=f"{there}; of variables, {variables.next_step}",
+    )
 
 
 def uris(variables: Mapping[tuple[ListKey, str], str], layouts: Layouts, prefix: str) -> list[str]:
@@ -96,5 +114,5 @@ def _read(setting: str) -> tuple[str, Any]:
         return attribute.field, attribute.read(text)
     except NotMeant as error:
         raise UsageError(
-            f"--set {attribute.name}: '{text[:60]}' {error}", next_step=f"it is {attribute.help}"
+            f"--set {attribute.name}: '{text[:60]}' {error}", next_step=f"{attribute.name}: {attribute.help}"
         ) from None

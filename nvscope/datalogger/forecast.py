@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
+import math
+import os
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-
-from dissectors.datalogger.leaves import leaves_of
-from nvscope.datalogger.columns import TableColumns
-from nvscope.datalogger.logged import Content
+from nvscope.datalogger.growth import Growth, growth
 from nvscope.datalogger.plan import Planned
-from nvscope.datalogger.rows import Rows
-from nvscope.datalogger.texts import Texts
-from nvscope.definition.variables import String
 from nvscope.list_key import ListKey
 from nvscope.units import count_of, data_size, duration
 from nvscope.view.escape import visible
 
 _DAY_NS = 86_400_000_000_000
-_ROWS = 64
-_MOST_SHOWN = 8
 
 
 def forecast(planned: Sequence[Planned], intervals_ns: dict[ListKey, int]) -> Iterator[str]:
@@ -37,27 +30,33 @@ def _of_session(planned: Planned, intervals_ns: dict[ListKey, int]) -> Iterator[
     session = planned.session
     into = visible(planned.path or "memory")
     yield f"{visible(session.name)}: {count_of(len(planned.logged), 'variable')} into {into}"
-    width = max(len(visible(one.uri)) for one in planned.logged[:_MOST_SHOWN])
-    for one in planned.logged[:_MOST_SHOWN]:
-        yield f"  {visible(one.uri):{width}}  {one.declared:8}  {visible(one.element)} of {one.key}"
-    if len(planned.logged) > _MOST_SHOWN:
-        yield f"  and {len(planned.logged) - _MOST_SHOWN} more"
     told = ["times as numbers" if session.raw else "times as texts", *["changes only"] * session.only_changes]
-    row_bytes = row_size(planned)
+    grows = growth(planned)
     a_day = rows_a_day(planned, intervals_ns)
-    yield f"  A row {_taken(planned)}, {row_bytes} bytes, {', '.join(told)}"
+    yield f"  A row {_taken(planned)}, about {math.ceil(grows.row_bytes)} bytes, {', '.join(told)}"
     if a_day is None:
         yield "  How many a day is not known: no definition says how often the list is sent"
     else:
         most = "At most " if session.only_changes else ""
-        yield f"  {most}{count_of(a_day, 'row')} a day, {data_size(a_day * row_bytes)}"
-    yield from _files(planned, row_bytes, a_day)
+        yield f"  {most}{count_of(a_day, 'row')} a day, {data_size(math.ceil(a_day * grows.row_bytes))}"
+    yield _full(planned, grows, a_day)
+    if folder := missing_folder(planned.path):
+        yield f"  Its folder does not exist, and none is made: {visible(folder)}"
     lost = session.sets_a_publishing - session.capacity
     if not planned.tasks and lost > 0:
         yield (
             f"  The ring buffer is too small: {session.sets_a_publishing} data sets come in a publishInterval, and "
             f"bufferCapacity is {session.capacity}: {lost} of them are lost each time"
         )
+    width = max(len(visible(one.uri)) for one in planned.logged)
+    for one in planned.logged:
+        yield f"  {visible(one.uri):{width}}  {one.declared:8}  {visible(one.element)} of {one.key}"
+
+
+def missing_folder(path: str) -> str:
+    """Return the folder of a file that is to be made, '' where that is there."""
+    folder = os.path.dirname(path)
+    return "" if os.path.isdir(folder or os.curdir) else folder
 
 
 def _taken(planned: Planned) -> str:
@@ -68,21 +67,21 @@ def _taken(planned: Planned) -> str:
     return cycles if planned.rest is None else f"{cycles}, and {every}"
 
 
-def _files(planned: Planned, row_bytes: int, a_day: int | None) -> Iterator[str]:
+def _full(planned: Planned, grows: Growth, a_day: int | None) -> str:
     session = planned.session
     if session.max_bytes is None:
-        yield "  One file that grows without end: maxFileSize is not said"
-        return
-    full = data_size(session.max_bytes)
-    after = ""
+        return f"  {'One file' if planned.path else 'It'} grows without end: maxFileSize is not said"
+    full, first = data_size(session.max_bytes), ""
     if a_day:
-        after = f", every {duration(_DAY_NS * session.max_bytes // max(a_day * row_bytes, 1))}"
-    if session.files == 1:
-        yield f"  At {full}{after}, {session.delete_percent} % of the rows are deleted, the oldest ones"
-    elif session.files is None:
-        yield f"  At {full}{after}, another file is begun; all are kept"
-    else:
-        yield f"  At {full}{after}, another file is begun; {session.files} are kept"
+        # It is looked at behind each block.
+        rows = -(-grows.rows_until(session.max_bytes) // session.block_rows) * session.block_rows
+        first = duration(_DAY_NS * rows // a_day)
+    if planned.deletes_oldest:
+        after = f", first after {first}" if first else ""
+        return f"  At {full}{after}, {session.delete_percent} % of the rows are deleted, the oldest ones"
+    every = f", every {first}" if first else ""
+    kept = "all" if session.files is None else session.files
+    return f"  At {full}{every}, another file is begun; {kept} are kept"
 
 
 def rows_a_day(planned: Planned, intervals_ns: dict[ListKey, int]) -> int | None:
@@ -96,27 +95,3 @@ def rows_a_day(planned: Planned, intervals_ns: dict[ListKey, int]) -> int | None
             return None
         total += _DAY_NS // interval_ns
     return total
-
-
-def row_size(planned: Planned) -> int:
-    """Return how large a row is in the file, whose numbers need all their bytes, and whose texts are half full."""
-    session, logged, texts = planned.session, planned.logged, Texts()
-    cells = np.zeros((_ROWS, len(logged)), np.int64)
-    for column, one in enumerate(logged):
-        if isinstance(one.type, String):
-            half = np.full((_ROWS, one.type.size_bytes), ord("x"), np.uint8)
-            half[:, one.type.size_bytes // 2 :] = 0
-            cells[:, column] = texts.numbers(one.type, half)
-        elif one.content is Content.REAL:
-            size = one.type.size_bytes
-            cells[:, column] = np.array([0.1], f"f{size}").view(f"i{size}")[0]
-        else:
-            cells[:, column] = (1 << 8 * one.type.size_bytes - 2) - 1
-    counts = np.full(cells.shape, 1 << 16, np.int64)
-    every = np.ones(_ROWS, np.bool_)
-    rows = Rows(np.zeros(_ROWS, np.int64), every, cells, None, counts, every)
-    columns = TableColumns(logged, texts, raw=session.raw, only_changes=session.only_changes, document_style=False).of(
-        rows
-    )
-    leaves = leaves_of(columns, _ROWS)
-    return leaves.size_bytes // _ROWS if leaves else cells.shape[1] * 8

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from enum import Enum
@@ -11,6 +11,7 @@ from enum import Enum
 from dissectors.datalogger.tables import SQL_TYPES
 from nvscope.datalogger.configuration import NamedVariable, Session
 from nvscope.definition.layouts import Layouts
+from nvscope.definition.model import ListDefinition
 from nvscope.definition.project_datalogger import DataLoggerSettings
 from nvscope.definition.selection import lists_named, names_of_lists
 from nvscope.definition.variables import Elementary, ScalarKind, String, scalar_of
@@ -75,12 +76,11 @@ def resolve(session: Session, layouts: Layouts, settings: DataLoggerSettings) ->
     ``Prg1.Speed`` of any list, else ``Speed`` of a list ``Prg1``, else ``Speed`` of any list; letters are the same in
     any case. What several lists have is a mistake, as is what none has.
     """
-    names = _Names(layouts)
-    given = dict(settings.variables)
+    names = _Names(layouts, settings)
     logged, left_out = [], []
     for variable in session.variables:
         try:
-            logged.append(names.find(variable, given.get(variable.uri)))
+            logged.append(names.find(variable))
         except ConfigurationError as error:
             left_out.append(error)
     # As controllers order the columns.
@@ -98,22 +98,24 @@ def declared_type(kind: Elementary) -> str | None:
 class _Names:
     """All elements of all lists, by their names in lower case."""
 
-    def __init__(self, layouts: Layouts) -> None:
+    def __init__(self, layouts: Layouts, settings: DataLoggerSettings) -> None:
+        self._settings = settings
+        self._told = dict(settings.variables)
         self._lists = names_of_lists(layouts)
         self._unplaced = layouts.unplaced
         self._by_name: dict[str, list[_Known]] = {}
         for known in _elements(self._lists, layouts):
             self._by_name.setdefault(_plain(known.name), []).append(known)
 
-    def find(self, variable: NamedVariable, given: str | None) -> Logged:
+    def find(self, variable: NamedVariable) -> Logged:
         """Return the element that a variable is; ConfigurationError, with its place, where it is none or several."""
-        tail = variable.uri.rpartition("/")[2]
+        given, tail = self._told.get(variable.uri), variable.uri.rpartition("/")[2]
         found, wanted = (self._given(variable, given), given) if given is not None else (self._named(tail), tail)
         if not found:
             raise self._nothing(variable, wanted)
         lists = sorted({str(one.key) for one in found})
         if len(lists) > 1:
-            raise _error(
+            raise self._error(
                 variable, f"{len(lists)} lists have a variable of this name: {', '.join(lists[:_MOST_NEAR])}",
                 "Say which in the project file: [datalogger.variables] "
                 f'"{variable.uri}" = "{lists[0]}:{found[0].name}".',
@@ -121,7 +123,7 @@ class _Names:
         declared = declared_type(found[0].type)
         if declared is None or any(declared_type(one.type) != declared for one in found):
             kinds = " and ".join(dict.fromkeys(one.type.name for one in found))
-            raise _error(variable, f"{found[0].name} is {kinds}, which no column holds", "Leave it out.")
+            raise self._error(variable, f"{found[0].name} is {kinds}, which no column holds", "Leave it out.")
         return Logged(variable.uri, found[0].key, found[0].name, found[0].type, declared)
 
     def _named(self, tail: str) -> Sequence[_Known]:
@@ -140,9 +142,7 @@ class _Names:
         try:
             keys = {key for key, _ in lists_named(self._lists, listed.strip(), self._unplaced)}
         except UsageError as error:
-            raise _error(
-                variable, f"[datalogger.variables] says '{given[:_LONGEST]}': {error.what}", error.next_step
-            ) from None
+            raise self._error(variable, error.what, error.next_step) from None
         return [one for one in found if one.key in keys]
 
     def _nothing(self, variable: NamedVariable, wanted: str) -> ConfigurationError:
@@ -153,19 +153,28 @@ class _Names:
             ]
             if parts:
                 what = f"it has {count_of(len(parts), 'part')}, and a column holds one value"
-                return _error(variable, what, f"Name a part, such as {parts[0][0].name}.")
+                return self._error(variable, what, f"Name a part, such as {parts[0][0].name}.")
         what = "no list has a variable of this name"
         near = self._near(plain)
         if near:
-            return _error(variable, what, f"Near it: {', '.join(near)}.")
-        return _error(
+            return self._error(variable, what, f"Near it: {', '.join(near)}.")
+        return self._error(
             variable, what, "Name the exported lists with --gvl, or say in [datalogger.variables] which variable it is."
         )
+
+    def _error(self, variable: NamedVariable, what: str, next_step: str) -> ConfigurationError:
+        """Return a mistake in what a variable means, with the place of what says so."""
+        given = self._told.get(variable.uri)
+        if given is None:
+            return _error(variable, what, next_step)
+        what = f"[datalogger.variables] says '{given[:_LONGEST]}': {what}"
+        return self._settings.mistake("variables", variable.uri, what, next_step, str(variable.position))
 
     def _near(self, plain: str) -> list[str]:
         last = plain.rpartition(".")[2]
         names = list(self._by_name)[:_MOST_COMPARED]
-        near = [name for name in names if name.rpartition(".")[2] == last]
+        same = [name for name in names if name.rpartition(".")[2] == last]
+        near = get_close_matches(plain[:_LONGEST], same, _MOST_NEAR, 0.0)
         near += get_close_matches(plain[:_LONGEST], names, _MOST_NEAR, 0.6)
         near += get_close_matches(plain.partition(".")[2][:_LONGEST], names, _MOST_NEAR, 0.6)
         return [self._by_name[name][0].name for name in dict.fromkeys(near)][:_MOST_NEAR]
@@ -203,7 +212,7 @@ def task_list(session: Session, logged: Sequence[Logged], layouts: Layouts, sett
     tasks, lists = dict(settings.tasks), names_of_lists(layouts)
     position = session.places.get("task", session.position)
     if session.task in tasks:
-        return next(iter(list_of_task(session.task, tasks, lists)))
+        return next(iter(list_of_task(session.task, settings, lists)))
     named = {key for key, entry in lists if entry.name.lower() == session.task.lower()}
     own = {one.key for one in logged}
     found = named if len(named) == 1 else own
@@ -217,11 +226,12 @@ def task_list(session: Session, logged: Sequence[Logged], layouts: Layouts, sett
     )  # fmt: skip
 
 
-def list_of_task(task: str, tasks: Mapping[str, str], lists: Sequence[tuple[ListKey, object]]) -> set[ListKey]:
+def list_of_task(
+    task: str, settings: DataLoggerSettings, lists: Sequence[tuple[ListKey, ListDefinition]]
+) -> set[ListKey]:  # fmt: skip
     """Return the lists that the project file says a task sends; ConfigurationError where there is none."""
     try:
-        return {key for key, _ in lists_named(lists, tasks[task])}  # type: ignore[arg-type]
+        return {key for key, _ in lists_named(lists, dict(settings.tasks)[task])}
     except UsageError as error:
-        raise ConfigurationError(
-            f'[datalogger.tasks] "{task[:_LONGEST]}": {error.what}', next_step=error.next_step
-        ) from None
+        what = f'[datalogger.tasks] "{task[:_LONGEST]}": {error.what}'
+        raise settings.mistake("tasks", task, what, error.next_step) from None

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 import re
-from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dissectors.batch import Bool
-from dissectors.datalogger.tables import CONSISTENT, COUNT_SUFFIX, TIMESTAMP
+from nvscope.datalogger.column_names import next_step_of, taken_names
 from nvscope.datalogger.configuration import Session
 from nvscope.datalogger.database import IN_MEMORY, Database, closed_files, closed_names, is_database, table_of
 from nvscope.datalogger.datalog import DataLog, interval_of
@@ -49,6 +48,11 @@ class Planned:
         """The lists that it needs."""
         return {one.key for one in self.logged} | {key for key, _ in self.tasks}
 
+    @property
+    def deletes_oldest(self) -> bool:
+        """Whether rows make room where it is full, and no other file is begun; so it is in memory."""
+        return self.session.files == 1 or not self.path
+
 
 @dataclass(frozen=True, slots=True)
 class Targets:
@@ -84,7 +88,7 @@ def plan(
     for session in sessions:
         found = resolve(session, layouts, settings)
         if found.left_out and (not partly or not found.logged):
-            raise _first(found)
+            raise _first(found, partly=partly)
         _check_columns(session, found.logged)
         planned.append(
             _with_tasks(Planned(session, found.logged, found.left_out, targets.of(session)), layouts, settings)
@@ -105,14 +109,13 @@ def plan(
 
 def _check_columns(session: Session, logged: Sequence[Logged]) -> None:
     """Raise ConfigurationError where a variable is called like another column of its table, in any case of letters."""
-    names = [name for one in logged for name in (one.uri, *([one.uri + COUNT_SUFFIX] if session.only_changes else ()))]
-    times = Counter(name.lower() for name in (TIMESTAMP, CONSISTENT, *names))
-    uris = {one.uri for one in logged}
+    uris = [one.uri for one in logged]
+    taken = taken_names(uris, only_changes=session.only_changes)
     for variable in session.variables:
-        if variable.uri in uris and times[variable.uri.lower()] > 1:
+        if variable.uri in uris and variable.uri.lower() in taken:
             raise ConfigurationError(
                 f"Variable, attribute name: '{variable.uri}' is what another column of the database is called",
-                where=str(variable.position), next_step="Call it as the controller does: Arp.Plc.Eclr/NAME.",
+                where=str(variable.position), next_step=next_step_of(variable.uri),
             )  # fmt: skip
 
 
@@ -128,9 +131,13 @@ def _check_different(planned: Sequence[Planned], what: str, told: Sequence[str])
         seen[own] = one.session
 
 
-def _first(found: Resolved) -> ConfigurationError:
+def _first(found: Resolved, *, partly: bool) -> ConfigurationError:
     first = found.left_out[0]
     more = len(found.left_out) - 1
+    if partly:
+        none = f"none of the {more + 1} variables is known" if more else "the only variable is not known"
+        what = f"{none}, and nothing is left to log: {first.what}"
+        return ConfigurationError(what, where=first.where, next_step=first.next_step)
     if not more:
         return first
     told = f"{first.next_step} {more} more {'is' if more == 1 else 'are'} not known either; --partly leaves them out."
@@ -156,7 +163,7 @@ def _with_tasks(planned: Planned, layouts: Layouts, settings: DataLoggerSettings
         mask = np.zeros(len(logged), np.bool_)
         mask[columns] = True
         rest &= ~mask
-        found.append((next(iter(list_of_task(task, tasks, lists))), mask))
+        found.append((next(iter(list_of_task(task, settings, lists))), mask))
     return replace(planned, tasks=tuple(found), rest=rest if rest.any() else None)
 
 

@@ -51,7 +51,9 @@ class Counted:
     """What became of a session: rows that were written, how many of them are not consistent, and what was lost.
 
     ``overwritten`` are data sets that the ring buffer had no room for, ``not_written`` rows for which another program
-    held the file too long.
+    held the file too long. Of the rows, ``left`` are still there, in ``files``, the last written one at the end; none
+    where there was no row. Others made room, by themselves (``deleted``, with those that were there before) or in
+    whole files (``removed``).
     """
 
     samples: int = 0
@@ -62,6 +64,9 @@ class Counted:
     first_ns: int | None = None
     last_ns: int | None = None
     files: list[str] = field(default_factory=list)
+    left: int = 0
+    deleted: int = 0
+    removed: int = 0
 
 
 class SessionLog:
@@ -130,8 +135,9 @@ class SessionLog:
             self._publish(self._ring.end())
             self._flush()
         finally:
-            self.counted.files = [*self._database.closed, self._database.path]
-            self._database.close()
+            counted, database = self.counted, self._database
+            counted.left, counted.deleted, counted.removed = database.rows_left, database.deleted, len(database.removed)
+            counted.files = [*database.closed, database.path] if database.end() else []
 
     def _flush(self) -> None:
         """Write all rows that wait for their block to be full, as far as nobody holds the file."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from nvscope.errors import ConfigurationError
 from nvscope.toml_table import TEXT, Place, ValueKind, key, mapping
 
 
@@ -14,7 +15,7 @@ def _texts(value: Any, place: Place) -> tuple[tuple[str, str], ...]:
 
 @dataclass(frozen=True, slots=True)
 class DataLoggerSettings:
-    """What ``[datalogger]`` says: pairs of names."""
+    """What ``[datalogger]`` says: pairs of names; ``place`` is where, None where no file says it."""
 
     variables: tuple[tuple[str, str], ...] = key(
         ValueKind("table of text", _texts),
@@ -27,3 +28,10 @@ class DataLoggerSettings:
         'lists by tasks of the controller: Cyclic100 = "axis"',
         default=(),
     )
+    place: Place | None = None
+
+    def mistake(self, table: str, name: str, what: str, next_step: str, otherwise: str = "") -> ConfigurationError:
+        """Return the error that something is wrong behind a name of a table; ``otherwise`` is where, without a file."""
+        if self.place is None:
+            return ConfigurationError(what, where=otherwise, next_step=next_step)
+        return self.place.below(table).below(name).error(what, next_step)

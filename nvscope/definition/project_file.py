@@ -181,7 +181,7 @@ def _project(
     return Project(
         path, tuple(files), definition, dict(told.nodes), ports, told.limits, buses, dict(told.keys),
         dict(told.channels), security=security, webvisu=webvisu_of(told.webvisu, path, place) or None,
-        datalogger=told.datalogger,
+        datalogger=replace(told.datalogger, place=place.below("datalogger")),
     )  # fmt: skip
 
 

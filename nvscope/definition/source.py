@@ -75,8 +75,10 @@ class Source:
         return DefinitionError(what, self.position(offset), next_step)
 
 
-def read_source(path: str, encoding: str | None = None, content: bytes | None = None) -> Source:
-    """Return the text of a file, or of a ``content`` that is called so.
+def read_source(
+    path: str, encoding: str | None = None, content: bytes | None = None, *, called: str = "definition file"
+) -> Source:  # fmt: skip
+    """Return the text of a file, or of a ``content`` that is called so; ``called`` is what people call such files.
 
     Without ``encoding``: by byte order mark, by what an XML prolog says, UTF-8 where the bytes are that, and else the
     Windows code page 1251 or 1252. A Ctrl-Z that ends the text, as MS-DOS wrote it, is left out. Raises
@@ -86,7 +88,7 @@ def read_source(path: str, encoding: str | None = None, content: bytes | None = 
         data = content if content is not None else _content_of(path)
     except (OSError, ValueError) as error:
         what = f"cannot be read: {getattr(error, 'strerror', None) or error}"
-        check = "Check the path of the definition file."
+        check = f"Check the path of the {called}."
         next_step = perhaps(path, check) if isinstance(error, FileNotFoundError) else check
         raise ConfigurationError(what, where=path, next_step=next_step) from None
     if len(data) > MAX_FILE_BYTES:

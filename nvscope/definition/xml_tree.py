@@ -61,9 +61,15 @@ class Element:
         return blank(self.source.text[: self.start]) + _MARKUP.sub(_same_shape, raw)
 
 
-def read_xml(source: Source) -> Element:
-    """Return the root element; ConfigurationError, with position, where the text is no XML that can be trusted."""
-    tree = _Tree(source)
+_EXPORT = "Export the file again."
+
+
+def read_xml(source: Source, *, mend: str = _EXPORT) -> Element:
+    """Return the root element; ConfigurationError, with position, where the text is no XML that can be trusted.
+
+    ``mend`` is what to do then.
+    """
+    tree = _Tree(source, mend)
     parser: Any = XMLParser(target=tree, forbid_dtd=True)
     tree.expat = parser.parser
     try:
@@ -73,10 +79,10 @@ def read_xml(source: Source) -> Element:
         line, column = error.position
         start = source.line_starts[min(line, len(source.line_starts)) - 1]
         what = f"this is no well-formed XML: {str(error).partition(':')[0]}"
-        raise source.error(what, min(start + column, len(source.text)), "Export the file again.") from None
+        raise source.error(what, min(start + column, len(source.text)), mend) from None
     except (DefusedXmlException, ValueError) as error:
         kind = "document type or entities" if isinstance(error, DefusedXmlException) else "characters"
-        next_step = "Remove what stands before the first element, and export the file again."
+        next_step = f"Remove what stands before the first element. {mend}"
         raise source.error(f"the XML has {kind} that no definition needs", tree.offset(), next_step) from None
     assert tree.root is not None
     return tree.root
@@ -85,8 +91,9 @@ def read_xml(source: Source) -> Element:
 class _Tree:
     """The target of the parser: it is called for each tag and text."""
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: Source, mend: str) -> None:
         self.source = source
+        self.mend = mend
         self.expat: Any = None
         self.root: Element | None = None
         self._open: list[Element] = []
@@ -109,7 +116,7 @@ class _Tree:
         element = Element(_local(tag), {_local(name): value for name, value in attributes.items()}, self.source, 0)
         element.start = self.offset()
         if len(self._open) >= MAX_XML_DEPTH:
-            raise element.error(f"elements are nested deeper than {MAX_XML_DEPTH}", "Export the file again.")
+            raise element.error(f"elements are nested deeper than {MAX_XML_DEPTH}", self.mend)
         if self._open:
             self._open[-1].children.append(element)
         elif self.root is None:

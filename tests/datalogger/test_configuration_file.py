@@ -9,6 +9,7 @@ import pytest
 from nvscope.datalogger.configuration import ATTRIBUTES, Session
 from nvscope.datalogger.configuration_file import read_configuration, written
 from nvscope.errors import ConfigurationError
+from tests.datalogger.plants import configuration
 from tests.test_captures_index import CAPTURES
 
 FOLDER = CAPTURES / "datalogger"
@@ -117,7 +118,7 @@ def test_how_many_files_there_are(tmp_path: Path, rollover: str, max_files: str,
         ('name="n" publishInterval="1.0000000001s"', "is no whole number of nanoseconds"),
         (
             'name="n" bufferCapacity="0"',
-            "'0' is not between 1 and 1000000\n  It is data sets in the ring buffer; without it, 2.",
+            "'0' is not between 1 and 1000000\n  bufferCapacity: data sets in the ring buffer; without it, 2.",
         ),
         ('name="n" bufferCapacity="many"', "'many' is no whole number"),
         ('name="n" taskContext=" "', "' ' is empty"),
@@ -197,3 +198,44 @@ def test_what_is_written_is_read_as_the_same(tmp_path: Path, name: str) -> None:
     again = session_of(tmp_path, written(session, [one.uri for one in session.variables]))
     assert told(again) == told(session)
     assert [one.uri for one in again.variables] == [one.uri for one in session.variables]
+
+
+def test_all_mistakes_are_told_up_to_ten(tmp_path: Path) -> None:
+    path = tmp_path / "c.xml"
+    wrong = 'deleteRatio="130" rollover="maybe" tsfmt="Iso" maxfilesize="1"'
+    path.write_text(configuration(["a/b", "a/b"], 'bufferCapacity="0"', wrong), encoding="utf-8")
+    with pytest.raises(ConfigurationError) as caught:
+        read_configuration(str(path))
+    told = [caught.value, *caught.value.others]
+    assert [one.what.partition(": ")[0].rpartition(" ")[2] for one in told] == [
+        "bufferCapacity", "deleteRatio", "rollover", "tsfmt", "maxfilesize", "name"
+    ]  # fmt: skip
+    assert all(one.where.startswith(f"{path}, line 1, column ") for one in told)
+    assert str(caught.value).count("c.xml, line 1") == len(told)
+    path.write_text(configuration(["a/b"] * 13), encoding="utf-8")
+    with pytest.raises(ConfigurationError) as caught:
+        read_configuration(str(path))
+    assert [one.what for one in caught.value.others[-1:]] == ["and 2 more mistakes"]
+    assert len(caught.value.others) == 10
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b"<a", ["no well-formed XML", "Correct the file there"]),
+        (
+            b"\xd4\xc3\xb2\xa1" + bytes(40),
+            ["this is no configuration of a DataLogger: ", "Name an XML file"],
+        ),
+        (None, ["cannot be read", "Check the path of the configuration."]),
+    ],
+)
+def test_what_is_no_configuration_is_not_sent_back_for_export(
+    content: bytes | None, told: list[str], tmp_path: Path
+) -> None:
+    path = tmp_path / "nothing-like-it"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(ConfigurationError) as caught:
+        read_configuration(str(path))
+    assert all(part in str(caught.value) for part in told), str(caught.value)

@@ -13,6 +13,7 @@ from nvscope.definition.layouts import Layouts
 from nvscope.definition.load import load_definitions
 from nvscope.definition.position import Position
 from nvscope.definition.project_datalogger import DataLoggerSettings
+from nvscope.definition.project_file import read_project
 from nvscope.errors import ConfigurationError
 from tests.datalogger.plants import configuration
 from tests.test_captures_index import CAPTURES
@@ -93,6 +94,21 @@ def test_the_project_file_goes_before_names(layouts: Layouts) -> None:
     assert meant("a/fTemp", layouts, ("a/fTemp", "fPress")) == "udp/1202/2 fPress"
     assert "[datalogger.variables] says 'acis:x': no list is named 'acis'" in meant("a/b", layouts, ("a/b", "acis:x"))
     assert "2 lists have a variable of this name" in meant("a/b", layouts, ("a/b", "xRun"))
+
+
+def test_a_mistake_in_the_project_file_is_told_where_it_is(tmp_path: Path) -> None:
+    (tmp_path / "press.gvl").write_text(PLC.format(index=1), encoding="utf-8")
+    (tmp_path / "types.st").write_text(TYPES, encoding="utf-8")
+    text = 'definitions = ["press.gvl", "types.st"]\n[datalogger.variables]\n"a/b" = "press:fTmp"\n'
+    text += '[datalogger.tasks]\nT = "prss"\n'
+    (tmp_path / "nvscope.toml").write_text(text, encoding="utf-8")
+    project = read_project(tmp_path / "nvscope.toml")
+    own, layouts = session("a/b", general="T"), Layouts(project.definition)
+    told = str(resolve(own, layouts, project.datalogger).left_out[0])
+    assert "nvscope.toml, line 3, column 1: datalogger.variables.a/b: " in told
+    assert "[datalogger.variables] says 'press:fTmp': no list has a variable of this name\n  Near it: fTemp." in told
+    with pytest.raises(ConfigurationError, match=r"nvscope\.toml, line 5, column 1: datalogger\.tasks\.T: "):
+        task_list(own, (), layouts, project.datalogger)
 
 
 @pytest.mark.parametrize(

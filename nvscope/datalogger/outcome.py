@@ -1,0 +1,81 @@
+"""Outcome: what became of sessions, in sentences for the end of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from nvscope.datalogger.configuration import Session
+from nvscope.datalogger.database import IN_MEMORY
+from nvscope.datalogger.datalog import Heard
+from nvscope.datalogger.session_log import Counted, SessionLog
+from nvscope.units import count, count_of, data_size, duration
+from nvscope.view.escape import visible
+
+
+def outcome(log: SessionLog, heard: Heard) -> Iterator[str]:
+    """Yield what became of a session that has ended: its rows, where they are, what was lost, and what never came."""
+    counted, session, name = log.counted, log.session, visible(log.session.name)
+    told = [f"{count_of(counted.rows, 'row')} of {count_of(len(log.logged), 'variable')}{_where(counted, session)}"]
+    if counted.inconsistent:
+        told.append(f"{counted.inconsistent} behind a loss (ConsistentDataSeries 0)")
+    if counted.files == [IN_MEMORY]:
+        told.append("gone with the end of the session: -w FILE keeps one that is volatile")
+    yield f"{name}: {'; '.join(told)}."
+    if counted.overwritten:
+        lost = count_of(counted.overwritten, "data set")
+        yield (
+            f"{name}: the ring buffer had no room for {lost}: bufferCapacity is {session.capacity}, "
+            f"and up to {session.sets_a_publishing} come in a publishInterval."
+        )
+    if counted.not_written:
+        yield f"{name}: {count_of(counted.not_written, 'row')} not written: another program held the database."
+    yield from (f"{name}: {told}." for told in _missing(log, heard))
+
+
+def _missing(log: SessionLog, heard: Heard) -> Iterator[str]:
+    """Yield which lists sent nothing that could be logged; where all did, and there is no row, why."""
+    since = f"in {duration(heard.duration_ns)}, among {count_of(heard.frames, 'frame')}"
+    for key in sorted(log.keys, key=str):
+        if heard.came.get(key):
+            continue
+        own = count_of(sum(one.key == key for one in log.logged), "variable")
+        nulls = f"; {own} of it {'is' if own.startswith('1 ') else 'are'} NULL in all rows" if log.counted.rows else ""
+        if left_out := heard.left_out.get(key):
+            other = count_of(left_out, "telegram")
+            yield (
+                f"{other} of {key} came, of another shape than the definition has, or damaged{nulls}; `nvscope report` "
+                "with the same definitions tells where they differ"
+            )
+        else:
+            yield (
+                f"no telegram of {key} came {since}{nulls}; `nvscope report` shows which lists came: compare "
+                "identifier and port with the definition"
+            )
+    came = any(heard.came.get(key) for key in log.keys)
+    if came and not log.counted.rows and not log.counted.not_written and not log.session.task:
+        every = duration(log.session.sampling_ns)
+        yield f"telegrams came {since}, but no sampling was due: samplingInterval is {every}"
+
+
+def _where(counted: Counted, session: Session) -> str:
+    """Return where the rows are, and, of those that made room, how many and why."""
+    if not counted.files:
+        return ", and no file was made"
+    more = len(counted.files) - 1
+    path = counted.files[-1]
+    files = "memory" if path == IN_MEMORY else visible(path)
+    files += f" and {count_of(more, 'closed file')}" if more > 0 else ""
+    went = []
+    if counted.deleted:
+        full = data_size(session.max_bytes or 0)
+        went.append(f"{count_of(counted.deleted, 'row')} deleted, the oldest ones (maxFileSize {full})")
+    if counted.removed:
+        went.append(f"{count_of(counted.removed, 'full file')} removed, the oldest ones (maxFiles {session.max_files})")
+    made_room = f": {', '.join(went)}" if went else ""
+    if counted.left == counted.rows:
+        told = f" in {files}{made_room}"
+    elif counted.left:
+        told = f", of which {count(counted.left)} are left in {files}{made_room}"
+    else:
+        told = f", of which none is left in {files}{made_room}"
+    return told

@@ -1,0 +1,153 @@
+"""``nvscope datalog``: what it says at its end is what is there, and why there is nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.datalogger.plants import configuration, gvl, plant, rows_of, simulated
+from tests.program import run_text
+
+CYCLES = 'taskContext="list1"'
+FULL = 'writeInterval="10" maxFileSize="12000"'
+
+
+@pytest.fixture
+def here(tmp_path: Path) -> Path:
+    """Return a folder with a capture of a hundred cycles of a list, and its definition."""
+    simulated(tmp_path, plant())
+    (tmp_path / "list1.gvl").write_text(gvl(1, ["dwFirst"]), encoding="utf-8")
+    return tmp_path
+
+
+def told(folder: Path, general: str, sink: str, *words: str) -> str:
+    """Log the capture as a configuration says, and return what is told of it at the end."""
+    (folder / "c.xml").write_text(configuration(["a/dwFirst"], general, sink), encoding="utf-8")
+    done = run_text("datalog", "plant.pcap", "--config", "c.xml", "--gvl", ".", *words, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return next(line for line in done.stderr.splitlines() if line.startswith("nvscope: session: "))
+
+
+def test_rows_that_were_deleted_are_told(here: Path) -> None:
+    assert told(here, CYCLES, FULL) == (
+        "nvscope: session: 100 rows of 1 variable, of which none is left in log.db: 100 rows deleted, the oldest ones "
+        "(maxFileSize 12.0 kB)."
+    )
+    assert rows_of(here / "log.db") == []
+
+
+def test_what_is_left_is_told(here: Path) -> None:
+    general = 'samplingInterval="10ms" publishInterval="1s" bufferCapacity="100"'
+    line = told(here, general, 'writeInterval="10" maxFileSize="20000" deleteRatio="50"')
+    left = len(rows_of(here / "log.db"))
+    assert 0 < left < 496
+    assert f", of which {left} are left in log.db: {496 - left} rows deleted, the oldest ones (" in line
+    assert line.startswith("nvscope: session: 496 rows of 1 variable, ")
+
+
+def test_full_files_that_were_removed_are_told(here: Path) -> None:
+    line = told(here, CYCLES, f'{FULL} rollover="true" maxFiles="3"')
+    assert line == (
+        "nvscope: session: 100 rows of 1 variable, of which 20 are left in log.db and 2 closed files: "
+        "8 full files removed, the oldest ones (maxFiles 3)."
+    )
+    assert [len(rows_of(path)) for path in sorted(here.glob("log.db*"))] == [0, 10, 10]
+
+
+@pytest.mark.parametrize("option", ["", "-w"])
+def test_what_is_volatile_is_kept_where_a_file_is_named(option: str, here: Path) -> None:
+    line = told(here, CYCLES, 'type="volatile"', *([option, "v.db"] if option else []))
+    assert (" in memory; gone with the end of the session" in line) == (not option)
+    assert (" in v.db." in line) == bool(option)
+    assert (here / "v.db").exists() == bool(option)
+    if option:
+        assert len(rows_of(here / "v.db")) == 100
+
+
+@pytest.mark.parametrize(("sink", "each"), [(FULL, "is deleted as soon"), (f'{FULL} rollover="true"', "fills a file")])
+def test_a_size_below_that_of_an_empty_database_is_a_warning(sink: str, each: str, here: Path) -> None:
+    told(here, CYCLES, sink)
+    words = ("datalog", "plant.pcap", "--config", "c.xml", "--gvl", ".")
+    for option in ("--force", "--dry-run"):
+        done = run_text(*words, option, cwd=here)
+        assert done.returncode == 0
+        assert "nvscope: c.xml, line 1, column " in done.stderr
+        assert f"an empty database of these variables has 12288; each block of rows {each}" in done.stderr
+    told(here, CYCLES, FULL.replace("12000", "12289"), "--force")
+    assert "empty database" not in run_text(*words, "--force", cwd=here).stderr
+
+
+def test_a_forecast_tells_a_folder_that_is_not_there(here: Path) -> None:
+    told(here, CYCLES, "")
+    done = run_text(
+        "datalog", "plant.pcap", "--config", "c.xml", "--gvl", ".", "-w", "no/x.db", "--dry-run", cwd=here
+    )  # fmt: skip
+    assert "  Its folder does not exist, and none is made: no" in done.stdout.splitlines()
+
+
+def lines(folder: Path, *words: str | Path) -> tuple[int, list[str]]:
+    done = run_text("datalog", *words, "--config", "c.xml", "--gvl", ".", cwd=folder)
+    return done.returncode, done.stderr.splitlines()
+
+
+def test_a_list_that_never_came_is_told_and_no_file_is_left(here: Path) -> None:
+    (here / "list2.gvl").write_text(gvl(2, ["dwSecond"]), encoding="utf-8")
+    (here / "c.xml").write_text(configuration(["a/dwSecond"]), encoding="utf-8")
+    code, told = lines(here, "plant.pcap")
+    assert (code, told[0]) == (0, "nvscope: session: 0 rows of 1 variable, and no file was made.")
+    assert told[1].startswith("nvscope: session: no telegram of udp/1202/2 came in 5.0 s, among 100 frames; ")
+    assert not (here / "log.db").exists()
+    (here / "c.xml").write_text(configuration(["a/dwFirst", "a/dwSecond"], 'samplingInterval="1s"'), encoding="utf-8")
+    code, told = lines(here, "plant.pcap")
+    assert (code, told[0]) == (0, "nvscope: session: 5 rows of 2 variables in log.db.")
+    assert told[-1].startswith("nvscope: session: no telegram of udp/1202/2 came")
+    assert "; 1 variable of it is NULL in all rows; " in told[-1]
+    assert [row[-1] for row in rows_of(here / "log.db")] == [None] * 5
+
+
+def test_telegrams_of_another_shape_are_told(here: Path) -> None:
+    (here / "list1.gvl").write_text(gvl(1, ["dwFirst", "dwMore"]), encoding="utf-8")
+    (here / "c.xml").write_text(configuration(["a/dwFirst"]), encoding="utf-8")
+    told = lines(here, "plant.pcap")[1]
+    assert told[1].startswith(
+        "nvscope: session: 100 telegrams of udp/1202/1 came, of another shape than the definition"
+    )
+
+
+def test_an_interval_that_was_not_over_is_told(here: Path) -> None:
+    (here / "c.xml").write_text(configuration(["a/dwFirst"], 'samplingInterval="1h"'), encoding="utf-8")
+    told = lines(here, "plant.pcap", "--from-time", "1s")[1]
+    assert told[1:] == [
+        "nvscope: session: telegrams came in 4.0 s, among 80 frames, but no sampling was due: samplingInterval is "
+        "1 h 00 min."
+    ]
+
+
+def test_a_file_that_was_there_stays_though_nothing_came(here: Path) -> None:
+    (here / "list2.gvl").write_text(gvl(2, ["dwSecond"]), encoding="utf-8")
+    told(here, CYCLES, "")
+    (here / "c.xml").write_text(configuration(["a/dwSecond"]), encoding="utf-8")
+    assert lines(here, "plant.pcap", "--append")[1][0] == "nvscope: session: 0 rows of 1 variable in log.db."
+    assert (here / "log.db").exists()
+
+
+def test_databases_are_no_source_of_rows(here: Path) -> None:
+    told(here, CYCLES, "")
+    (here / "log.db").rename(here / "old.db")
+    code, said = lines(here, "old.db")
+    assert code == 2
+    assert said[0] == "nvscope: old.db: rows of databases are not logged again, and no capture is given"
+    code, said = lines(here, "old.db", "plant.pcap")
+    assert (code, said[0]) == (0, "nvscope: old.db: rows of databases are not logged again.")
+    assert len(rows_of(here / "log.db")) == 100
+
+
+@pytest.mark.parametrize(("ending", "verb"), [("csv", "export"), ("parquet", "export"), ("pcapng", "record")])
+@pytest.mark.parametrize("option", ["--dry-run", "--force"])
+def test_a_database_is_not_called_like_another_file(option: str, ending: str, verb: str, here: Path) -> None:
+    (here / "c.xml").write_text(configuration(["a/dwFirst"]), encoding="utf-8")
+    code, said = lines(here, "plant.pcap", "-w", f"x.{ending}", option)
+    assert (code, said[0]) == (2, f"nvscope: x.{ending}: a database is written, and .{ending} is no ending of one")
+    assert f" {verb} " in said[1]
+    assert not (here / f"x.{ending}").exists()
