@@ -7,9 +7,7 @@ import gzip
 import io
 import json
 import os
-import shutil
 import sqlite3
-from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
@@ -372,84 +370,3 @@ def test_texts_of_utf_16_are_read(tmp_path: Path) -> None:
         database.commit()
     write_log(path, [("a", "TEXT")], [Row(0, ("grün",)), Row(10, ("rot",))])
     assert [row["new"] for row in as_json("vars", str(path), "--history", "a")["logged_changes"]] == ["grün", "rot"]
-
-
-def test_rows_are_not_compared_with_each_other(tmp_path: Path) -> None:
-    path = write_log(tmp_path / "x.db", [("a", "INT")], [Row(0, (1,))])
-    done = run_text("diff", GENUINE, path)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert "rows of a database are not compared" in done.stderr
-    # Beside captures they are left out, and that is said.
-    shutil.copy(PEERS, tmp_path)
-    done = run_text("diff", PEERS, str(tmp_path))
-    assert done.returncode == 0, done.stderr
-    assert "rows are not compared: 1 database left out" in done.stderr
-
-
-RULE = """
-[[rule]]
-id = "limits"
-check = "range"
-variable = "db/x.db/{}"
-min = 0
-max = 5
-"""
-
-
-@pytest.mark.parametrize("words", [(), ("--dry-run",)])
-def test_a_rule_about_a_variable_that_no_database_has_is_told_those_near_it(
-    words: Sequence[str], tmp_path: Path
-) -> None:  # fmt: skip
-    path = write_log(tmp_path / "x.db", [("Arp.Plc.Eclr/nSpeed", "INT")], [Row(0, (1,))])
-    rules = tmp_path / "x.rules.toml"
-    rules.write_text(RULE.format("nSped"))
-    done = run_text("check", path, "--rules", str(rules), *words)
-    assert done.returncode == (0 if words else 3)
-    assert "no variable is called so: perhaps db/x.db/nSpeed" in done.stdout
-    rules.write_text(RULE.format("nSped") + "optional = true\n")
-    assert run_text("check", path, "--rules", str(rules)).returncode == 0
-
-
-def test_evidence_of_a_rule_holds_no_rows(tmp_path: Path) -> None:
-    path = write_log(tmp_path / "x.db", [("nSpeed", "INT")], [Row(1000 * at, (at,)) for at in range(9)])
-    rules, evidence = tmp_path / "x.rules.toml", tmp_path / "evidence"
-    rules.write_text(RULE.format("nSpeed"))
-    done = run_text("check", path, "--rules", str(rules), "--evidence", str(evidence))
-    # What a rule says is said all the same.
-    assert (done.returncode, [*evidence.iterdir()]) == (1, [])
-    assert "rows of databases are left out of the evidence of 1 rule" in done.stderr
-
-
-def test_a_database_without_rows_is_told_as_that(tmp_path: Path) -> None:
-    path = write_log(tmp_path / "x.db", [("a", "INT")], [])
-    done = run_text("vars", path)
-    assert (done.returncode, done.stderr.splitlines()[0]) == (2, "nvscope: the database has no row")
-    done = run_text("vars", GENUINE, "--from-time", "1h")
-    assert done.stderr.splitlines() == [
-        "nvscope: the database has no row between these times", "  leave --from-time and --to-time out",
-    ]  # fmt: skip
-
-
-def test_a_database_is_listed_with_its_prefix(tmp_path: Path) -> None:
-    done = run_text("vars", GENUINE, "--list", "genuine-5min.db")
-    assert done.stderr.splitlines() == [
-        "nvscope: no list is called genuine-5min.db", "  the database is --list db/genuine-5min.db",
-    ]  # fmt: skip
-
-
-def test_what_a_filter_leaves_out_is_not_told_as_null(tmp_path: Path) -> None:
-    path = write_log(tmp_path / "x.db", [("a", "INT")], [Row(0, (1,)), Row(10, (2,))])
-    told = run_text("vars", path, "-Y", "db.values > 20").stdout
-    assert told.splitlines()[0] == "shown: what db.values > 20 chooses"
-    assert "No value that could be read in what the filter chooses: a." in told
-    assert "NULL" not in told
-
-
-def test_closed_files_that_nobody_named_are_told(tmp_path: Path) -> None:
-    for name in ("x.db.0", "x.db.1", "x.db"):
-        write_log(tmp_path / name, [("a", "INT")], [Row(0, (1,))])
-    newest = str(tmp_path / "x.db")
-    done = run_text("vars", newest)
-    told = f"2 closed files of its series beside it, such as {newest}.1, were not named, and are not read."
-    assert done.stderr == f"nvscope: {newest}: {told}\n"
-    assert run_text("vars", newest, f"{newest}.0", f"{newest}.1").stderr == ""
