@@ -71,7 +71,9 @@ class VariablesAsked:
         if of_databases and self.inquiry.layouts is None and not any(one.known for one in read):
             where = " between these times" if self.inquiry.asked else ""
             what = "no database has a row" if len(infos) > 1 else "the database has no row"
-            next_step = "leave --from-time and --to-time out" if where else "`nvscope audit` tells what is in it"
+            next_step = (
+                "leave --from-time and --to-time out" if where else "`nvscope audit FILE.db` tells what is in it"
+            )
             return UsageError(f"{what}{where}", next_step=next_step)
         if listed is not None and read_source(listed):
             return nothing_asked(listed, [variable for one in read for variable in one.known])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from nvscope.errors import ConfigurationError
@@ -28,7 +28,7 @@ class DataLoggerSettings:
         'lists by tasks of the controller: Cyclic100 = "axis"',
         default=(),
     )
-    place: Place | None = None
+    place: Place | None = field(default=None, compare=False)
 
     def mistake(self, table: str, name: str, what: str, next_step: str, otherwise: str = "") -> ConfigurationError:
         """Return the error that something is wrong behind a name of a table; ``otherwise`` is where, without a file."""

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from nvscope.findings.enumeration import enumerated
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind, Severity
-from nvscope.list_key import Transport
 from nvscope.tracker.event_kinds import FRAMES_KEPT
 from nvscope.units import count, count_of
 
@@ -50,6 +49,8 @@ def judge_subnets(facts: Facts) -> Iterator[Finding]:
     """Yield the nodes outside the subnets that sent telegrams of lists or requests."""
     security = facts.security
     if security is None or not security.subnets:
+        from nvscope.list_key import Transport
+
         # In recordings given together, the others may be those of another plant; and nobody knows who was left out.
         several = facts.state.senders.mirrored.are_several
         if not several and Transport.UDP not in facts.left_out and _has_unusual(facts):
