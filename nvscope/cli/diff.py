@@ -48,8 +48,7 @@ def diff(
         if are_databases and all(are_databases):
             raise UsageError(
                 "rows of a database are not compared, only what was on a network", where=path,
-                next_step="report with --compare holds a database against a capture; export with --form wide writes "
-                "rows for other programs",
+                next_step="`nvscope export FILE.db -w values.csv` writes them for other programs",
             )  # fmt: skip
         if any(are_databases):
             told = count_of(sum(are_databases), "database")
