@@ -18,7 +18,7 @@ from nvscope.errors import UnreadableInput
 from nvscope.whole_files import is_stdout
 
 if TYPE_CHECKING:
-    from nvscope.capture.source import Sink
+    from nvscope.capture.source import Sink, SourceInfo
 
 HEAD_BYTES = 32
 """So many bytes tell a binary format."""
@@ -223,6 +223,12 @@ CAN_LOGS = frozenset(known.name for known in FORMATS if known.only_can)
 
 DATABASES = frozenset(known.name for known in FORMATS if known.holds_rows)
 """The names of formats of which packets are rows of a database."""
+
+
+def are_databases(infos: Sequence[SourceInfo]) -> bool:
+    """Tell whether there is nothing in some sources but databases."""
+    return bool(infos) and all(info.format in DATABASES for info in infos)
+
 
 _TEXT = re.compile(rb"\xef\xbb\xbf|[\t\n\r -~]{32}")
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"

@@ -32,7 +32,7 @@ def diff(
     """
     from nvscope.analysis.comparison import differences
     from nvscope.analysis.inquiry import Inquiry
-    from nvscope.capture.formats import DATABASES
+    from nvscope.capture.formats import DATABASES, are_databases
     from nvscope.cli.progress import watching
     from nvscope.report import capture_difference as face
     from nvscope.units import count_of
@@ -44,14 +44,13 @@ def diff(
     inquiries = [Inquiry([path], plant, ports, watch=watching(quiet=quiet)) for path in (a, b)]
     sides = [inquiry.analyze() for inquiry in inquiries]
     for path, side in zip((a, b), sides, strict=True):
-        are_databases = [info.format in DATABASES for info in side.infos]
-        if are_databases and all(are_databases):
+        if are_databases(side.infos):
             raise UsageError(
                 "rows of a database are not compared, only what was on a network", where=path,
                 next_step="`nvscope export FILE.db -w values.csv` writes them for other programs",
             )  # fmt: skip
-        if any(are_databases):
-            told = count_of(sum(are_databases), "database")
+        if of_databases := sum(info.format in DATABASES for info in side.infos):
+            told = count_of(of_databases, "database")
             echo(f"nvscope: {visible(path)}: rows are not compared: {told} left out.", err=True)
     found = differences(*sides)
     if as_json:

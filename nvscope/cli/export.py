@@ -11,7 +11,6 @@ from nvscope.analysis.read_values import read_source
 from nvscope.cli import completion
 from nvscope.cli.definitions import GvlOption, ProjectOption, flaws_told_first, project_of, tell_of_lists
 from nvscope.cli.exported_readings import (
-    are_databases,
     check_read_alone,
     meant_are_databases,
     nothing_defined,
@@ -170,6 +169,7 @@ def export(
 
     from nvscope.analysis.default_fields import default_fields
     from nvscope.analysis.inquiry import Inquiry
+    from nvscope.capture.formats import are_databases
     from nvscope.cli.memory import keep_freed_memory
     from nvscope.cli.progress import watching
     from nvscope.export.files import format_of
@@ -192,7 +192,7 @@ def export(
     of_databases = False
     if read_ones is not None and layouts is None and not gvl and inquiry.paths:
         source = source or inquiry.open()
-        of_databases = are_databases(source)
+        of_databases = are_databases(source.infos)
     # Where no list is defined, telegrams are what is written, unless values are asked for, or there is nothing else.
     read_alone = read_ones is not None and (
         (layouts is None and (what == "values" or form == "long" or of_databases))
@@ -285,7 +285,8 @@ def _write_values(
     read_ones: ReadOnes | None,
     wide: DatabaseRows | None,
 ) -> list[Written]:
-    from nvscope.export.values import ReadFiles, path_of_part, paths_of, write_long, write_wide
+    from nvscope.export.part_names import path_of_part
+    from nvscope.export.values import ReadFiles, paths_of, write_long, write_wide
     from nvscope.whole_files import Existing, is_stdout
 
     if form == "long":

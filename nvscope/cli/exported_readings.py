@@ -97,11 +97,12 @@ def write_read_alone(
 
     Of databases beside captures they go to a file of their own.
     """
-    from nvscope.capture.formats import DATABASES
-    from nvscope.export.values import ReadFiles, path_of_part
+    from nvscope.capture.formats import DATABASES, are_databases
+    from nvscope.export.part_names import path_of_part
+    from nvscope.export.values import ReadFiles
     from nvscope.whole_files import Existing, is_stdout
 
-    first = "db" if are_databases(source) else "visu"
+    first = "db" if are_databases(source.infos) else "visu"
     paths = {name: path if name == first else path_of_part(path, name) for name in read_ones.makes}
     if len(paths) > 1 and is_stdout(path):
         both = first == "visu" and any(info.format in DATABASES for info in source.infos)
@@ -122,19 +123,12 @@ def write_read_alone(
     return frames
 
 
-def are_databases(source: Source) -> bool:
-    """Tell whether there is nothing in a source but databases."""
-    from nvscope.capture.formats import DATABASES
-
-    return bool(source.infos) and all(info.format in DATABASES for info in source.infos)
-
-
 def tell_of_exported_readings(
     read_ones: ReadOnes, path: str, *, alone: bool, long: bool, secrets: bool, quiet: bool
 ) -> None:  # fmt: skip
     """Say where the values are that came one by one, how many are hidden, and what was left out."""
     from nvscope.cli.read_notes import tell_of_read_ones
-    from nvscope.export.values import path_of_part
+    from nvscope.export.part_names import path_of_part
     from nvscope.units import count_of
     from nvscope.view.escape import visible
     from nvscope.whole_files import is_stdout

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from nvscope.analysis.read_values import nothing_asked, read_source
 from nvscope.capture.datalogger.names import PREFIX, title_of
-from nvscope.capture.formats import DATABASES
+from nvscope.capture.formats import are_databases
 from nvscope.cli.terminal import tell
 from nvscope.errors import UsageError
 
@@ -67,8 +67,7 @@ class VariablesAsked:
 
         ``infos`` are those of what was read.
         """
-        of_databases = bool(infos) and all(info.format in DATABASES for info in infos)
-        if of_databases and self.inquiry.layouts is None and not any(one.known for one in read):
+        if are_databases(infos) and self.inquiry.layouts is None and not any(one.known for one in read):
             where = " between these times" if self.inquiry.asked else ""
             what = "no database has a row" if len(infos) > 1 else "the database has no row"
             next_step = (

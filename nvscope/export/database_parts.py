@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from itertools import count
 
 from dissectors.datalogger.logged import RowTable
 from dissectors.datalogger.tables import LogTable
-
-_UNSAFE = re.compile(r"[^\w-]+")
-_MOST_NAME = 80
+from nvscope.export.part_names import part_name
 
 
 class DatabaseParts:
@@ -42,9 +39,5 @@ class DatabaseParts:
 
 def _name(table: RowTable, *, with_table: bool) -> str:
     database = table.title.partition("/")[2]
-    name = _safe(database.rpartition(".")[0] or database)
-    return f"{name}.{_safe(table.log.name)}" if with_table else name
-
-
-def _safe(name: str) -> str:
-    return _UNSAFE.sub("_", name)[:_MOST_NAME] or "table"
+    name = part_name(database.rpartition(".")[0] or database, "table")
+    return f"{name}.{part_name(table.log.name, 'table')}" if with_table else name

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa
 
-from dissectors.batch import I64
+from dissectors.batch import I64, Bool
 from dissectors.datalogger.logged import RowTable
 from dissectors.datalogger.records import Form as Stored
 from dissectors.datalogger.records import Records
@@ -50,8 +50,8 @@ class DatabaseRows:
 
     ``wanted`` chooses among variables, None wants all; a table of which none is wanted is left out. ``tables`` are
     those known beforehand: each has a file, whether rows come or not. Of all tables, ``most`` variables are told apart.
-    ``rows`` counts those that were made, ``of_part`` those of each part, ``misplaced`` the values that are none of what
-    their column is declared as.
+    ``of_part`` counts those that were made of each part, ``misplaced`` the values that are none of what their column is
+    declared as.
     """
 
     unit = "row"
@@ -60,7 +60,7 @@ class DatabaseRows:
         self, wanted: Wanted | None = None, tables: Sequence[RowTable] = (), most: int = MAX_STREAMS
     ) -> None:  # fmt: skip
         self._read = ReadRows(wanted)
-        self.rows = self.misplaced = 0
+        self.misplaced = 0
         self._most = most
         self.of_part: dict[str, int] = {}
         self._batch: tuple[Told, RowBatch] | None = None
@@ -95,15 +95,14 @@ class DatabaseRows:
             columns = self._columns_of(table)
             if not columns.wanted:
                 continue
-            own = np.arange(len(rows))
+            own, told_whole = np.arange(len(rows)), consistent(records)
             if told.chosen is not None:
                 own = own[told.chosen[part.row[rows]]]
             most = max(_MOST_CELLS // len(columns.wanted), 1)
             for start in range(0, len(own), most):
                 some = own[start : start + most]
-                self._hold(
-                    self._parts.of(table), self._table(told, part, rows[some], records, some, columns), open_part
-                )
+                made = self._table(told, part, rows[some], records, some, columns, told_whole[some])
+                self._hold(self._parts.of(table), made, open_part)
 
     def tables(self, schema: Any) -> Iterator[Any]:
         """Yield nothing: rows of tables do not stand between values."""
@@ -115,7 +114,6 @@ class DatabaseRows:
             self._flush(name, open_part)
 
     def _hold(self, name: str, table: Any, open_part: OpenPart) -> None:
-        self.rows += len(table)
         self.of_part[name] = self.of_part.get(name, 0) + len(table)
         held = self._held.setdefault(name, [])
         held.append(table)
@@ -127,15 +125,19 @@ class DatabaseRows:
         open_part(name, whole.schema).write(whole)
 
     def _table(
-        self, told: Told, part: RowBatch, places: I64, records: Records, some: I64, columns: _Columns
+        self, told: Told, part: RowBatch, places: I64, records: Records, some: I64, columns: _Columns,
+        told_whole: Bool,
     ) -> Any:  # fmt: skip
-        """Return rows at some places of the batch, which are ``some`` of their table's ``records``."""
+        """Return rows at some places of the batch, which are ``some`` of their table's ``records``.
+
+        ``told_whole``: nothing was lost before them, as they say.
+        """
         packet = part.row[places]
         arrays = [
             array_of(told.packets.ts_ns[packet], MOMENT),
             array_of(packet + told.first_frame, pa.int64()),
             array_of(part.logged.rowid[places], pa.int64()),
-            with_nulls(consistent(records)[some], None, pa.bool_()),
+            with_nulls(told_whole, None, pa.bool_()),
             *(self._array(records, column, form, some, columns.encoding) for column, form in columns.wanted),
         ]
         return pa.table(arrays, schema=columns.schema)

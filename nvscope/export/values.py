@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from nvscope.definition.model import ListDefinition
@@ -15,6 +13,7 @@ from nvscope.export.files import TableFile, table_file
 from nvscope.export.held import Slabs
 from nvscope.export.interleaved import READ_SCHEMAS, Interleaved
 from nvscope.export.long import LongTable, long_schema
+from nvscope.export.part_names import part_name, path_of_part, plain
 from nvscope.export.wide import WideTable, WideTables
 from nvscope.list_key import ListKey
 from nvscope.tracker.datalogger.on_demand import NAME as DATABASES
@@ -64,9 +63,6 @@ ReadOnes: TypeAlias = "Observed[ReadRows]"
 
 MAX_FILES = 500
 MAX_COLUMNS = 10_000
-
-_UNSAFE = re.compile(r"[^\w-]+")
-_MOST_NAME = 80
 
 
 def write_wide(
@@ -215,26 +211,17 @@ class ReadFiles:
         return self._opened[key]
 
 
-def path_of_part(path: str, part: str) -> str:
-    """Return the file of a part: its name stands in front of the ending; of '' the path itself."""
-    if not part:
-        return path
-    whole = Path(path)
-    return str(whole.with_name(f"{whole.stem}.{part}{whole.suffix}"))
-
-
 def paths_of(path: str, lists: Sequence[tuple[ListKey, ListDefinition]]) -> list[str]:
     """Return the file of each list: with one list, or stdout, ``path``, else its name in front of the ending."""
     if len(lists) == 1 or is_stdout(path):
         return [path] * len(lists)
-    whole = Path(path)
     found: list[str] = []
     taken: set[str] = set()
     for key, entry in lists:
-        name = _UNSAFE.sub("_", entry.name)[:_MOST_NAME] or "list"
+        name = part_name(entry.name, "list")
         # Names that differ in case only are one to some file systems.
         if name.lower() in taken:
-            name = f"{name}-{_UNSAFE.sub('_', str(key.port)) or key.transport}-{key.identifier}"
+            name = f"{name}-{plain(str(key.port)) or key.transport}-{key.identifier}"
         taken.add(name.lower())
-        found.append(str(whole.with_name(f"{whole.stem}.{name}{whole.suffix}")))
+        found.append(path_of_part(path, name))
     return found

@@ -13,10 +13,7 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from nvscope.tracker.datalogger.late_rows import LATE_PERCENT
-
-_REGULAR_SHARE = 3
-_ALIKE_SHARE = 4
-"""Rows come regularly where a third of the intervals differ from the median by no more than a quarter of it."""
+from nvscope.tracker.readings.cadence import ALIKE_SHARE, REGULAR_SHARE
 
 _WAITING = 50_000
 """So many intervals at least are counted together."""
@@ -102,8 +99,8 @@ class Intervals:
         if median_ns is None:
             return False
         self._merge_waiting()
-        alike = np.abs(self._values - median_ns) * _ALIKE_SHARE <= median_ns
-        return int(self._counts[alike].sum()) * _REGULAR_SHARE >= self.count
+        alike = np.abs(self._values - median_ns) * ALIKE_SHARE <= median_ns
+        return int(self._counts[alike].sum()) * REGULAR_SHARE >= self.count
 
     def take(self, gaps: Gaps) -> None:
         """Take the intervals between rows, all of which are longer than nothing, as what may be gaps."""

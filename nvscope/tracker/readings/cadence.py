@@ -13,7 +13,7 @@ USUAL_OF = 16
 _LEAST = 4
 """Before so many intervals, nobody knows what is usual."""
 
-_ALIKE_SHARE, _REGULAR_SHARE = 4, 3
+ALIKE_SHARE, REGULAR_SHARE = 4, 3
 """Values come at no regular interval, and none of them late, unless a third of the intervals are within a quarter of
 the median."""
 
@@ -56,6 +56,6 @@ class Cadence:
         if len(row):
             usual = np.partition(before[row], middle, axis=1)[:, middle]
             off = np.abs(before[row] - usual[:, np.newaxis])
-            alike = np.count_nonzero(off * _ALIKE_SHARE <= usual[:, np.newaxis], axis=1)
-            late[row] = (length[row] * 100 > usual * self._percent) & (alike * _REGULAR_SHARE >= before.shape[1])
+            alike = np.count_nonzero(off * ALIKE_SHARE <= usual[:, np.newaxis], axis=1)
+            late[row] = (length[row] * 100 > usual * self._percent) & (alike * REGULAR_SHARE >= before.shape[1])
         return late
