@@ -172,7 +172,9 @@ class Text:
         new = visible(row["new_text"])
         if row["old_text"] is None:
             # Where there is room for one of the two only, it is the value.
-            first = _FIRST if self._change >= _FIRST_FROM_WIDTH else ""
+            is_room = self._change >= _FIRST_FROM_WIDTH
+            is_room &= display_width(new) + len(_FIRST) <= self._change or not _is_number(row["new"])
+            first = _FIRST if is_room else ""
             return [Cell(shorten(new, max(self._change - len(first), 1)), Tone.STRONG), Cell(first, Tone.FAINT)]
         if not row["changed"]:
             return [Cell(shorten(new, max(self._change, 1)))]
@@ -181,7 +183,11 @@ class Text:
         if is_single(row) and half < display_width(row["old_text"]) and row["old_text"] == new:
             # Two values that are hidden: that it changed is all that can be told.
             return [Cell(_ARROW.lstrip(), Tone.FAINT), Cell(shorten(new, room), Tone.STRONG)]
-        old = shorten(visible(row["old_text"]), max(half, 1))
+        old = visible(row["old_text"])
+        if display_width(old) + display_width(new) > room and (_is_number(row["old"]) or _is_number(row["new"])):
+            # A number that is cut looks like another one; the old one stands in a line before.
+            return [Cell(_ARROW.lstrip(), Tone.FAINT), Cell(shorten(new, self._change - 2), Tone.STRONG)]
+        old = shorten(old, max(half, 1))
         return [
             Cell(old, Tone.FAINT), Cell(_ARROW), Cell(shorten(new, max(room - display_width(old), 1)), Tone.STRONG)
         ]  # fmt: skip
@@ -242,6 +248,10 @@ def _no_history(chosen: Row | None) -> str:
     if not chosen["telegrams"]:
         return "No value: the filter chooses no telegram."
     return "No value: no telegram that the filter chooses has this variable."
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def is_single(row: Row) -> bool:
