@@ -7,7 +7,8 @@ capture files (https://www.tcpdump.org/linktypes.html). Anything that cannot be 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from ipaddress import IPv4Address, IPv6Address, ip_address
+from functools import lru_cache
+from ipaddress import IPv4Address, IPv6Address
 from typing import NamedTuple
 
 Address = IPv4Address | IPv6Address
@@ -21,6 +22,8 @@ FAMILIES_IPV6 = (24, 28, 30)
 
 PROTOCOL_ICMP, PROTOCOL_UDP, PROTOCOL_ICMPV6 = 1, 17, 58
 HOP_BY_HOP, ROUTING, FRAGMENT, AUTHENTICATION, DESTINATION_OPTIONS = 0, 43, 44, 51, 60
+
+LIMITED_BROADCAST = IPv4Address("255.255.255.255")
 
 
 class Frame(NamedTuple):
@@ -74,6 +77,18 @@ class InternetHeader(NamedTuple):
     protocol: int
     start: int
     end: int
+
+
+@lru_cache
+def ipv4_address(packed: bytes) -> IPv4Address:
+    """Return an address, of the few that a capture has the same one each time."""
+    return IPv4Address(packed)
+
+
+@lru_cache
+def ipv6_address(packed: bytes) -> IPv6Address:
+    """Return an address, of the few that a capture has the same one each time."""
+    return IPv6Address(packed)
 
 
 def number(data: bytes, offset: int, size: int) -> int:
@@ -151,8 +166,8 @@ def ipv4_header(data: bytes, start: int, end: int) -> InternetHeader | None:
     more_fragments, fragment_offset = number(data, start + 6, 2) & 0x2000, number(data, start + 6, 2) & 0x1FFF
     if more_fragments or fragment_offset:
         return None
-    source = IPv4Address(data[start + 12 : start + 16])
-    destination = IPv4Address(data[start + 16 : start + 20])
+    source = ipv4_address(data[start + 12 : start + 16])
+    destination = ipv4_address(data[start + 16 : start + 20])
     return InternetHeader(4, source, destination, data[start + 9], start + header_bytes, end)
 
 
@@ -162,8 +177,8 @@ def ipv6_header(data: bytes, start: int, end: int) -> InternetHeader | None:
     payload_bytes = number(data, start + 4, 2)
     if payload_bytes:
         end = min(end, start + 40 + payload_bytes)
-    source = IPv6Address(data[start + 8 : start + 24])
-    destination = IPv6Address(data[start + 24 : start + 40])
+    source = ipv6_address(data[start + 8 : start + 24])
+    destination = ipv6_address(data[start + 24 : start + 40])
     following, at = data[start + 6], start + 40
     while following in (HOP_BY_HOP, ROUTING, FRAGMENT, AUTHENTICATION, DESTINATION_OPTIONS):
         if end - at < 8:
@@ -194,7 +209,7 @@ def datagram(data: bytes, header: InternetHeader, link_broadcast: bool | None) -
 
 
 def is_broadcast(destination: Address, link_broadcast: bool | None) -> bool:
-    if destination.is_multicast or destination == ip_address("255.255.255.255"):
+    if destination.is_multicast or destination == LIMITED_BROADCAST:
         return True
     if link_broadcast is None:
         return destination.version == 4 and destination.packed[3] == 255

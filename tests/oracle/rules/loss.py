@@ -142,7 +142,9 @@ class Loss:
 
     def observe_data(self, at: StreamKey, seen: Telegram, *, repeated: bool) -> None:
         """Take the step of a well-formed data telegram in each of the three sequences."""
-        stream = self.streams.setdefault(at, Stream(seen, seen))
+        if at not in self.streams:
+            self.streams[at] = Stream(seen, seen)
+        stream = self.streams[at]
         stream.telegrams += 1
         kind, lost = stream.take_stream_step(seen, repeated=repeated)
         stream.last = seen
@@ -152,7 +154,9 @@ class Loss:
                 stream.intervals.append(seen.time - stream.previous_time)
             stream.previous_time = seen.time
 
-        node = self.nodes.setdefault(seen.source, Node())
+        if seen.source not in self.nodes:
+            self.nodes[seen.source] = Node()
+        node = self.nodes[seen.source]
         kind, lost = node.telegrams.step(seen.counter, zero_is_regular=False, repeated=repeated)
         node.swapped += kind in LEAPS and node.last is not None and is_next_swapped(node.last, seen)
         node.last = seen

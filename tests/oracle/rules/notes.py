@@ -20,6 +20,12 @@ class Notes:
         self.findings: dict[tuple[str, ListKey | None, Address | None, int | None], Finding] = {}
         self.uncertain: list[list[str | int]] = []
 
+    def list_of(self, key: ListKey) -> List:
+        """Return the list of a key, a new one where none is known."""
+        if key not in self.lists:
+            self.lists[key] = List()
+        return self.lists[key]
+
     def find(
         self, code: str, key: ListKey | None, node: Address | None, subindex: int | None, moment: Moment
     ) -> Finding:

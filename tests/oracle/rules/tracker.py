@@ -63,7 +63,7 @@ class Tracker:
         if name is None:
             return
         key = ListKey("udp", quoted.port, int.from_bytes(quote[8:10], "little"))
-        self.notes.lists.setdefault(key, List())
+        self.notes.list_of(key)
         self.notes.error(key, name, quoted.source, moment.time, moment.frame)
         subindex = int.from_bytes(quote[10:12], "little") if len(quote) >= 12 else None
         self.notes.find("NV305", key, quoted.source, subindex, moment)
@@ -80,7 +80,7 @@ class Tracker:
             self.notes.find(seen.fault, key, seen.source, subindex, seen.moment)
         if key is None:
             return
-        entry = self.notes.lists.setdefault(key, List())
+        entry = self.notes.list_of(key)
         if seen.truncated:
             entry.truncated += 1
         if seen.header_cut:

@@ -90,7 +90,7 @@ class Waits:
             self.notes.find("NV302", key, blamed, seen.subindex, seen.moment)
         expected = any(
             seen.time - data.time <= self.timeout_ns
-            for data in entry.wanted.get(seen.subindex, [])
+            for data in reversed(entry.wanted.get(seen.subindex, []))
             if seen.broadcast or data.source == seen.destination
         )
         if not expected:
