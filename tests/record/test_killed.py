@@ -18,7 +18,7 @@ from nvscope.capture.open import open_source
 from tests.oracle.builders import telegram
 from tests.program import COMMAND, run_text
 
-RATE = 20_000
+RATE = 2000
 SECOND_NS = 1_000_000_000
 OPENED_S = 15
 
