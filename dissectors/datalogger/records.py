@@ -10,9 +10,10 @@ Source: https://www.sqlite.org/fileformat2.html, section 2.1.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 
 import numpy as np
 
@@ -34,9 +35,6 @@ class Form(IntEnum):
 # are blobs, odd ones texts.
 _NULL, _REAL, _ZERO, _ONE, _UNUSED, _BLOB, _TEXT = 0, 7, 8, 9, (10, 11), 12, 13
 _INTEGER_BYTES = (0, 1, 2, 3, 4, 6, 8)
-_WORDS = range(1, _ZERO)
-"""Types of numbers that are stored."""
-
 _ONE_BYTE = 0x80
 """Types below it take one byte."""
 
@@ -58,21 +56,27 @@ def _tables() -> tuple[U8, U8, I64]:
 _FORM, _SIZE, _SHIFT = _tables()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Cells:
     """The values of one column, a row each.
 
     ``form`` is a ``Form`` as uint8. ``bits`` are those of an int64 or a float64, 0 of all else. A text or blob is
-    ``data[start : stop]`` of the records it comes from; of all else, what lies there says nothing.
+    ``data[start : stop]`` of the records it comes from; of all else, what lies there says nothing. ``find_stop`` finds
+    ``stop``: hardly anybody asks where numbers end.
     """
 
     form: U8
     bits: U64
     start: I64
-    stop: I64
+    find_stop: Callable[[], I64]
 
     def __len__(self) -> int:
         return len(self.form)
+
+    @cached_property
+    def stop(self) -> I64:
+        """Where each value ends."""
+        return self.find_stop()
 
     @property
     def integers(self) -> I64:
@@ -122,17 +126,15 @@ class Records:
         if rows is not None:
             types, start = types.take(rows), start.take(rows)
             sizes = None if sizes is None else sizes.take(rows)
+        least, most = int(self._least[column]), int(self._most[column])
         # Big-endian, so that the value is in the upper bytes; the shift keeps its sign.
         words = self._words[start].astype(np.int64)
-        if self._least[column] == self._most[column] and self._least[column] in _WORDS:
-            kind = int(self._most[column])
-            form = np.full(len(words), _FORM[kind], np.uint8)
-            bits = words >> _SHIFT[kind]
-            stop = start + int(_SIZE[kind])
+        bits = words >> (_SHIFT[most] if least == most else _SHIFT.take(types))
+        if least == most or (least > _NULL and most < _REAL):
+            form = np.full(len(words), _FORM[most], np.uint8)
         else:
             form = _FORM.take(types)
-            stop = start + (_SIZE.take(types) if sizes is None else sizes)
-            bits = words >> _SHIFT.take(types)
+        if least == _NULL or most >= _ZERO:
             short = (types == _NULL) | (types >= _ZERO)
             if short.any():
                 bits[short] = types[short] == _ONE
@@ -147,6 +149,11 @@ class Records:
             if whole.any():
                 bits[whole] = bits[whole].astype(np.float64).view(np.int64)
                 form[whole] = Form.REAL
+
+        def stop() -> I64:
+            found: I64 = start + (_SIZE.take(types) if sizes is None else sizes)
+            return found
+
         return Cells(form, bits.view(np.uint64), start, stop)
 
     def _read(self, offset: I64, length: I64) -> None:

@@ -44,7 +44,7 @@ class SqlRows:
         cells = self._cells[column]
         if rows is None:
             return cells
-        return Cells(cells.form[rows], cells.bits[rows], cells.start[rows], cells.stop[rows])
+        return Cells(cells.form[rows], cells.bits[rows], cells.start[rows], lambda: cells.stop[rows])
 
     def is_empty(self, column: int) -> bool:
         """Return whether a column is NULL in all rows."""
@@ -69,7 +69,7 @@ class SqlRows:
                 start[row], stop[row] = size, size + len(value)
                 size += len(value)
                 self._buffer.append(bytes(value))
-        return Cells(form, bits.view(np.uint64), start, stop), size
+        return Cells(form, bits.view(np.uint64), start, lambda: stop), size
 
 
 def sql_rows(database: Database, table: str, columns: Sequence[str], damages: Damages) -> Iterator[SqlRows]:

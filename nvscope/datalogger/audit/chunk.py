@@ -34,6 +34,11 @@ class Chunk:
         return len(self.rows)
 
     @property
+    def is_one_stretch(self) -> bool:
+        """Whether what is known of a variable goes on from each row to the next; there is one at least."""
+        return bool(self.stretch[0] == self.stretch[-1])
+
+    @property
     def rowid(self) -> I64:
         """The ids of the rows."""
         return self.rows.rowid
@@ -58,10 +63,9 @@ def chunk_of(rows: AnyRows, encoding: str, breaks: I64, stretch: int, begins_fil
 
 def keys(cells: Cells, data: U8) -> U64:
     """Return a number of each value that equal values share; of texts and blobs it is a hash."""
-    long = (cells.form == Form.TEXT) | (cells.form == Form.BLOB)
-    if not long.any():
+    if int(cells.form.max(initial=0)) < Form.TEXT:
         return cells.bits
-    rows = np.flatnonzero(long)
+    rows = np.flatnonzero(cells.form >= Form.TEXT)
     key = cells.bits.copy()
     key[rows] = _hashes(data, cells.start[rows], cells.stop[rows])
     return key

@@ -59,10 +59,14 @@ class Values:
         count = len(cells)
         key = keys(cells, chunk.rows.data)
         form = cells.form
-        stretch = chunk.stretch if rows is None else chunk.stretch[rows]
-        known = np.empty(count, np.bool_)
-        known[0] = self.stretches[variable] == stretch[0]
-        np.equal(stretch[1:], stretch[:-1], out=known[1:])
+        known = np.ones(count, np.bool_)
+        if chunk.is_one_stretch:
+            first = last = int(chunk.stretch[0])
+        else:
+            stretch = chunk.stretch if rows is None else chunk.stretch[rows]
+            first, last = int(stretch[0]), int(stretch[-1])
+            np.equal(stretch[1:], stretch[:-1], out=known[1:])
+        known[0] = self.stretches[variable] == first
         same = np.empty(count, np.bool_)
         same[0] = self._key[variable] == int(key[0]) and self._form[variable] == int(form[0])
         np.equal(key[1:], key[:-1], out=same[1:])
@@ -73,8 +77,9 @@ class Values:
         if low == Form.NULL:
             same &= form != Form.NULL
         self._key[variable], self._form[variable] = int(key[-1]), int(form[-1])
-        self.stretches[variable] = int(stretch[-1])
-        self._tell(self.figures[variable], chunk, cells, (low, high), int(np.count_nonzero(known & ~same)))
+        self.stretches[variable] = last
+        changes = int(np.count_nonzero(known)) - int(np.count_nonzero(same))
+        self._tell(self.figures[variable], chunk, cells, (low, high), changes)
         return same, known
 
     def _tell(self, told: Figures, chunk: Chunk, cells: Cells, forms: tuple[int, int], changes: int) -> None:

@@ -27,7 +27,7 @@ def cells_of(values: list[Value], encoding: str) -> tuple[Cells, np.ndarray]:
     form = [Form.TEXT if isinstance(one, str) else Form.NULL if one is None else Form.INTEGER for one in values]
     numbers = np.array([one if isinstance(one, int) else 0 for one in values], np.int64)
     start = stop - np.array([len(text) for text in texts], np.int64)
-    return Cells(np.array(form, np.uint8), numbers.view(np.uint64), start, stop), np.frombuffer(
+    return Cells(np.array(form, np.uint8), numbers.view(np.uint64), start, lambda: stop), np.frombuffer(
         b"".join(texts), np.uint8
     )
 
