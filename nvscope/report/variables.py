@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -109,7 +109,9 @@ def _lines(document: Mapping[str, Any], width: int, wide: bool, utc: bool, names
             told = f" until {units.clock_time(last_ns, utc=utc)}; later ones have another shape (above)"
             title.append(Cell(told, Tone.WARNING))
         yield from wrap(title, width)
-        yield from align(_COLUMNS, [_cells(row, utc) for row in rows], None if wide else width, 2)
+        dated = _are_dated(rows, utc)
+        told_rows = [_cells(row, utc, dated=dated) for row in rows]
+        yield from align(_COLUMNS, told_rows, None if wide else width, 2)
 
 
 _READ_KEYS = ("page_variables", "logged_variables")
@@ -137,9 +139,13 @@ def _read_lines(
     known = [row for row in rows if row["text"] is not None]
     whose = "of web visualization" if of_pages else "logged"
     told = f"{' ' + name if name else ''}, {units.count_of(len(known), 'variable')} {whose}"
-    yield from wrap([Cell(rows[0]["list"], Tone.STRONG), Cell(told)], width)
+    dated = _are_dated(known, utc)
+    # Captures are read when they were made, databases years later.
+    days = [] if of_pages or dated else sorted(_days(known, utc))
+    day = f", changed on {days[0]}" if days else ""
+    yield from wrap([Cell(rows[0]["list"], Tone.STRONG), Cell(told), Cell(day, Tone.FAINT)], width)
     if known:
-        yield from align(_COLUMNS, [_cells(row, utc) for row in known], None if wide else width, 2)
+        yield from align(_COLUMNS, [_cells(row, utc, dated=dated) for row in known], None if wide else width, 2)
     yield from never_told(
         [row["name"] for row in rows if row["text"] is None], width, of_pages=of_pages, filtered=filtered
     )
@@ -172,13 +178,25 @@ def _telegrams(rows: Sequence[Mapping[str, Any]]) -> str:
     return told if len(telegrams) == 1 else f"{told} in {len(telegrams)} {parts}"
 
 
-def _cells(row: Mapping[str, Any], utc: bool) -> list[Cell]:
+def _days(rows: Sequence[Mapping[str, Any]], utc: bool) -> Collection[str]:
+    """Return the days on which variables changed the last time."""
+    changed = (nanoseconds(row["changed_ns"]) or 0 for row in rows if row["changes"])
+    return {units.date(time_ns, utc=utc) for time_ns in changed}
+
+
+def _are_dated(rows: Sequence[Mapping[str, Any]], utc: bool) -> bool:
+    """Tell whether a time of day does not say when a variable changed."""
+    return len(_days(rows, utc)) > 1
+
+
+def _cells(row: Mapping[str, Any], utc: bool, *, dated: bool) -> list[Cell]:
     changed = nanoseconds(row["changed_ns"]) or 0
+    when = units.absolute_time if dated else units.clock_time
     return [
         Cell(row["name"]),
         Cell(row["text"], Tone.STRONG),
         Cell(row["type"], Tone.FAINT),
-        Cell(units.clock_time(changed, utc=utc) if row["changes"] else "never"),
+        Cell(when(changed, utc=utc) if row["changes"] else "never"),
         Cell(units.count(row["changes"])),
         Cell(row["min_text"] or "-"),
         Cell(row["max_text"] or "-"),

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.program import run_text
-from tests.tracker.datalogger.logs import Row, write_log
+from tests.tracker.datalogger.logs import Row, at_ms, write_log
 
 ROOT = Path(__file__).parents[2]
 GENUINE = str(ROOT / "captures" / "datalogger" / "genuine-5min.db")
@@ -95,3 +95,18 @@ def test_closed_files_that_nobody_named_are_told(tmp_path: Path) -> None:
     told = f"2 closed files of its series beside it, such as {newest}.1, were not named, and are not read."
     assert done.stderr == f"nvscope: {newest}: {told}\n"
     assert run_text("vars", newest, f"{newest}.0", f"{newest}.1").stderr == ""
+
+
+def test_when_a_variable_changed_is_told_with_its_day(tmp_path: Path) -> None:
+    day_ms = 24 * 3600 * 1000
+    rows = [Row(0, (0, 0)), Row(1_000, (1, 1)), Row(day_ms, (1, 2))]
+    one_day = write_log(tmp_path / "one.db", [("a", "INT"), ("b", "INT")], rows[:2])
+    two_days = write_log(tmp_path / "two.db", [("a", "INT"), ("b", "INT")], rows)
+    title, _, *told = run_text("vars", one_day, "--utc").stdout.splitlines()
+    day = at_ms(0).split("T")[0]
+    assert title.endswith(f", 2 variables logged, changed on {day}")
+    assert not any(day in line for line in told)
+    title, _, *told = run_text("vars", two_days, "--utc").stdout.splitlines()
+    assert title.endswith(", 2 variables logged")
+    for line, changed in zip(told, (1_000, day_ms), strict=True):
+        assert at_ms(changed).replace("T", " ")[:23] in line
