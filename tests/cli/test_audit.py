@@ -6,6 +6,7 @@ import hashlib
 import json
 import random
 import re
+import struct
 import shutil
 import sqlite3
 import subprocess
@@ -290,3 +291,12 @@ def test_damaged_databases_are_answered_in_words(tmp_path: Path, seed: int) -> N
     told = json.loads(done.stdout)
     assert len(told["files"]) == len(paths)
     assert audit(*paths).returncode == done.returncode
+
+
+def test_a_real_is_told_with_the_digits_that_it_has(tmp_path: Path) -> None:
+    real, lreal = struct.unpack("<f", struct.pack("<f", 2.3))[0], 1 / 3
+    rows = [Row(n * 250, {"a": real, "b": lreal}) for n in range(3)]
+    path = write(tmp_path / "x.db", rows, {"a": "FLOAT", "b": "DOUBLE"}, changes=False)
+    a, b = audit(path, "--wide").stdout.splitlines()[-2:]
+    assert a.split()[4:] == ["2.3"] * 4
+    assert b.split()[4:] == ["0.333333333"] * 4

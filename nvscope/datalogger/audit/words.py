@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -149,6 +150,15 @@ def _sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:].rstrip('.')}."
 
 
+def _is_real(value: float) -> bool:
+    """Tell whether a number was a REAL of four bytes: no more than seven of its digits say anything."""
+    try:
+        (real,) = struct.unpack("<f", struct.pack("<f", value))
+    except OverflowError:
+        return False
+    return bool(real == value)
+
+
 def shown_value(value: Value) -> str:
     """Return a value for a table, not escaped."""
     if value is None:
@@ -158,7 +168,7 @@ def shown_value(value: Value) -> str:
     elif isinstance(value, str):
         text = f"'{value}'"
     elif isinstance(value, float):
-        text = f"{value:.9g}"
+        text = f"{value:.7g}" if _is_real(value) else f"{value:.9g}"
     else:
         text = str(value)
     return text if len(text) <= _LONGEST_VALUE else f"{text[: _LONGEST_VALUE - 1]}…"
