@@ -6,9 +6,9 @@ import hashlib
 import json
 import random
 import re
-import struct
 import shutil
 import sqlite3
+import struct
 import subprocess
 from contextlib import closing
 from pathlib import Path
