@@ -41,7 +41,7 @@ from nvscope.causes.restarts import judge_list_restarts, judge_node_restarts
 from nvscope.causes.scans import judge_scanned_lists
 from nvscope.causes.senders import judge_second_senders
 from nvscope.causes.silences import NODE_SILENT, PROGRAM_STOPPED, judge_lists, judge_nodes
-from nvscope.causes.snapped import judge_cut_frames, judge_drops
+from nvscope.causes.snapped import judge_cut_frames, judge_cut_pages, judge_drops
 from nvscope.causes.standstills import judge_standstills
 from nvscope.causes.unplugged import judge_without_carrier
 from nvscope.causes.unseen_restarts import judge_unseen_restarts
@@ -56,6 +56,7 @@ JUDGES: tuple[Judge, ...] = (
     judge_incomplete_captures,
     judge_drops,
     judge_cut_frames,
+    judge_cut_pages,
     judge_mirroring,
     judge_clock_steps,
     judge_standstills,

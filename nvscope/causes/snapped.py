@@ -1,4 +1,4 @@
-"""Frames that the capture dropped, or cut, and of which nothing that is counted is missing: capture-incomplete."""
+"""Frames that the capture dropped, or cut, and bytes of pages that it lacks: capture-incomplete."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ import numpy as np
 from nvscope.causes.case import Case, Draft, Explained
 from nvscope.causes.incomplete import CAPTURE_INCOMPLETE
 from nvscope.causes.words import lists_in_words
+from nvscope.engine.runs import distinct
 from nvscope.findings.capture import CAPTURE_DROPS
 from nvscope.findings.header import TRUNCATED_BY_CAPTURE
+from nvscope.findings.visu import VISU_NOT_CAPTURED
 from nvscope.units import count_of
 
 
@@ -44,5 +46,29 @@ def judge_cut_frames(case: Case) -> Iterator[Explained]:
         TRUNCATED_BY_CAPTURE.next_steps[0],
         ["a snap length cut them: what is counted is complete, values behind the cut are not known"], lists,
         since_ns=since_ns, until_ns=case.end_of_many(since_ns, last_ns, len(rows)),
+    )  # fmt: skip
+    yield draft, chosen
+
+
+def judge_cut_pages(case: Case) -> Iterator[Explained]:
+    """Explain what the capture lacks of web visualization pages, all of it by one cause."""
+    symptoms = case.symptoms
+    chosen = case.free(VISU_NOT_CAPTURED)
+    if not chosen.any():
+        return
+    findings = [case.findings[number] for number in distinct(symptoms.finding[chosen]).tolist()]
+    cut = sum(finding.count for finding in findings)
+    told = findings[0].message.rstrip(".")
+    if len(findings) > 1:
+        told = (
+            f"The capture lacks bytes of {count_of(cut, 'request or reply', 'requests and replies')} of web "
+            f"visualization pages, between {count_of(len(findings), 'pair')} of client and controller"
+        )
+    since_ns = min(finding.first_ns or 0 for finding in findings)
+    last_ns = max(finding.last_ns or 0 for finding in findings)
+    draft = Draft(
+        CAPTURE_INCOMPLETE, told, VISU_NOT_CAPTURED.next_steps[0],
+        ["what they asked for, answered and wrote is not known, nor whether anybody else wrote"],
+        since_ns=since_ns, until_ns=case.end_of_many(since_ns, last_ns, cut),
     )  # fmt: skip
     yield draft, chosen

@@ -119,6 +119,8 @@ class AskedWhile:
         self.holds, self._setting = holds, setting
         self._heard: list[EventBatch] = []
         self._sdo, self._visu = Tallies(most_ns), Tallies(most_ns)
+        self.cut: set[int] = set()
+        """The pairs of WebVisu of which requests or replies lack bytes."""
         self._pairs: dict[int, Pair] = {}
         self._senders = KeyTable(2)
         self._first_judged: int | None = None if setting.since_ns is not None else 0
@@ -179,6 +181,7 @@ class AskedWhile:
         for number, count in enumerate(np.bincount(messages.pair[asks]).tolist()):
             if count:
                 self._visu.of[number].asked += count
+        self.cut.update(distinct(messages.pair[messages.kind == Kind.CUT]).tolist())
         for came, own in (
             (Came.REPLY, is_reply & ~refused), (Came.REFUSED, is_reply & refused),
             (Came.UNANSWERED, messages.kind == Kind.UNANSWERED),

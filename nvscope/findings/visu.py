@@ -114,6 +114,26 @@ VISU_OTHER_NAMES = FindingKind(
     protocol="visu",
 )
 
+VISU_NOT_CAPTURED = FindingKind(
+    "NV807",
+    "visu-not-captured",
+    Severity.WARNING,
+    meaning=(
+        "The capture lacks bytes of many requests and replies of web visualization pages: it is not known what was "
+        "asked for, answered and written, and what is counted of them is too little."
+    ),
+    causes=(
+        "a snap length: only the beginning of each frame was captured",
+        "a mirror port or a buffer that was too slow",
+        "only one of two ways, or one of two directions, was captured",
+    ),
+    next_steps=("Record again: whole frames (tcpdump and dumpcap: -s 0), both directions, and with a larger buffer.",),
+    protocol="visu",
+)
+
+_MANY_PERCENT = 10
+"""Where so many of all requests and replies lack bytes, what is said of the others is no picture of the whole."""
+
 
 def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
     """Yield a finding for each variable that a client wrote, and for each client and server with trouble."""
@@ -124,7 +144,7 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
         VisuEvent.WRITTEN: VISU_WRITE, VisuEvent.REFUSED: VISU_ERROR, VisuEvent.STATUS: VISU_ERROR,
         VisuEvent.PASSWORD_SEEN: VISU_PASSWORD_IN_CLEAR, VisuEvent.MISCOUNTED: VISU_COUNT_MISMATCH,
         VisuEvent.SLOW: VISU_SLOW, VisuEvent.UNANSWERED: VISU_SLOW, VisuEvent.LATE: VISU_SLOW,
-        VisuEvent.OTHER_NAMES: VISU_OTHER_NAMES,
+        VisuEvent.OTHER_NAMES: VISU_OTHER_NAMES, VisuEvent.CUT: VISU_NOT_CAPTURED,
     }  # fmt: skip
     subjects = list(counts.subjects)
     found: dict[tuple[FindingKind, Subject], dict[VisuEvent, Events]] = defaultdict(dict)
@@ -135,10 +155,16 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
     last = {
         (address.text(*one.client), address.text(*one.server), one.variable): one for one in counts.writes.kept
     }  # fmt: skip
+    messages = counts.messages()
     for (kind, subject), parts in found.items():
         together = parts[VisuEvent.LATE] if kind is VISU_SLOW else _together(parts.values())
         variable = f"visu/{subject.server}/{subject.variable}" if subject.variable else f"visu/{subject.server}"
-        if kind is VISU_OTHER_NAMES:
+        if kind is VISU_NOT_CAPTURED:
+            every = messages[subject.client, subject.server]
+            if 100 * together.count < _MANY_PERCENT * every:
+                continue
+            message = _not_captured(subject, together.count, every)
+        elif kind is VISU_OTHER_NAMES:
             message = _contradicted(subject.server, together.count, counts.other_names[subject])
         else:
             message = _sentence(kind, subject, parts, last.get(subject))
@@ -181,6 +207,11 @@ def _sentence(
     if unanswered:
         told.append(f"ended the connection without a reply to {count_of(unanswered, 'request')} of {client}")
     return f"{server} {' and '.join(told)}."
+
+
+def _not_captured(subject: Subject, cut: int, every: int) -> str:
+    messages = count_of(every, "request or reply", "requests and replies")
+    return f"The capture lacks bytes of {count(cut)} of {messages} between {subject.client} and {subject.server}."
 
 
 def _contradicted(server: str, times: int, other: OtherNames) -> str:

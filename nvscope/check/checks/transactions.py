@@ -26,6 +26,7 @@ _LIMITS = ("max_latency", "max_errors", "max_unanswered")
 
 NO_PAIR = "no such requests were seen"
 NONE_JUDGED = "none of its requests was asked when the rule is judged"
+CUT = "none of its requests is whole in the capture"
 NO_REPLY = "the reply to none of its requests is whole in the capture"
 NOT_DUE = "the capture ended before a reply was due"
 UNHEARD = "what nodes answer each other is not to be seen in this capture"
@@ -68,8 +69,10 @@ def _why_unknown(
         return UNHEARD
     answers = tally.replies + tally.counts[Came.BUSY]
     if pair.protocol != SDO:
-        if not tally.asked or (not answers and not watched.sends(pair.server)):
-            return _nothing_of(pair) if tally.asked else ""
+        if not tally.asked:
+            return CUT if number in watched.cut else ""
+        if not answers and not watched.sends(pair.server):
+            return _nothing_of(pair)
         return "" if tally.requests else NO_REPLY
     assert known.parameters is not None
     columns = known.parameters.columns

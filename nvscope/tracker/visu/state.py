@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from enum import IntEnum
 from typing import ClassVar, NamedTuple
@@ -207,6 +208,8 @@ class VisuCounts:
             if one.kind == Kind.UNANSWERED:
                 frame = one.asked_frame
                 found.append((VisuEvent.UNANSWERED, whole))
+            elif one.kind == Kind.CUT:
+                found.append((VisuEvent.CUT, whole))
             elif one.kind == Kind.REPLY:
                 if one.latency_ns > SLOW_NS:
                     found.append((VisuEvent.SLOW, whole))
@@ -248,7 +251,8 @@ class VisuCounts:
         """Return the messages of which something may be said beside that they are there."""
         kind, asked, outcome = messages.kind, messages.asked, messages.outcome
         peculiar = np.array([one.writes or one.is_miscounted for one in part.requests], np.bool_)
-        wanted = (kind == Kind.UNANSWERED) | (kind == Kind.WRITE) | (messages.latency_ns > SLOW_NS)
+        wanted = (kind == Kind.UNANSWERED) | (kind == Kind.WRITE) | (kind == Kind.CUT)
+        wanted |= messages.latency_ns > SLOW_NS
         wanted |= (outcome != Outcome.NONE) & (outcome != Outcome.DONE)
         reads, replies = np.flatnonzero(kind == Kind.READ), np.flatnonzero(kind == Kind.REPLY)
         wanted[reads] |= peculiar[asked[reads]]
@@ -327,6 +331,15 @@ class VisuCounts:
         """Return the addresses of client and server of a pair, as text."""
         client_hi, client_lo, server_hi, server_lo, _ = (int(word[pair]) for word in self.pairs.words)
         return address.text(client_hi, client_lo), address.text(server_hi, server_lo)
+
+    def messages(self) -> Mapping[tuple[str, str], int]:
+        """Return how many requests and replies there were, whole or not, by client and server."""
+        columns = self.columns
+        every = columns.reads + columns.writes + columns.replies + columns.cut
+        found: dict[tuple[str, str], int] = defaultdict(int)
+        for pair, number in enumerate(every[: len(self.pairs)].tolist()):
+            found[self.ends(pair)] += number
+        return found
 
     def clients(self) -> Iterator[tuple[int, int]]:
         """Yield the halves of the addresses of those who ask."""

@@ -37,8 +37,8 @@ from tests.oracle.rules import visu_body
 from tests.oracle.rules.http import Lost, Message, Reader
 from tests.oracle.rules.keys import node_order
 from tests.oracle.rules.streams import Connection, Delivery, End, Streams
-from tests.oracle.rules.timing import nearest_rank
 from tests.oracle.rules.visu_body import Answered, Asked
+from tests.oracle.rules.visu_figures import lacks_many, percentiles
 
 SECOND = 1_000_000_000
 FRAMES_KEPT = 10
@@ -186,6 +186,7 @@ class Visu:
             self.happened["cut request"] += 1
             talk.had_request = True
             self.known[talk.pair].counts["cut"] += 1
+            self.find("NV807", talk)
 
     def request(self, talk: Talk, message: Message) -> None:
         asked = None
@@ -278,6 +279,7 @@ class Visu:
         if message.body is None:
             self.happened["cut reply"] += 1
             row.counts["cut"] += 1
+            self.find("NV807", talk)
             return
         connection = talk.connection
         self.messages.append(Told(self.number, connection.server, connection.client, "reply", message.body))
@@ -387,13 +389,10 @@ class Visu:
             }
             for (code, client, variable), events in sorted(
                 ((code, str(client), variable), events) for (code, client, variable), events in self.found.items()
+                if code != "NV807" or lacks_many(self.known, client, variable)
             )
         ]  # fmt: skip
 
 
 def text_of(value: bytes | None) -> str:
     return (value or b"").decode("latin-1")
-
-
-def percentiles(ordered: list[int]) -> dict[str, int | None]:
-    return {f"p{percent}": nearest_rank(ordered, percent) if ordered else None for percent in (50, 99)}
