@@ -159,7 +159,8 @@ def datalog(
 
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.progress import watching
-    from nvscope.datalogger.plan import Targets, check_files, plan, remove_files
+    from nvscope.datalogger.plan import Targets, check_files, plan, set_aside
+    from nvscope.view.escape import visible
     from nvscope.whole_files import identity_of
 
     tell_of_flaws(plant.definition)
@@ -182,11 +183,16 @@ def datalog(
     inputs = {identity for path in read_from if (identity := identity_of(path))}
     check_files(planned, lambda path: identity_of(path) in inputs, append=append, force=force)
     _check_ending(write)
-    if force:
-        remove_files(planned)
-    log = _logged(inquiry, source, planned, quiet=quiet, append=append, document_style=document_style)
+    aside = set_aside(planned) if force else None
+    stays: list[str] = []
+    try:
+        log = _logged(inquiry, source, planned, quiet=quiet, append=append, document_style=document_style)
+    finally:
+        stays = aside.settle() if aside else []
     if not quiet:
         _tell(log)
+    for path in stays:
+        echo(f"nvscope: {visible(path)}: what was there stays: no row came to take its place.", err=True)
     lost = any(one.counted.not_written for one in log.sessions)
     code = max(tell_of_losses(source.infos), ExitCode.DATA_LOSS if lost else ExitCode.GOOD)
     if code:

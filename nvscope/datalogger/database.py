@@ -11,7 +11,7 @@ import os
 import re
 import sqlite3
 import zlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -23,21 +23,18 @@ from dissectors.datalogger.tables import (
     TABLE_OF_CHANGES,
     LoggedVariable,
     LogTable,
-    quoted,
-    recognise,
     statement,
 )
 from nvscope.datalogger.configuration import Session
+from nvscope.datalogger.existing import tables_in, unlike
 from nvscope.datalogger.logged import Logged
 from nvscope.errors import CaptureError, UsageError
 
 _PAGES_AT, _IMAGE = 28, "image"
 _BUSY_S = 5.0
-_SHOWN = 60
 _HELD = frozenset({sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED})
 _NUMBERED = re.compile(r"\.(\d{1,18})\Z")
 IN_MEMORY = ":memory:"
-_SQLITE = b"SQLite format 3\0"
 
 
 class DatabaseLocked(Exception):
@@ -76,15 +73,6 @@ def closed_names(path: str, others: Iterable[str]) -> list[tuple[int, str]]:
         if number:
             found.append((int(number[1]), other))
     return sorted(found)
-
-
-def is_database(path: str) -> bool:
-    """Tell whether a file begins as SQLite files do."""
-    try:
-        with open(path, "rb") as file:
-            return file.read(len(_SQLITE)) == _SQLITE
-    except OSError:
-        return False
 
 
 class Database:
@@ -219,16 +207,12 @@ class Database:
                 next_step="--append goes on with it, --force takes its place; or name another one",
             )  # fmt: skip
         execute = self._connection.execute
-        names = [name for (name,) in execute("SELECT name FROM main.sqlite_master WHERE type = 'table'")]
-        found = {}
-        for name in names:
-            columns = execute(f"PRAGMA main.table_info({quoted(name)})")
-            found[name] = recognise(name, [(column, kind) for _, column, kind, *_ in columns])
+        found = tables_in(self._connection)
         own = self._table.name
-        unlike = _unlike(found, self._table)
-        if unlike:
+        reason = unlike(found, self._table)
+        if reason:
             self.close()
-            raise UsageError(unlike[0], where=self.path, next_step=unlike[1])
+            raise UsageError(reason[0], where=self.path, next_step=reason[1])
         self.goes_on = bool(closed_files(self.path))
         if own in found:
             self.goes_on |= execute(f"SELECT count(*) FROM (SELECT 1 FROM main.{own} LIMIT 1)").fetchone()[0] > 0
@@ -325,29 +309,6 @@ class Database:
         return CaptureError(
             f"cannot be written: {error}; {told}", where=self.path, next_step="check the file and its folder"
         )
-
-
-def _unlike(found: Mapping[str, LogTable | None], own: LogTable) -> tuple[str, str] | None:
-    """Return why a file with some tables cannot be gone on with, and what to do; None where it can."""
-    foreign = next((name for name, table in found.items() if table is None), None)
-    if foreign is not None:
-        return f"the file holds what is no DataLogger's: the table {foreign[:_SHOWN]}", "log to another file"
-    known = found.get(own.name)
-    if known is None or known == own:
-        return None
-    if known.raw != own.raw:
-        there, here = ("numbers", "texts") if known.raw else ("texts", "numbers")
-        style = "Raw" if known.raw else "Iso8601"
-        return (
-            f"the table of these variables has its times as {there} there, and the session writes {here}",
-            f'write tsfmt="{style}" in the configuration, or log to another file',
-        )
-    types = {one.name: one.declared for one in known.variables}
-    other = next((one for one in own.variables if types.get(one.name) != one.declared), None)
-    if other is not None and other.name in types:
-        what = f"'{other.name[:_SHOWN]}' is {types[other.name]} in the table there, and {other.declared} in its list"
-        return what, "log to another file: the type of the variable has changed"
-    return "the file has a table of this name for other variables", "log to another file"
 
 
 def begin_file(connection: sqlite3.Connection) -> None:

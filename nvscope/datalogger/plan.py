@@ -12,16 +12,18 @@ import numpy as np
 from dissectors.batch import Bool
 from nvscope.datalogger.column_names import next_step_of, taken_names
 from nvscope.datalogger.configuration import Session
-from nvscope.datalogger.database import IN_MEMORY, Database, closed_files, closed_names, is_database, table_of
+from nvscope.datalogger.database import IN_MEMORY, Database, closed_files, closed_names, table_of
 from nvscope.datalogger.datalog import DataLog, interval_of
+from nvscope.datalogger.existing import is_of_logger
 from nvscope.datalogger.instants import Cycles, Interval
 from nvscope.datalogger.judging import Judge
 from nvscope.datalogger.logged import Logged, Resolved, list_of_task, resolve, task_list
 from nvscope.datalogger.session_log import Schedule, SessionLog
+from nvscope.datalogger.set_aside import SetAside
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.project_datalogger import DataLoggerSettings
 from nvscope.definition.selection import names_of_lists
-from nvscope.errors import CaptureError, ConfigurationError, UsageError
+from nvscope.errors import ConfigurationError, UsageError
 from nvscope.list_key import ListKey
 from nvscope.view.rows.defined import DefinedTelegrams
 
@@ -186,26 +188,25 @@ def check_files(planned: Sequence[Planned], is_input: Callable[[str], bool], *, 
                     "the file exists", where=path,
                     next_step="--append goes on with it, --force takes its place; or name another one with -w",
                 )  # fmt: skip
-            if path != one.path and not is_database(path):
+            if path != one.path and not is_of_logger(path):
                 raise UsageError(
-                    "the file has the name of a closed database, and is none", where=path,
+                    "the file has the name of a closed database, and is none of a DataLogger", where=path,
                     next_step="take it away, or name another file with -w",
                 )  # fmt: skip
 
 
-def remove_files(planned: Sequence[Planned]) -> None:
-    """Remove the files that others take the place of, at which ``check_files`` has looked."""
-    for path in _existing(planned):
-        try:
-            os.unlink(path)
-        except OSError as error:
-            raise CaptureError(
-                f"the file cannot be replaced: {error.strerror}", where=path, next_step="check its folder"
-            ) from None
+def set_aside(planned: Sequence[Planned]) -> SetAside:
+    """Set aside the files that others take the place of, at which ``check_files`` has looked."""
+    return SetAside([one.path for one in planned if one.path], _files_of)
 
 
 def _existing(planned: Sequence[Planned]) -> list[str]:
-    paths = [path for one in planned if one.path for path in (one.path, *(own for _, own in closed_files(one.path)))]
+    return [path for one in planned if one.path for path in _files_of(one.path)]
+
+
+def _files_of(database: str) -> list[str]:
+    """Return the files of a database that there are: its own, and those that were closed."""
+    paths = (database, *(own for _, own in closed_files(database)))
     return [path for path in paths if os.path.lexists(path)]
 
 

@@ -84,13 +84,6 @@ def test_a_closed_file_of_a_series_is_kept_too(here: Path) -> None:
     assert not (here / "log.db").exists()
 
 
-def test_force_takes_the_place_of_a_series(here: Path) -> None:
-    (here / "log.db.3").write_bytes(b"SQLite format 3\0")
-    assert logged(here, "--force").returncode == 0
-    assert not (here / "log.db.3").exists()
-    assert len(rows_of(here / "log.db")) == 100
-
-
 def test_nothing_is_removed_where_nothing_can_be_read(here: Path) -> None:
     assert logged(here).returncode == 0
     done = datalog(here, "list1.gvl", "missing.pcap", "--config", "c.xml", "--gvl", ".", "--force")

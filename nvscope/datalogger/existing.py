@@ -1,0 +1,59 @@
+"""Files that exist already: what they hold, and whether a session can go on with them."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Mapping
+from contextlib import closing
+from pathlib import Path
+
+from dissectors.datalogger.tables import LogTable, quoted, recognise
+
+_SHOWN = 60
+_SQLITE = b"SQLite format 3\0"
+
+
+def is_of_logger(path: str) -> bool:
+    """Tell whether a file is a database that has tables of a DataLogger, and no other ones."""
+    try:
+        with open(path, "rb") as file:
+            if file.read(len(_SQLITE)) != _SQLITE:
+                return False
+        with closing(sqlite3.connect(f"{Path(path).absolute().as_uri()}?mode=ro", uri=True)) as connection:
+            found = tables_in(connection)
+    except (OSError, sqlite3.Error):
+        return False
+    return bool(found) and None not in found.values()
+
+
+def tables_in(connection: sqlite3.Connection) -> dict[str, LogTable | None]:
+    """Return the tables of a database by their names, None of those that are no DataLogger's."""
+    names = [name for (name,) in connection.execute("SELECT name FROM main.sqlite_master WHERE type = 'table'")]
+    found = {}
+    for name in names:
+        columns = connection.execute(f"PRAGMA main.table_info({quoted(name)})")
+        found[name] = recognise(name, [(column, kind) for _, column, kind, *_ in columns])
+    return found
+
+
+def unlike(found: Mapping[str, LogTable | None], own: LogTable) -> tuple[str, str] | None:
+    """Return why a file with some tables cannot be gone on with, and what to do; None where it can."""
+    foreign = next((name for name, table in found.items() if table is None), None)
+    if foreign is not None:
+        return f"the file holds what is no DataLogger's: the table {foreign[:_SHOWN]}", "log to another file"
+    known = found.get(own.name)
+    if known is None or known == own:
+        return None
+    if known.raw != own.raw:
+        there, here = ("numbers", "texts") if known.raw else ("texts", "numbers")
+        style = "Raw" if known.raw else "Iso8601"
+        return (
+            f"the table of these variables has its times as {there} there, and the session writes {here}",
+            f'write tsfmt="{style}" in the configuration, or log to another file',
+        )
+    types = {one.name: one.declared for one in known.variables}
+    other = next((one for one in own.variables if types.get(one.name) != one.declared), None)
+    if other is not None and other.name in types:
+        what = f"'{other.name[:_SHOWN]}' is {types[other.name]} in the table there, and {other.declared} in its list"
+        return what, "log to another file: the type of the variable has changed"
+    return "the file has a table of this name for other variables", "log to another file"
