@@ -100,6 +100,7 @@ class SessionLog:
         )
         # A row with all values and counters of 0 tells of a new beginning, as those of controllers do. Without
         # counters, nothing else would tell that nobody recorded.
+        self._document_style = document_style
         self._first_consistent = not document_style and (session.only_changes or not database.goes_on)
         self._begun = False
         self._database = database
@@ -226,8 +227,10 @@ class SessionLog:
             block = replace(block, own=own)
         self._database.write(self._columns.of(block), len(block))
         counted = self.counted
+        # In the style of the document, the first row of all has 0, though nothing was lost before it.
+        said = block.consistent[1:] if self._document_style and not counted.rows else block.consistent
         counted.rows += len(block)
-        counted.inconsistent += int(np.count_nonzero(~block.consistent))
+        counted.inconsistent += int(np.count_nonzero(~said))
         if counted.first_ns is None:
             counted.first_ns = int(block.time_ns[0])
         counted.last_ns = int(block.time_ns[-1])

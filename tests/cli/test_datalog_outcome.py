@@ -151,3 +151,14 @@ def test_a_database_is_not_called_like_another_file(option: str, ending: str, ve
     assert (code, said[0]) == (2, f"nvscope: x.{ending}: a database is written, and .{ending} is no ending of one")
     assert f" {verb} " in said[1]
     assert not (here / f"x.{ending}").exists()
+
+
+def test_the_first_row_in_the_style_of_the_document_is_behind_no_loss(tmp_path: Path) -> None:
+    simulated(tmp_path, plant())
+    (tmp_path / "list1.gvl").write_text(gvl(1, ["dwFirst"]), encoding="utf-8")
+    sink = 'storeChangesOnly="true"'
+    (tmp_path / "c.xml").write_text(configuration(["a/dwFirst"], 'taskContext="list1"', sink), encoding="utf-8")
+    words = ["datalog", "plant.pcap", "--config", "c.xml", "--gvl", ".", "--document-style"]
+    done = run_text(*words, cwd=tmp_path)
+    assert rows_of(tmp_path / "log.db")[0][2] == 0
+    assert done.stderr == "nvscope: session: 100 rows of 1 variable in log.db.\n"
