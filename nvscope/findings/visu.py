@@ -115,7 +115,7 @@ VISU_OTHER_NAMES = FindingKind(
 )
 
 VISU_NOT_CAPTURED = FindingKind(
-    "NV807",
+    "NV808",
     "visu-not-captured",
     Severity.WARNING,
     meaning=(

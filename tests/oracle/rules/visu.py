@@ -186,7 +186,7 @@ class Visu:
             self.happened["cut request"] += 1
             talk.had_request = True
             self.known[talk.pair].counts["cut"] += 1
-            self.find("NV807", talk)
+            self.find("NV808", talk)
 
     def request(self, talk: Talk, message: Message) -> None:
         asked = None
@@ -279,7 +279,7 @@ class Visu:
         if message.body is None:
             self.happened["cut reply"] += 1
             row.counts["cut"] += 1
-            self.find("NV807", talk)
+            self.find("NV808", talk)
             return
         connection = talk.connection
         self.messages.append(Told(self.number, connection.server, connection.client, "reply", message.body))
@@ -389,7 +389,7 @@ class Visu:
             }
             for (code, client, variable), events in sorted(
                 ((code, str(client), variable), events) for (code, client, variable), events in self.found.items()
-                if code != "NV807" or lacks_many(self.known, client, variable)
+                if code != "NV808" or lacks_many(self.known, client, variable)
             )
         ]  # fmt: skip
 

@@ -30,7 +30,7 @@ def snapped(frames: Sequence[Frame]) -> list[Frame]:
 
 
 def lacking(report: dict[str, Any]) -> list[str]:
-    return [one["message"] for one in report["findings"] if one["code"] == "NV807"]
+    return [one["message"] for one in report["findings"] if one["code"] == "NV808"]
 
 
 def test_a_snap_length_leaves_nothing_that_can_be_judged(tmp_path: Path) -> None:
@@ -41,7 +41,7 @@ def test_a_snap_length_leaves_nothing_that_can_be_judged(tmp_path: Path) -> None
     (message,) = lacking(report)
     assert message.startswith(f"The capture lacks bytes of {row['cut']} of {row['cut']} requests and replies")
     (cause,) = [one for one in report["causes"] if one["kind"] == "capture-incomplete"]
-    assert cause["findings"][0]["code"] == "NV807"
+    assert cause["findings"][0]["code"] == "NV808"
     assert report["causes"] == [cause]
 
 
