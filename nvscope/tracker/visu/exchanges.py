@@ -20,10 +20,11 @@ from nvscope.tracker.pieces import ORDER_BITS
 from nvscope.tracker.visu.asking import NOTHING, Ask, Asking
 from nvscope.tracker.visu.controllers import controller_of
 from nvscope.tracker.visu.conversation import Conversation
+from nvscope.tracker.visu.going_on import GoingOn
 from nvscope.tracker.visu.http_forms import What
 from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.limits import MOST_PAIRS, MOST_POLLED, Beyond
-from nvscope.tracker.visu.messages import Kind, VisuBatch, VisuMessages, no_messages
+from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages, no_messages
 from nvscope.tracker.visu.names import Names, OtherNames
 from nvscope.tracker.visu.outcomes import OK, outcomes
 from nvscope.tracker.visu.pairing import Pairing
@@ -43,6 +44,8 @@ class Exchanges:
         self._connections = connections
         self._asking = Asking()
         self._conversations: dict[int, Conversation] = {}
+        # Those whose client has closed its side while its requests waited.
+        self._closed: set[int] = set()
         self._names = Names(given)
         self._read_ns: dict[tuple[int, Ask], int] = {}
         self._left_out: Counter[Beyond] = Counter()
@@ -51,11 +54,13 @@ class Exchanges:
     def forget(self) -> None:
         """Forget what waits for a reply, and when something was read."""
         self._conversations.clear()
+        self._closed.clear()
         self._read_ns.clear()
 
     def keep(self, numbers: Mapping[int, int], *, only_ended: bool) -> None:
         """Forget all connections but some, which are numbered anew; ``only_ended``: the others have all ended."""
         conversations, self._conversations = self._conversations, {}
+        self._closed = {numbers[one] for one in self._closed if one in numbers}
         for number, conversation in conversations.items():
             if number in numbers:
                 conversation.connection = numbers[number]
@@ -73,14 +78,15 @@ class Exchanges:
     ) -> VisuBatch:  # fmt: skip
         """Return what the HTTP messages of a batch say of WebVisu; ``first_frame`` is that of its row 0."""
         self._left_out[Beyond.HELD] += http.given_up
-        if not len(http):
+        if not (len(http) or self._closed):
             return no_messages()
         asked_for = AskedFor(NOTHING)
         asked = self._asked(http, asked_for)
         is_plain = plain_rows(http, asked, asked_for.asks)
-        taken, whole = take_whole(http, is_plain, asked, asked_for, self._conversations)
+        taken, whole = take_whole(http, is_plain, asked, asked_for, self._conversations, self._closed)
         spoken = _spoken(http)[http.form]
-        pairing = Pairing(http, is_plain, asked, asked_for, self._conversations)
+        going_on = GoingOn(self._connections, packets, segments, first_frame)
+        pairing = Pairing(http, is_plain, asked, asked_for, self._conversations, going_on, self._closed)
         said = Said.stacked([whole, _others(http, asked, spoken), *pairing.pair(np.flatnonzero(~taken))])
         self._left_out[Beyond.WAITING] += pairing.left_out
         said = said.take(np.argsort(said.order, kind="stable"))
@@ -137,6 +143,8 @@ class Exchanges:
         status = np.where(replies, _statuses(http)[http.form[said.message]], -1)
         outcome, fields = outcomes(kind, said.asked, requests, status, data, start, stop)
         known = np.array([one.is_known for one in asks], np.bool_)
+        given_up = kind == Kind.GIVEN_UP
+        kind[given_up], outcome[given_up] = int(Kind.UNANSWERED), int(Outcome.GIVEN_UP)
         polls = np.flatnonzero((kind == Kind.READ) & known[said.asked])
         polled_ns = np.full(len(said), -1)
         polled_ns[polls] = self._since_read(pair[polls], said.asked[polls], asks, packets.ts_ns[row[polls]])

@@ -290,10 +290,13 @@ class HttpReader:
         found.tell(at, replace(self._passed, answers_nobody=nobody))
         self._passes, self._passed = 0, None
 
-    def end(self, at: int, found: Forms, *, broken_off: bool) -> None:
-        """Take the end of the stream: a message that goes up to there is whole, unless it is a request, broken off."""
+    def end(self, at: int, found: Forms, ended: int) -> None:
+        """Take the end of the stream: a message that goes up to there is whole, unless it is a request, broken off.
+
+        ``ended`` is a number of ``Forms.end_of``.
+        """
         rest = self.rest
-        dropped = broken_off and self.side is Side.CLIENT
+        dropped = ended != Forms.END and self.side is Side.CLIENT
         if self._passes >= _ENDLESS:
             if not dropped:
                 self._tell_passed(at, found)
@@ -311,7 +314,7 @@ class HttpReader:
         if self.requests is not None:
             self.requests.forget(at)
         found.at.append(at)
-        found.form.append(Forms.END)
+        found.form.append(ended)
 
 
 def _count_same(data: bytes, begin: int, behind: int, end: int) -> int:
