@@ -55,7 +55,7 @@ class Conversation:
 
     ``beyond`` requests wait behind those that are ``waiting``: nobody remembers what they ask for. ``left_out`` are
     those of WebVisu pages of which that has not been told yet. ``closed`` is when the client closed its side: what
-    waits then may still be answered.
+    waits then may still be answered. ``is_heard``: something that the server sent was captured.
     """
 
     connection: int
@@ -65,6 +65,7 @@ class Conversation:
     is_visu: bool = False
     gap_bytes: int = 0
     closed: Closed | None = None
+    is_heard: bool = False
 
     def take_from_client(
         self, form: Form, asked: Ask, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
@@ -111,6 +112,9 @@ class Conversation:
         self, form: Form, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
     ) -> None:  # fmt: skip
         """Take what happens in the server's direction."""
+        if form.what is What.ANEW:
+            self._take_other(form, order, tell)
+        self.is_heard |= form.what is not What.END
         if form.what in (What.WHOLE, What.CUT):
             is_interim = form.head is not None and form.head.is_interim
             if is_interim or form.answers_nobody:
@@ -127,7 +131,7 @@ class Conversation:
             self._forget_waiting()
         elif form.what is What.END:
             self._tell_unanswered(order, arrival_ns, tell, by_client=form.broken_by is Side.CLIENT)
-        else:
+        elif form.what is not What.ANEW:
             self._take_other(form, order, tell)
 
     def give_up(self, order: int, tell: Callable[[Happened], None]) -> None:
@@ -164,7 +168,7 @@ class Conversation:
     def _take_other(self, form: Form, order: int, tell: Callable[[Happened], None]) -> None:
         if form.what is What.ANEW:
             self._forget_waiting()
-            self.is_visu, self.gap_bytes, self.closed = False, 0, None
+            self.is_visu, self.gap_bytes, self.closed, self.is_heard = False, 0, None, False
         elif form.what is What.GAP:
             if self.is_visu:
                 tell(Happened(Kind.GAP, self.connection, order, -1, NOTHING, 0, 0, form.missing_bytes, False))

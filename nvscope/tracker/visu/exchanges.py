@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.batch import I64, PacketBatch
+from dissectors.batch import I64, Bool, PacketBatch
 from dissectors.http import Side
 from dissectors.keys import KeyTable
 from dissectors.transport import SegmentBatch
@@ -89,7 +89,10 @@ class Exchanges:
         pairing = Pairing(http, is_plain, asked, asked_for, self._conversations, going_on, self._closed)
         said = Said.stacked([whole, _others(http, asked, spoken), *pairing.pair(np.flatnonzero(~taken))])
         self._left_out[Beyond.WAITING] += pairing.left_out
-        said = said.take(np.argsort(said.order, kind="stable"))
+        # Several may be given up with one frame; then those of the older connection come first.
+        several = bool((said.kind == Kind.GIVEN_UP).any())
+        in_order = np.lexsort((said.connection, said.order)) if several else np.argsort(said.order, kind="stable")
+        said = said.take(in_order)
         pair = self._pairs(said.connection)
         if (pair < 0).any():
             self._left_out[Beyond.PAIR] += int((pair < 0).sum())
@@ -140,7 +143,7 @@ class Exchanges:
         writes = np.array([one.writes for one in requests], np.bool_)
         kind[(kind == Kind.READ) & writes[said.asked]] = int(Kind.WRITE)
         replies = (kind == Kind.REPLY) | (kind == Kind.NAMES)
-        status = np.where(replies, _statuses(http)[http.form[said.message]], -1)
+        status = _of_messages(_statuses(http)[http.form], said, replies)
         outcome, fields = outcomes(kind, said.asked, requests, status, data, start, stop)
         known = np.array([one.is_known for one in asks], np.bool_)
         given_up = kind == Kind.GIVEN_UP
@@ -151,7 +154,7 @@ class Exchanges:
         messages = VisuMessages(
             kind, row, pair, np.where(said.asked > 0, said.asked, -1), start, stop, status, outcome, fields,
             said.latency_ns, said.asked_frame, said.gap_bytes, said.opens, polled_ns, naming,
-            np.where(kind == Kind.OTHER, spoken[said.message], -1),
+            _of_messages(spoken, said, kind == Kind.OTHER),
         )  # fmt: skip
         self._left_out[Beyond.NAMES] += self._names.left_out
         left_out, self._left_out, self._names.left_out = +self._left_out, Counter(), 0
@@ -237,6 +240,13 @@ def _others(http: HttpMessages, asked: I64, spoken: I64) -> Said:
     )  # fmt: skip
 
 
+def _of_messages(column: I64, said: Said, own: Bool) -> I64:
+    """Return a column of HTTP messages for what is said of some of them, -1 for all else."""
+    found = np.full(len(said), -1)
+    found[own] = column[said.message[own]]
+    return found
+
+
 def _statuses(http: HttpMessages) -> I64:
     """Return the statuses of the forms of messages, 0 of what has none."""
     return np.array([0 if form.head is None else form.head.status for form in http.forms], np.int64)
@@ -245,9 +255,9 @@ def _statuses(http: HttpMessages) -> I64:
 def _contents(http: HttpMessages, said: Said) -> tuple[bytes, I64, I64]:
     """Return data with the contents of all bodies in it, and where those of some messages lie; -1 of those without."""
     with_content = (said.message >= 0) & ((said.kind <= Kind.REPLY) | (said.kind == Kind.NAMES))
-    form = http.form[said.message]
+    form = _of_messages(http.form, said, with_content)
     body_bytes = np.array([one.body_bytes for one in http.forms], np.int64)
-    start = np.where(with_content, http.start[said.message], -1)
+    start = _of_messages(http.start, said, with_content)
     stop = np.where(with_content, start + body_bytes[form], -1)
     coded = np.array([one.is_coded for one in http.forms], np.bool_)
     contents = [http.data]

@@ -66,7 +66,7 @@ class GoingOn:
         return places[np.searchsorted(number, own) : np.searchsorted(number, own, side="right")]
 
     def _opened(self) -> tuple[KeyTable, I64, I64]:
-        """Return the pairs between which connections are opened, and the segments that do so by pair, and its number."""
+        """Return between which pairs connections are opened, and, by pair, its number and the segments that do so."""
         segments, pairs = self._segments, KeyTable(5)
         places = np.flatnonzero((segments.flags & (SYN | ACK | RST)) == SYN)
         number = pairs.numbers(

@@ -37,8 +37,8 @@ class Form:
     ``body_bytes`` is how long the body is as it came. ``content`` is what is in it where ``is_coded``, None where that
     is not known. ``touched``: whether what is not whole may be a request of a WebVisu page, or is in the response to
     the first request that waits. ``answers_nobody``: what it answers was forgotten meanwhile. ``missing_bytes`` are
-    those of a gap. ``spoken`` is what a connection begins with that does not begin with HTTP. ``broken_by`` is who broke
-    off a connection that did not end in order.
+    those of a gap. ``spoken`` is what a connection begins with that does not begin with HTTP. ``broken_by`` is who
+    broke off a connection that did not end in order.
     """
 
     what: What

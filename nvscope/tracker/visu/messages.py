@@ -22,9 +22,10 @@ class Kind(IntEnum):
     """What a message is, or what else happens to one.
 
     ``NAMES``: the reply to a request for a list of variables. ``CUT``: a request or a reply of which bytes are missing.
-    ``UNANSWERED``: the connection ended without a reply, or the client waits no more. ``GAP``: bytes are missing of a connection with such requests.
-    ``OTHER``: a request of another protocol, or the begin of a connection over which another one is spoken.
-    ``GIVEN_UP``: what is unanswered since the client left; batches have it as ``UNANSWERED``, by its outcome.
+    ``UNANSWERED``: the connection ended without a reply, or the client waits no more. ``GAP``: bytes are missing of a
+    connection with such requests. ``OTHER``: a request of another protocol, or the begin of a connection over which
+    another one is spoken. ``GIVEN_UP``: what is unanswered since the client waits no more; batches have that as
+    ``UNANSWERED``, by its outcome.
     """
 
     READ = 0
@@ -62,9 +63,10 @@ class VisuMessages(Columns):
     ``stop`` are where the content of its body lies. Of replies: HTTP ``status``, ``outcome``, how many values it has
     (``fields``), ``latency_ns``, and ``asked_frame``, that of the request; of what is no reply -1, 0 of times.
     ``spoken`` is a ``WebProtocol``, -1 of what is of WebVisu.
-    ``asked_frame`` is also that of what is unanswered, and ``latency_ns`` how long the client waited that gave it up. ``gap_bytes`` are missing of the connection that were not told
-    before; ``opens``: it is the first such request of its connection. ``polled_ns`` is how long it is since the pair
-    read the same the last time, -1 of what is no such read. ``naming`` is which of ``VisuBatch.namings`` was known.
+    ``asked_frame`` is also that of what is unanswered, ``latency_ns`` also how long the client waited that gave up.
+    ``gap_bytes`` are missing of the connection that were not told before; ``opens``: it is the first such request of
+    its connection. ``polled_ns`` is how long it is since the pair read the same the last time, -1 of what is no such
+    read. ``naming`` is which of ``VisuBatch.namings`` was known.
     """
 
     kind: I64

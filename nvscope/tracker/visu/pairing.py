@@ -28,7 +28,8 @@ class Pairing:
     """The messages of a batch; ``is_plain`` is as in ``plain_rows``, ``asked`` as in ``Said``.
 
     ``conversations`` are the state of connections, ``closed`` those whose client has closed its side while its requests
-    waited; of these, ``going_on`` tells whether it waits still. ``left_out`` are the requests so far for which there was no room.
+    waited; of these, ``going_on`` tells whether it waits still. ``left_out`` are the requests so far for which there
+    was no room.
     """
 
     def __init__(
@@ -55,7 +56,7 @@ class Pairing:
         for number, *run in zip(*(column.tolist() for column in (connection[start], start, stop)), strict=True):
             conversation = self._conversations.setdefault(number, Conversation(number))
             self._take(conversation, rows, run, peculiar, said)
-            if conversation.closed is not None and conversation.waiting:
+            if conversation.closed is not None and conversation.waiting and conversation.is_heard:
                 self._closed.add(number)
             self.left_out += conversation.left_out
             conversation.left_out = 0
@@ -123,7 +124,7 @@ class Pairing:
 
     def _leave(self, conversation: Conversation, before: int) -> None:
         """Tell what a client that has closed its side does not wait for any more, as far as that is known before."""
-        if conversation.closed is None or not conversation.waiting:
+        if conversation.closed is None or not (conversation.waiting and conversation.is_heard):
             return
         order = self._going_on.since(conversation.connection, *conversation.closed)
         if order < before:

@@ -21,7 +21,11 @@ from nvscope.tracker.visu.plain_exchanges import AskedFor, Said
 
 
 def take_whole(
-    http: HttpMessages, is_plain: Bool, asked: I64, asked_for: AskedFor, conversations: dict[int, Conversation],
+    http: HttpMessages,
+    is_plain: Bool,
+    asked: I64,
+    asked_for: AskedFor,
+    conversations: dict[int, Conversation],
     closed: Collection[int] = (),
 ) -> tuple[Bool, Said]:
     """Pair the messages of connections that begin and are answered; return which ones these are, and what they say.
@@ -96,4 +100,4 @@ def _note(
     spoke = np.zeros(len(start), np.bool_)
     spoke[visu] = True
     for number in connection[whole & ~ended & spoke].tolist():
-        conversations[number] = Conversation(number, is_visu=True)
+        conversations[number] = Conversation(number, is_visu=True, is_heard=True)

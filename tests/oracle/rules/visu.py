@@ -39,15 +39,16 @@ from tests.oracle.rules.keys import node_order
 from tests.oracle.rules.streams import Connection, Delivery, End, Streams
 from tests.oracle.rules.timing import nearest_rank
 from tests.oracle.rules.visu_body import Answered, Asked
+from tests.oracle.rules.visu_leaving import given_up
 
 SECOND = 1_000_000_000
 FRAMES_KEPT = 10
 COUNTED = ("reads", "writes", "entries", "replies", "refused", "unanswered", "cut", "miscounted", "ambiguous")
 
 Pair = tuple[Node, Node, int]
+"""Client, server, port."""
 Home = tuple[Node, int]
 """A controller: its address, and its port where that is neither 80 nor 8080, else 0."""
-"""Client, server, port."""
 
 
 class Told(NamedTuple):
@@ -109,6 +110,7 @@ class Talk:
         self.forgotten = False
         """Whether the response that is being received answers nobody."""
         self.readers: dict[bool, Reader] = {}
+        self.closed: int | None = None  # when the client closed its side
         self.happened = happened
 
     def reader(self, from_client: bool) -> Reader:
@@ -146,10 +148,13 @@ class Visu:
     def observe(self, frame: Frame) -> None:
         self.number += 1
         self.now = frame.ts_ns
+        for talk in given_up(frame, self.talks.values(), self.streams.ports, self.streams.servers):
+            self.happened["given up"] += 1
+            self.nobody_answers(talk)
         for event in self.streams.observe(self.number, frame):
-            talk = self.talks.get(event.connection)
-            if talk is None:
-                talk = self.talks[event.connection] = Talk(event.connection, self.happened)
+            if event.connection not in self.talks:
+                self.talks[event.connection] = Talk(event.connection, self.happened)
+            talk = self.talks[event.connection]
             reader = talk.reader(event.from_client)
             if isinstance(event, Delivery):
                 talk.gap_bytes += event.missing
@@ -165,6 +170,8 @@ class Visu:
                     self.response(talk, one)
             if not isinstance(event, Delivery) and not event.from_client:
                 self.nobody_answers(talk)
+            elif not isinstance(event, Delivery) and not event.reset:
+                talk.closed = event.time
 
     def lost(self, talk: Talk, from_client: bool, what: Lost) -> None:
         self.happened["client lost step" if from_client else "server lost step"] += 1
@@ -228,7 +235,7 @@ class Visu:
         found = [
             Written(
                 self.now, self.number, talk.pair, self.called(talk.home, entry.address),
-                self.known_value(talk.home, entry.address), text_of(entry.value),
+                self.known_value(talk.home, entry.address), visu_body.text_of(entry.value),
             )
             for entry in asked.entries
         ]  # fmt: skip
@@ -253,9 +260,8 @@ class Visu:
             for one in waiting.writes:
                 one.outcome, one.answer = "confirmed" if is_done else "refused", self.number
             if is_done:
-                self.confirmed |= {
-                    (talk.home, entry.address): (self.replies, text_of(entry.value)) for entry in asked.entries
-                }
+                for entry in asked.entries:
+                    self.confirmed[talk.home, entry.address] = self.replies, visu_body.text_of(entry.value)
         elif not asked.query and not answer.ambiguous and status == 200:
             self.read[talk.home, asked] = self.replies, answer.values
 
@@ -355,10 +361,8 @@ class Visu:
         return sorted(self.row_of(row).pollings)
 
     def row_of(self, row: dict[str, Any]) -> Row:
-        (found,) = [
-            known for (client, server, port), known in self.known.items()
-            if (str(client), str(server), port) == (row["client"], row["server"], row["port"])
-        ]  # fmt: skip
+        own = row["client"], row["server"], row["port"]
+        (found,) = [known for (*ends, port), known in self.known.items() if (*map(str, ends), port) == own]
         return found
 
     def rows(self) -> list[dict[str, Any]]:
@@ -389,10 +393,6 @@ class Visu:
                 ((code, str(client), variable), events) for (code, client, variable), events in self.found.items()
             )
         ]  # fmt: skip
-
-
-def text_of(value: bytes | None) -> str:
-    return (value or b"").decode("latin-1")
 
 
 def percentiles(ordered: list[int]) -> dict[str, int | None]:
