@@ -121,8 +121,10 @@ class Conversation:
                 return
             if self.waiting:
                 asked = self.waiting.popleft()
-                is_whole = form.what is What.WHOLE and not (form.is_coded and form.content is None)
-                self._tell_answer(Kind.REPLY if is_whole else Kind.CUT, asked, order, arrival_ns, message, tell)
+                if form.what is What.CUT:
+                    self._tell_answer(Kind.CUT, asked, order, arrival_ns, message, tell)
+                elif asked.asked.request is not None or not form.is_unread:
+                    self._tell_answer(Kind.REPLY, asked, order, arrival_ns, message, tell)
             elif self.beyond:
                 self.beyond -= 1
         elif form.what is What.BROKEN:

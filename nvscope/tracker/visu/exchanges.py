@@ -34,6 +34,9 @@ from nvscope.tracker.visu.whole_connections import take_whole
 if TYPE_CHECKING:
     from nvscope.definition.webvisu import GivenList
 
+_MOST_OF_CODING = 40
+"""So many characters of the name of a coding are told."""
+
 NO_REQUEST = Request(writes=False, declared=0, entries=())
 
 
@@ -146,6 +149,9 @@ class Exchanges:
         status = _of_messages(_statuses(http)[http.form], said, replies)
         outcome, fields = outcomes(kind, said.asked, requests, status, data, start, stop)
         known = np.array([one.is_known for one in asks], np.bool_)
+        unread = _of_messages(_unread(http)[http.form], said, kind == Kind.REPLY) > 0
+        unread &= (status == OK) & ~np.array([one.query for one in requests], np.bool_)[said.asked]
+        outcome[unread], fields[unread] = int(Outcome.UNREAD), -1
         given_up = kind == Kind.GIVEN_UP
         kind[given_up], outcome[given_up] = int(Kind.UNANSWERED), int(Outcome.GIVEN_UP)
         polls = np.flatnonzero((kind == Kind.READ) & known[said.asked])
@@ -252,6 +258,11 @@ def _statuses(http: HttpMessages) -> I64:
     return np.array([0 if form.head is None else form.head.status for form in http.forms], np.int64)
 
 
+def _unread(http: HttpMessages) -> I64:
+    """Tell of the forms of messages which of them are whole and cannot be read."""
+    return np.array([one.is_unread for one in http.forms], np.int64)
+
+
 def _contents(http: HttpMessages, said: Said) -> tuple[bytes, I64, I64]:
     """Return data with the contents of all bodies in it, and where those of some messages lie; -1 of those without."""
     with_content = (said.message >= 0) & ((said.kind <= Kind.REPLY) | (said.kind == Kind.NAMES))
@@ -263,7 +274,10 @@ def _contents(http: HttpMessages, said: Said) -> tuple[bytes, I64, I64]:
     contents = [http.data]
     begin = len(http.data)
     for place in np.flatnonzero(with_content & coded[form]).tolist():
-        content = http.forms[int(form[place])].content or b""
+        one = http.forms[int(form[place])]
+        content = one.content or b""
+        if one.is_unread and one.head is not None:
+            content = one.head.coding[:_MOST_OF_CODING].encode("latin-1")
         start[place], stop[place] = begin, begin + len(content)
         contents.append(content)
         begin += len(content)

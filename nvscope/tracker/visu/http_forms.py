@@ -52,6 +52,11 @@ class Form:
     spoken: WebProtocol | None = None
     broken_by: Side | None = None
 
+    @property
+    def is_unread(self) -> bool:
+        """Whether it is whole, and nobody knows what is in it: it is too long, or its coding is none that is known."""
+        return self.what is What.WHOLE and self.is_coded and self.content is None
+
 
 class Forms:
     """The forms of messages so far, and what was found of them in the data of a batch, one behind the other.

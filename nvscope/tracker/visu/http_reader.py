@@ -308,7 +308,8 @@ class HttpReader:
                     content = http.decoded(rest[head_end:], head.coding)
                     nobody = self._answers_nobody
                     found.tell(at, Form(What.WHOLE, head, 0, content, is_coded=True, answers_nobody=nobody))
-            elif self.side is Side.SERVER and (head is not None or self._passes):
+            # Of a response that was not sent whole nothing is missing: it is none.
+            elif self.side is Side.SERVER and self._passed is not None and self._passed.what is What.CUT:
                 found.tell(at, Form(What.CUT, answers_nobody=self._answers_nobody))
         self.begin(in_step=False)
         if self.requests is not None:

@@ -42,7 +42,8 @@ class Kind(IntEnum):
 class Outcome(IntEnum):
     """What a reply says. ``STATUS``: its HTTP status is another one than 200; ``NONE``: it is no reply.
 
-    ``GIVEN_UP`` is of what is unanswered: the client ended the connection, or its side of it.
+    ``GIVEN_UP`` is of what is unanswered: the client ended the connection, or its side of it. ``UNREAD``: the reply is
+    whole, but nobody knows what it says; in place of its content lies the name of its coding, '' where it is too long.
     """
 
     NONE = -1
@@ -52,6 +53,7 @@ class Outcome(IntEnum):
     REFUSED = 3
     STATUS = 4
     GIVEN_UP = 5
+    UNREAD = 6
 
 
 @dataclass(frozen=True, slots=True)

@@ -223,7 +223,7 @@ class VisuCounts:
                 elif one.outcome == Outcome.STATUS:
                     found.append((VisuEvent.STATUS, whole))
                 secret = self._secret(request, one.naming, names)
-                if secret and one.status == _OK and not request.writes:
+                if secret and one.status == _OK and one.outcome != Outcome.UNREAD and not request.writes:
                     values = read_reply(request, part.data[one.start : one.stop]).values
                     found += [
                         (VisuEvent.PASSWORD_SEEN, variable)

@@ -94,6 +94,9 @@ def _reply(part: VisuBatch, message: int, request: Request, told: str) -> str:
     outcome = Outcome(int(messages.outcome[message]))
     if outcome is Outcome.STATUS:
         return f"HTTP status {messages.status[message]}{took}"
+    if outcome is Outcome.UNREAD:
+        coding = part.data[int(messages.start[message]) : int(messages.stop[message])].decode("latin-1")
+        return f"reply not read, {f'Content-Encoding {coding}' if coding else 'it is too long'}{took}"
     if outcome is Outcome.REFUSED:
         return f"refused{took}"
     if request.writes:

@@ -8,11 +8,10 @@ Readings, where the rules leave a choice:
   Where the server's does, a request that is being received then stays what it is
 - a response that comes to nothing (a malformed chunk) takes no request with it but by the step that is lost
 - a hole in the server's direction, while that is in step, is in the response to the first request that waits, whatever
-  of it was seen. At the end, its head had to be seen whole; one of unknown end (chunked) is as one of known length
+  of it was seen. What is not whole at the end, though no byte is missing, is no reply
 - a cut request counts in `cut` and makes its connection count, and that is all: its reply, or that it has none, counts
   nowhere
-- a request whose body is not known is none, whatever its target says; a reply of which it is not known is a cut one,
-  whatever its status says
+- a request whose body is not known is none, whatever its target says; a reply is one that tells no more than its status
 - requests that become whole after the server's direction has ended are unanswered where the connection ends by RST or a
   new one; where it ends in order, nothing happens
 - the frame that ended a connection is the one with which the last byte of the direction was there, not the one that
@@ -281,19 +280,21 @@ class Visu:
         if waiting.asked is None:
             return
         row = self.known[talk.pair]
-        if message.body is None:
+        if message.cut:
             self.happened["cut reply"] += 1
             row.counts["cut"] += 1
             return
-        connection = talk.connection
-        self.messages.append(Told(self.number, connection.server, connection.client, "reply", message.body))
+        connection, body = talk.connection, message.body or b""
+        self.messages.append(Told(self.number, connection.server, connection.client, "reply", body))
         row.counts["replies"] += 1
         latency = message.arrival - waiting.message.arrival
         row.latencies.append(latency)
         if latency > SECOND:
             self.happened["slow"] += 1
             self.find("NV805", talk)
-        answer = visu_body.answered(waiting.asked, message.status, message.body)
+        if message.body is None and message.status == 200 and not waiting.asked.query:
+            return
+        answer = visu_body.answered(waiting.asked, message.status, body)
         self.learn(talk, waiting, waiting.asked, message.status, answer)
         self.judge(talk, row, waiting.asked, message, answer)
 

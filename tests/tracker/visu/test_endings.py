@@ -6,15 +6,18 @@ from typing import Any
 
 import pytest
 
+from nvscope.engine.run import run
 from nvscope.findings.judge import judge
 from nvscope.protocols.table import judges_of
 from nvscope.protocols.visu import VISU
+from nvscope.tracker.visu.messages import VisuBatch
+from nvscope.view.lines.visu_words import message_words
 from tests.oracle.builders import MILLISECOND, SECOND
 from tests.oracle.frame import Frame
 from tests.oracle.tcp import ACK, FIN, SYN
 from tests.oracle.tcp_line import CLIENT, SERVER, Line, tcp_frame
-from tests.packets import batch_of, cut
-from tests.tracker.visu.followed import by_the_rules, followed, told, writes_by_the_rules, writes_of
+from tests.packets import Batches, batch_of, cut
+from tests.tracker.visu.followed import by_the_rules, followed, reading, told, writes_by_the_rules, writes_of
 
 READ = b"POST /plc/webvisu.htm HTTP/1.1\r\nContent-Length: 14\r\n\r\n|0|1|0|4|0|4|6"
 WRITE = b"POST /plc/webvisu.htm HTTP/1.1\r\nContent-Length: 18\r\n\r\n|1|1|0|4|0|4|6|9.5"
@@ -134,3 +137,35 @@ def test_who_closes_its_side_with_its_request_waits_for_the_reply() -> None:
 def test_where_nothing_of_the_server_was_captured_nobody_knows_whether_it_answered() -> None:
     frames = [frame for frame in left().frames if frame.data[34:36] == (50_000).to_bytes(2, "big")]
     assert figures([*frames, opened(20 * SECOND)]) == (0, 0, 0)
+
+
+def test_a_reply_that_was_not_sent_whole_is_none() -> None:
+    for asked in (READ, WRITE):
+        line = Line().open().ask(asked).answer(REPLY[:-2]).wait(SECOND).close(False).close(True)
+        assert figures(line.frames) == (0, 1, 0)
+        assert "10.0.0.5 ended the connection" in message(line.frames)
+
+
+def test_a_reply_of_which_bytes_are_missing_is_cut() -> None:
+    line = Line().open().ask(READ).say(False, REPLY[:-2], captured=len(REPLY) - 4).close(False)
+    assert figures(line.frames) == (0, 0, 1)
+
+
+@pytest.mark.parametrize("coding", [b"br", b"gzip"])
+def test_a_reply_that_cannot_be_read_is_one_and_its_coding_is_named(coding: bytes) -> None:
+    coded = REPLY.replace(b"\r\n\r\n", b"\r\nContent-Encoding: %b\r\n\r\n" % coding)
+    for asked in (READ, WRITE):
+        line = Line().open().ask(asked).answer(coded).close(False).close(True)
+        assert figures(line.frames) == (1, 0, 0)
+        assert said(line.frames)[-1] == f"reply not read, Content-Encoding {coding.decode()} (1.0 ms)"
+        assert all(outcome == "open" for *_, outcome, _ in writes_of(followed([batch_of(line.frames)])))
+
+
+def said(frames: list[Frame]) -> list[str]:
+    """Return what `packets` says of all messages."""
+    found: list[str] = []
+    for batch in run(Batches([batch_of(frames)]), reading(), []):
+        part = batch.parts["visu"]
+        assert isinstance(part, VisuBatch)
+        found += [message_words(part, one) for one in range(len(part.messages))]
+    return found
