@@ -48,13 +48,13 @@ _WITH_LATENCY = (Came.REPLY, Came.REFUSED)
 class Tally:
     """What came of the requests of one pair: how many, the first frames of each kind, and replies that are ``slow``.
 
-    ``asked`` are those of WebVisu, whatever came of them.
+    ``asked`` are those of WebVisu, whatever came of them; ``cut`` are requests and replies of which bytes are missing.
     """
 
-    __slots__ = ("asked", "counts", "frames", "slow", "slow_frames")
+    __slots__ = ("asked", "counts", "cut", "frames", "slow", "slow_frames")
 
     def __init__(self) -> None:
-        self.asked = 0
+        self.asked = self.cut = 0
         self.counts = dict.fromkeys(Came, 0)
         self.frames: Mapping[Came, KeptFrames] = {one: KeptFrames() for one in (Came.REFUSED, Came.UNANSWERED)}
         self.slow = 0
@@ -119,8 +119,6 @@ class AskedWhile:
         self.holds, self._setting = holds, setting
         self._heard: list[EventBatch] = []
         self._sdo, self._visu = Tallies(most_ns), Tallies(most_ns)
-        self.cut: set[int] = set()
-        """The pairs of WebVisu of which requests or replies lack bytes."""
         self._pairs: dict[int, Pair] = {}
         self._senders = KeyTable(2)
         self._first_judged: int | None = None if setting.since_ns is not None else 0
@@ -181,7 +179,9 @@ class AskedWhile:
         for number, count in enumerate(np.bincount(messages.pair[asks]).tolist()):
             if count:
                 self._visu.of[number].asked += count
-        self.cut.update(distinct(messages.pair[messages.kind == Kind.CUT]).tolist())
+        for number, count in enumerate(np.bincount(messages.pair[messages.kind == Kind.CUT]).tolist()):
+            if count:
+                self._visu.of[number].cut += count
         for came, own in (
             (Came.REPLY, is_reply & ~refused), (Came.REFUSED, is_reply & refused),
             (Came.UNANSWERED, messages.kind == Kind.UNANSWERED),

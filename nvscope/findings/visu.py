@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from nvscope.findings.finding import Events, Finding, all_events
 from nvscope.findings.kind import FindingKind, Severity
-from nvscope.units import count, count_of
+from nvscope.units import count, count_of, duration
 
 if TYPE_CHECKING:
     from nvscope.findings.facts import Facts
@@ -84,13 +84,22 @@ VISU_SLOW = FindingKind(
     "NV805",
     "visu-slow",
     Severity.NOTE,
-    meaning="The controller's web server took long to answer.",
+    meaning=(
+        "The controller's web server took long to answer, or did not answer: the client waited no more, or the "
+        "connection was ended."
+    ),
     causes=(
         "a new connection for each request",
         "large requests, or many clients",
         "a controller whose cycle leaves little time for communication",
+        "a web server that hangs: it accepts connections, and answers nothing",
+        "a client that waits for too short a time",
     ),
-    next_steps=("Ask for fewer variables, less often, from fewer clients; look at the controller's load.",),
+    next_steps=(
+        "Ask for fewer variables, less often, from fewer clients; look at the controller's load.",
+        "If it answers nobody, its web server hangs: restart it, and see whether it hangs again at the same load.",
+        "If it ends connections, look in its log for a restart, and count how many clients it serves at a time.",
+    ),
     protocol="visu",
 )
 VISU_OTHER_NAMES = FindingKind(
@@ -145,6 +154,7 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
         VisuEvent.PASSWORD_SEEN: VISU_PASSWORD_IN_CLEAR, VisuEvent.MISCOUNTED: VISU_COUNT_MISMATCH,
         VisuEvent.SLOW: VISU_SLOW, VisuEvent.UNANSWERED: VISU_SLOW, VisuEvent.LATE: VISU_SLOW,
         VisuEvent.OTHER_NAMES: VISU_OTHER_NAMES, VisuEvent.CUT: VISU_NOT_CAPTURED,
+        VisuEvent.GIVEN_UP: VISU_SLOW,
     }  # fmt: skip
     subjects = list(counts.subjects)
     found: dict[tuple[FindingKind, Subject], dict[VisuEvent, Events]] = defaultdict(dict)
@@ -167,10 +177,10 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
         elif kind is VISU_OTHER_NAMES:
             message = _contradicted(subject.server, together.count, counts.other_names[subject])
         else:
-            message = _sentence(kind, subject, parts, last.get(subject))
+            message = _sentence(kind, subject, parts, last.get(subject), counts.given_up.get(subject))
         yield Finding(
             kind, message, together.count, together.first_ns, together.last_ns, together.frames,
-            node=nodes.get(subject.client), variable=variable,
+            node=nodes.get(subject.client), variable=variable, hint=_next_step(kind, parts),
         )  # fmt: skip
 
 
@@ -182,7 +192,8 @@ def _together(parts: Iterable[Events]) -> Events:
 
 
 def _sentence(
-    kind: FindingKind, subject: Subject, parts: Mapping[VisuEvent, Events], last: Write | None
+    kind: FindingKind, subject: Subject, parts: Mapping[VisuEvent, Events], last: Write | None,
+    waited_ns: tuple[int, int] | None,
 ) -> str:  # fmt: skip
     from nvscope.tracker.visu.events import VisuEvent
 
@@ -206,7 +217,32 @@ def _sentence(
         told.append(f"took more than 1 s for {count_of(slow, 'reply', 'replies')} to {client}")
     if unanswered:
         told.append(f"ended the connection without a reply to {count_of(unanswered, 'request')} of {client}")
-    return f"{server} {' and '.join(told)}."
+    found = [f"{server} {' and '.join(told)}"] if told else []
+    given_up = counts.get(VisuEvent.GIVEN_UP, 0)
+    if given_up:
+        requests = count_of(given_up, "request")
+        found.append(f"{client} gave up {requests} to {server} without a reply{_after(waited_ns)}")
+    return f"{'; '.join(found)}."
+
+
+def _after(waited_ns: tuple[int, int] | None) -> str:
+    """Return how long a client waited, '' where nobody knows."""
+    least, most = waited_ns or (0, 0)
+    if not most:
+        return ""
+    shortest, longest = duration(least), duration(most)
+    return f" after {longest}" if shortest == longest else f" after {shortest} to {longest}"
+
+
+def _next_step(kind: FindingKind, parts: Mapping[VisuEvent, Events]) -> str:
+    """Return what to do next, by what happened most often; '' where that is what the kind says first."""
+    from nvscope.tracker.visu.events import VisuEvent
+
+    if kind is not VISU_SLOW:
+        return ""
+    steps = {VisuEvent.GIVEN_UP: 1, VisuEvent.UNANSWERED: 2, VisuEvent.SLOW: 0}
+    most = max(steps, key=lambda event: parts[event].count if event in parts else 0)
+    return kind.next_steps[steps[most]] if steps[most] else ""
 
 
 def _not_captured(subject: Subject, cut: int, every: int) -> str:

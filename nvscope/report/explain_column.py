@@ -42,7 +42,7 @@ MEANINGS = MappingProxyType(
         "port": "that of who is asked: UDP of the Parameter Manager, TCP of WebVisu",
         "requests": "how many requests there were; of the Parameter Manager, those sent again apart",
         "took p50": "how long half of the replies took at most, from the request on; p99 is for 99 of 100, max for all",
-        "unanswered": "requests without a reply in time, of WebVisu without one before their connection ended",
+        "unanswered": "requests without a reply in time, of WebVisu none before its connection ended or was given up",
         "came back": "requests of which ICMP tells that they were not delivered",
         "repeated": "requests that were sent again while the same one was open",
         "unexpected": "replies that no open request waits for: late, second, or never asked for",

@@ -17,7 +17,7 @@ class PieceKind(IntEnum):
 
     ``BEGIN``: a direction begins; its ``size`` has ``IN_STEP`` where its first bytes are known to be the first ones,
     and ``ANEW`` where the connection begins with it. ``HOLE``: so many bytes are missing. ``END``: nothing follows; its
-    ``size`` is 1 where that was broken off.
+    ``size`` has ``BROKEN_OFF`` where that was not in order, and then ``BY_CLIENT`` where the client did it.
     """
 
     DATA = 0
@@ -27,6 +27,7 @@ class PieceKind(IntEnum):
 
 
 IN_STEP, ANEW = 1, 2
+BROKEN_OFF, BY_CLIENT = 1, 2
 
 
 class Order(IntEnum):

@@ -20,7 +20,7 @@ import numpy as np
 
 from dissectors.batch import U8
 from dissectors.headers import ACK, FIN, RST, SYN
-from nvscope.tracker.pieces import ANEW, IN_STEP, ORDER_BITS, Order, PieceKind, Pieces
+from nvscope.tracker.pieces import ANEW, BROKEN_OFF, BY_CLIENT, IN_STEP, ORDER_BITS, Order, PieceKind, Pieces
 from nvscope.tracker.segments import FAR, HALF, WRAP, Segments, StreamColumns
 
 MOST_KEPT_BYTES = 1 << 18
@@ -218,7 +218,8 @@ class SegmentsInTurn:
             # way of (RFC 9293, section 3.5.1).
             is_new |= not answers and own.is_nothing and other.is_nothing
             if is_new and (own.begun or other.begun):
-                self._break_off(ends, frame, time_ns, (Order.OLD_CLIENT, Order.OLD_SERVER))
+                # Whoever it is whose SYN is there: it is the client that begins another one.
+                self._break_off(ends, frame, time_ns, (Order.OLD_CLIENT, Order.OLD_SERVER), BY_CLIENT)
                 for stream in ends:
                     stream.forget()
         elif not (own.begun or other.begun) and (flags & RST or not (payload_bytes or flags & FIN)):
@@ -231,7 +232,8 @@ class SegmentsInTurn:
             while stream.kept and stream.waits_longer_than(time_ns):
                 self._give_up_hole(stream, frame, order)
         if flags & RST:
-            self._break_off(ends, frame, time_ns, (Order.END_CLIENT, Order.END_SERVER))
+            by_client = 0 if side else BY_CLIENT
+            self._break_off(ends, frame, time_ns, (Order.END_CLIENT, Order.END_SERVER), by_client)
             return
         if not (payload_bytes or flags & (SYN | FIN)):
             return
@@ -320,7 +322,9 @@ class SegmentsInTurn:
     def _tell(self, stream: _Stream, kind: PieceKind, start: int, size: int, frame: int, order: Order) -> None:
         self._made.append((stream.number, int(kind), start, size, frame << ORDER_BITS | int(order), stream.latest_ns))
 
-    def _break_off(self, ends: tuple[_Stream, _Stream], frame: int, time_ns: int, orders: tuple[Order, Order]) -> None:
+    def _break_off(
+        self, ends: tuple[_Stream, _Stream], frame: int, time_ns: int, orders: tuple[Order, Order], by_client: int
+    ) -> None:  # fmt: skip
         """End both directions; what is kept is passed on before."""
         if not (ends[0].begun or ends[1].begun):
             return
@@ -329,7 +333,7 @@ class SegmentsInTurn:
                 self._give_up_hole(stream, frame, order)
             stream.begun = stream.ended = True
             stream.latest_ns = max(stream.latest_ns, time_ns)
-            self._tell(stream, PieceKind.END, 0, 1, frame, order)
+            self._tell(stream, PieceKind.END, 0, BROKEN_OFF | by_client, frame, order)
 
 
 def _ahead(sequence: int, known: int) -> int:

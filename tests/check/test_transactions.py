@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from nvscope.analysis.inquiry import Inquiry
-from nvscope.check.checks.transactions import NO_PAIR, NO_REPLY, NO_REQUESTS, NONE_JUDGED, NOT_DUE, UNHEARD
+from nvscope.check.checks.transactions import NO_PAIR, NO_REQUESTS, NONE_JUDGED, NOT_DUE, STILL_WAITING, UNHEARD
 from nvscope.check.rules import read_rules, rules_of
 from nvscope.check.run import checked
 from nvscope.check.verdict import Judged, Verdict
@@ -261,7 +261,7 @@ def test_of_pages_too_both_directions_have_to_be_captured() -> None:
     assert found is OPEN
     assert f"nothing that {SERVER[0]} sent is in the capture" in reason
     asks = page().ask(post(READ_X))
-    assert verdict(asks.frames, UNANSWERED)[::2] == (OPEN, NO_REPLY)
+    assert verdict(asks.frames, UNANSWERED)[::2] == (OPEN, STILL_WAITING)
 
 
 def test_a_request_of_a_page_is_judged_by_when_it_was_asked() -> None:

@@ -32,7 +32,7 @@ HAPPENINGS = {
     "hole between messages", "hole in a body chunked", "hole in a body of known length", "hole in a body to the end",
     "hole in a head", "hole over the end of a body", "hole while searching", "response not whole at the end",
     # WebVisu
-    "client lost step", "cut reply", "cut request", "names", "no value", "other names", "other request",
+    "client lost step", "cut reply", "cut request", "given up", "names", "no value", "other names", "other request",
     "password read", "password written", "read with an HTTP error", "response to a forgotten request",
     "response to nobody", "server lost step", "several wait", "slow", "waiting forgotten",
 }  # fmt: skip
@@ -110,7 +110,9 @@ def test_the_traffic_shows_everything() -> None:
     assert {name for name, count in happened.items() if count} == HAPPENINGS
     assert {name for name in figures if name != "port"} == FIGURES
     assert min(figures.values()) >= 10
-    assert {code for code, count in codes.items() if count >= 3} == {f"NV80{number}" for number in (1, 2, 3, 4, 5, 6, 8)}
+    assert {code for code, count in codes.items() if count >= 3} == {
+        f"NV80{number}" for number in (1, 2, 3, 4, 5, 6, 8)
+    }
     assert set(kinds) == {"request", "query", "reply"}
     assert versions == {4, 6}
 

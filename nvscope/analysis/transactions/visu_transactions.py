@@ -126,7 +126,7 @@ class VisuTransactions:
         else:
             variables = variables_of(part, row, secrets=True)
             if outcome in (Outcome.ANSWERED, Outcome.MISCOUNTED) and not request.query:
-                self._remember(pair, variables[: int(messages.fields[row])])
+                self._remember(pair, variables[: max(int(messages.fields[row]), 0)])
         if not (shown or request.writes):
             return None
         most, names = self._room.said, part.namings[int(messages.naming[row])]
@@ -204,6 +204,7 @@ def _outcome(part: VisuBatch, row: int, kind: int, request: Request) -> Outcome:
         return {
             Replied.DONE: Outcome.CONFIRMED if request.writes else Outcome.ANSWERED, Replied.REFUSED: Outcome.REFUSED,
             Replied.MISCOUNTED: Outcome.MISCOUNTED, Replied.AMBIGUOUS: Outcome.AMBIGUOUS,
+            Replied.UNREAD: Outcome.OPEN if request.writes else Outcome.ANSWERED,
             Replied.STATUS: Outcome.REFUSED if request.writes else Outcome.STATUS,
         }[Replied(int(part.messages.outcome[row]))]  # fmt: skip
     return {Kind.CUT: Outcome.CUT, Kind.UNANSWERED: Outcome.UNANSWERED}.get(Kind(kind), Outcome.OPEN)

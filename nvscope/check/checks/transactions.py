@@ -28,6 +28,7 @@ NO_PAIR = "no such requests were seen"
 NONE_JUDGED = "none of its requests was asked when the rule is judged"
 CUT = "none of its requests is whole in the capture"
 NO_REPLY = "the reply to none of its requests is whole in the capture"
+STILL_WAITING = "its requests were still waiting for a reply when the capture ended"
 NOT_DUE = "the capture ended before a reply was due"
 UNHEARD = "what nodes answer each other is not to be seen in this capture"
 BEYOND = "more nodes ask more others, or wait for more replies at a time, than are told apart"
@@ -70,10 +71,10 @@ def _why_unknown(
     answers = tally.replies + tally.counts[Came.BUSY]
     if pair.protocol != SDO:
         if not tally.asked:
-            return CUT if number in watched.cut else ""
+            return CUT if tally.cut else ""
         if not answers and not watched.sends(pair.server):
             return _nothing_of(pair)
-        return "" if tally.requests else NO_REPLY
+        return "" if tally.requests else NO_REPLY if tally.cut else STILL_WAITING
     assert known.parameters is not None
     columns = known.parameters.columns
     requests, came = int(columns.requests[number]), _answers(known.parameters, number)

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from dissectors.http import Side
 from dissectors.webvisu import Likeness
 from nvscope.tracker.pieces import ORDER_BITS
 from nvscope.tracker.visu.asking import NOTHING, Ask
@@ -25,6 +26,13 @@ class Waiting(NamedTuple):
     order: int
     arrival_ns: int
     is_head: bool = False
+
+
+class Closed(NamedTuple):
+    """With which order, and when, the client closed its side of a connection."""
+
+    order: int
+    arrival_ns: int
 
 
 class Happened(NamedTuple):
@@ -46,7 +54,8 @@ class Conversation:
     """One connection; ``is_visu`` from its first request of a WebVisu page on, ``gap_bytes`` are missing until then.
 
     ``beyond`` requests wait behind those that are ``waiting``: nobody remembers what they ask for. ``left_out`` are
-    those of WebVisu pages of which that has not been told yet.
+    those of WebVisu pages of which that has not been told yet. ``closed`` is when the client closed its side: what
+    waits then may still be answered. ``is_heard``: something that the server sent was captured.
     """
 
     connection: int
@@ -55,6 +64,8 @@ class Conversation:
     left_out: int = 0
     is_visu: bool = False
     gap_bytes: int = 0
+    closed: Closed | None = None
+    is_heard: bool = False
 
     def take_from_client(
         self, form: Form, asked: Ask, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
@@ -70,6 +81,9 @@ class Conversation:
             if self._is_of_page(form):
                 self._tell_request(Kind.CUT, NOTHING, order, message, tell)
             self._forget_waiting()
+        elif form.what is What.END:
+            if form.broken_by is None:
+                self.closed = Closed(order, arrival_ns)
         else:
             self._take_other(form, order, tell)
 
@@ -98,14 +112,19 @@ class Conversation:
         self, form: Form, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
     ) -> None:  # fmt: skip
         """Take what happens in the server's direction."""
+        if form.what is What.ANEW:
+            self._take_other(form, order, tell)
+        self.is_heard |= form.what is not What.END
         if form.what in (What.WHOLE, What.CUT):
             is_interim = form.head is not None and form.head.is_interim
             if is_interim or form.answers_nobody:
                 return
             if self.waiting:
                 asked = self.waiting.popleft()
-                is_whole = form.what is What.WHOLE and not (form.is_coded and form.content is None)
-                self._tell_answer(Kind.REPLY if is_whole else Kind.CUT, asked, order, arrival_ns, message, tell)
+                if form.what is What.CUT:
+                    self._tell_answer(Kind.CUT, asked, order, arrival_ns, message, tell)
+                elif asked.asked.request is not None or not form.is_unread:
+                    self._tell_answer(Kind.REPLY, asked, order, arrival_ns, message, tell)
             elif self.beyond:
                 self.beyond -= 1
         elif form.what is What.BROKEN:
@@ -113,11 +132,26 @@ class Conversation:
                 self._tell_answer(Kind.CUT, self.waiting[0], order, arrival_ns, message, tell)
             self._forget_waiting()
         elif form.what is What.END:
-            for asked in self.waiting:
-                self._tell_answer(Kind.UNANSWERED, asked, order, arrival_ns, message, tell)
-            self._forget_waiting()
-        else:
+            self._tell_unanswered(order, arrival_ns, tell, by_client=form.broken_by is Side.CLIENT)
+        elif form.what is not What.ANEW:
             self._take_other(form, order, tell)
+
+    def give_up(self, order: int, tell: Callable[[Happened], None]) -> None:
+        """Take that the client, which has closed its side, waits for nothing any more."""
+        assert self.closed is not None
+        self._tell_unanswered(order, self.closed.arrival_ns, tell, by_client=True)
+
+    def _tell_unanswered(
+        self, order: int, ended_ns: int, tell: Callable[[Happened], None], *, by_client: bool
+    ) -> None:  # fmt: skip
+        for asked in self.waiting:
+            # Who closes its side with the request waits for the reply: it is the other one that ends the connection.
+            closed_ns = asked.arrival_ns if self.closed is None else self.closed.arrival_ns
+            is_left = by_client or closed_ns > asked.arrival_ns
+            until_ns = closed_ns if closed_ns > asked.arrival_ns else ended_ns
+            kind = Kind.GIVEN_UP if is_left else Kind.UNANSWERED
+            self._tell_answer(kind, asked, order, until_ns, -1, tell)
+        self._forget_waiting()
 
     def _tell_answer(
         self, kind: Kind, asked: Waiting, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
@@ -129,14 +163,14 @@ class Conversation:
         if kind is Kind.CUT:
             tell(Happened(kind, self.connection, order, -1, NOTHING, 0, 0, 0, False))
             return
-        latency_ns = arrival_ns - asked.arrival_ns if kind is Kind.REPLY else 0
+        latency_ns = arrival_ns - asked.arrival_ns if kind in (Kind.REPLY, Kind.GIVEN_UP) else 0
         frame = asked.order >> ORDER_BITS
         tell(Happened(kind, self.connection, order, message, asked.asked, latency_ns, frame, 0, False))
 
     def _take_other(self, form: Form, order: int, tell: Callable[[Happened], None]) -> None:
         if form.what is What.ANEW:
             self._forget_waiting()
-            self.is_visu, self.gap_bytes = False, 0
+            self.is_visu, self.gap_bytes, self.closed, self.is_heard = False, 0, None, False
         elif form.what is What.GAP:
             if self.is_visu:
                 tell(Happened(Kind.GAP, self.connection, order, -1, NOTHING, 0, 0, form.missing_bytes, False))

@@ -8,10 +8,10 @@ from enum import IntEnum
 class VisuEvent(IntEnum):
     """What is told of requests and replies, in the frame with which that is known.
 
-    What nobody answered is told of the frame of the request, and of the time at which the connection ended. Of
-    ``WRITTEN``, ``REFUSED`` and ``PASSWORD_SEEN`` there is one for each variable. ``LATE`` is whatever is slow or
-    unanswered. ``OTHER_NAMES``: a list of variables contradicts those known before. ``CUT``: bytes of a request or a
-    reply are missing.
+    What nobody answered is told of the frame of the request, and of the time at which that was sure. Of ``WRITTEN``,
+    ``REFUSED`` and ``PASSWORD_SEEN`` there is one for each variable. ``LATE`` is whatever is slow, unanswered or given
+    up: ``GIVEN_UP`` is what is unanswered since the client waits no more. ``OTHER_NAMES``: a list of variables
+    contradicts those known before. ``CUT``: bytes of a request or a reply are missing.
     """
 
     WRITTEN = 1
@@ -23,4 +23,5 @@ class VisuEvent(IntEnum):
     UNANSWERED = 7
     LATE = 8
     OTHER_NAMES = 9
-    CUT = 10
+    GIVEN_UP = 10
+    CUT = 11

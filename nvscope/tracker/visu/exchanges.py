@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.batch import I64, PacketBatch
+from dissectors.batch import I64, Bool, PacketBatch
 from dissectors.http import Side
 from dissectors.keys import KeyTable
 from dissectors.transport import SegmentBatch
@@ -20,10 +20,11 @@ from nvscope.tracker.pieces import ORDER_BITS
 from nvscope.tracker.visu.asking import NOTHING, Ask, Asking
 from nvscope.tracker.visu.controllers import controller_of
 from nvscope.tracker.visu.conversation import Conversation
+from nvscope.tracker.visu.going_on import GoingOn
 from nvscope.tracker.visu.http_forms import What
 from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.limits import MOST_PAIRS, MOST_POLLED, Beyond
-from nvscope.tracker.visu.messages import Kind, VisuBatch, VisuMessages, no_messages
+from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages, no_messages
 from nvscope.tracker.visu.names import Names, OtherNames
 from nvscope.tracker.visu.outcomes import OK, outcomes
 from nvscope.tracker.visu.pairing import Pairing
@@ -32,6 +33,9 @@ from nvscope.tracker.visu.whole_connections import take_whole
 
 if TYPE_CHECKING:
     from nvscope.definition.webvisu import GivenList
+
+_MOST_OF_CODING = 40
+"""So many characters of the name of a coding are told."""
 
 NO_REQUEST = Request(writes=False, declared=0, entries=())
 
@@ -43,6 +47,8 @@ class Exchanges:
         self._connections = connections
         self._asking = Asking()
         self._conversations: dict[int, Conversation] = {}
+        # Those whose client has closed its side while its requests waited.
+        self._closed: set[int] = set()
         self._names = Names(given)
         self._read_ns: dict[tuple[int, Ask], int] = {}
         self._left_out: Counter[Beyond] = Counter()
@@ -51,11 +57,13 @@ class Exchanges:
     def forget(self) -> None:
         """Forget what waits for a reply, and when something was read."""
         self._conversations.clear()
+        self._closed.clear()
         self._read_ns.clear()
 
     def keep(self, numbers: Mapping[int, int], *, only_ended: bool) -> None:
         """Forget all connections but some, which are numbered anew; ``only_ended``: the others have all ended."""
         conversations, self._conversations = self._conversations, {}
+        self._closed = {numbers[one] for one in self._closed if one in numbers}
         for number, conversation in conversations.items():
             if number in numbers:
                 conversation.connection = numbers[number]
@@ -73,17 +81,21 @@ class Exchanges:
     ) -> VisuBatch:  # fmt: skip
         """Return what the HTTP messages of a batch say of WebVisu; ``first_frame`` is that of its row 0."""
         self._left_out[Beyond.HELD] += http.given_up
-        if not len(http):
+        if not (len(http) or self._closed):
             return no_messages()
         asked_for = AskedFor(NOTHING)
         asked = self._asked(http, asked_for)
         is_plain = plain_rows(http, asked, asked_for.asks)
-        taken, whole = take_whole(http, is_plain, asked, asked_for, self._conversations)
+        taken, whole = take_whole(http, is_plain, asked, asked_for, self._conversations, self._closed)
         spoken = _spoken(http)[http.form]
-        pairing = Pairing(http, is_plain, asked, asked_for, self._conversations)
+        going_on = GoingOn(self._connections, packets, segments, first_frame)
+        pairing = Pairing(http, is_plain, asked, asked_for, self._conversations, going_on, self._closed)
         said = Said.stacked([whole, _others(http, asked, spoken), *pairing.pair(np.flatnonzero(~taken))])
         self._left_out[Beyond.WAITING] += pairing.left_out
-        said = said.take(np.argsort(said.order, kind="stable"))
+        # Several may be given up with one frame; then those of the older connection come first.
+        several = bool((said.kind == Kind.GIVEN_UP).any())
+        in_order = np.lexsort((said.connection, said.order)) if several else np.argsort(said.order, kind="stable")
+        said = said.take(in_order)
         pair = self._pairs(said.connection)
         if (pair < 0).any():
             self._left_out[Beyond.PAIR] += int((pair < 0).sum())
@@ -134,16 +146,21 @@ class Exchanges:
         writes = np.array([one.writes for one in requests], np.bool_)
         kind[(kind == Kind.READ) & writes[said.asked]] = int(Kind.WRITE)
         replies = (kind == Kind.REPLY) | (kind == Kind.NAMES)
-        status = np.where(replies, _statuses(http)[http.form[said.message]], -1)
+        status = _of_messages(_statuses(http)[http.form], said, replies)
         outcome, fields = outcomes(kind, said.asked, requests, status, data, start, stop)
         known = np.array([one.is_known for one in asks], np.bool_)
+        unread = _of_messages(_unread(http)[http.form], said, kind == Kind.REPLY) > 0
+        unread &= (status == OK) & ~np.array([one.query for one in requests], np.bool_)[said.asked]
+        outcome[unread], fields[unread] = int(Outcome.UNREAD), -1
+        given_up = kind == Kind.GIVEN_UP
+        kind[given_up], outcome[given_up] = int(Kind.UNANSWERED), int(Outcome.GIVEN_UP)
         polls = np.flatnonzero((kind == Kind.READ) & known[said.asked])
         polled_ns = np.full(len(said), -1)
         polled_ns[polls] = self._since_read(pair[polls], said.asked[polls], asks, packets.ts_ns[row[polls]])
         messages = VisuMessages(
             kind, row, pair, np.where(said.asked > 0, said.asked, -1), start, stop, status, outcome, fields,
             said.latency_ns, said.asked_frame, said.gap_bytes, said.opens, polled_ns, naming,
-            np.where(kind == Kind.OTHER, spoken[said.message], -1),
+            _of_messages(spoken, said, kind == Kind.OTHER),
         )  # fmt: skip
         self._left_out[Beyond.NAMES] += self._names.left_out
         left_out, self._left_out, self._names.left_out = +self._left_out, Counter(), 0
@@ -229,23 +246,38 @@ def _others(http: HttpMessages, asked: I64, spoken: I64) -> Said:
     )  # fmt: skip
 
 
+def _of_messages(column: I64, said: Said, own: Bool) -> I64:
+    """Return a column of HTTP messages for what is said of some of them, -1 for all else."""
+    found = np.full(len(said), -1)
+    found[own] = column[said.message[own]]
+    return found
+
+
 def _statuses(http: HttpMessages) -> I64:
     """Return the statuses of the forms of messages, 0 of what has none."""
     return np.array([0 if form.head is None else form.head.status for form in http.forms], np.int64)
 
 
+def _unread(http: HttpMessages) -> I64:
+    """Tell of the forms of messages which of them are whole and cannot be read."""
+    return np.array([one.is_unread for one in http.forms], np.int64)
+
+
 def _contents(http: HttpMessages, said: Said) -> tuple[bytes, I64, I64]:
     """Return data with the contents of all bodies in it, and where those of some messages lie; -1 of those without."""
     with_content = (said.message >= 0) & ((said.kind <= Kind.REPLY) | (said.kind == Kind.NAMES))
-    form = http.form[said.message]
+    form = _of_messages(http.form, said, with_content)
     body_bytes = np.array([one.body_bytes for one in http.forms], np.int64)
-    start = np.where(with_content, http.start[said.message], -1)
+    start = _of_messages(http.start, said, with_content)
     stop = np.where(with_content, start + body_bytes[form], -1)
     coded = np.array([one.is_coded for one in http.forms], np.bool_)
     contents = [http.data]
     begin = len(http.data)
     for place in np.flatnonzero(with_content & coded[form]).tolist():
-        content = http.forms[int(form[place])].content or b""
+        one = http.forms[int(form[place])]
+        content = one.content or b""
+        if one.is_unread and one.head is not None:
+            content = one.head.coding[:_MOST_OF_CODING].encode("latin-1")
         start[place], stop[place] = begin, begin + len(content)
         contents.append(content)
         begin += len(content)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
-from dissectors.http import Head
+from dissectors.http import Head, Side
 from dissectors.web_protocols import WebProtocol
 from dissectors.webvisu import Likeness
+from nvscope.tracker.pieces import BROKEN_OFF, BY_CLIENT
 
 _MOST_FORMS = 4096
 
@@ -36,7 +37,8 @@ class Form:
     ``body_bytes`` is how long the body is as it came. ``content`` is what is in it where ``is_coded``, None where that
     is not known. ``touched``: whether what is not whole may be a request of a WebVisu page, or is in the response to
     the first request that waits. ``answers_nobody``: what it answers was forgotten meanwhile. ``missing_bytes`` are
-    those of a gap. ``spoken`` is what a connection begins with that does not begin with HTTP.
+    those of a gap. ``spoken`` is what a connection begins with that does not begin with HTTP. ``broken_by`` is who
+    broke off a connection that did not end in order.
     """
 
     what: What
@@ -48,6 +50,12 @@ class Form:
     answers_nobody: bool = False
     missing_bytes: int = 0
     spoken: WebProtocol | None = None
+    broken_by: Side | None = None
+
+    @property
+    def is_unread(self) -> bool:
+        """Whether it is whole, and nobody knows what is in it: it is too long, or its coding is none that is known."""
+        return self.what is What.WHOLE and self.is_coded and self.content is None
 
 
 class Forms:
@@ -59,7 +67,7 @@ class Forms:
     in ``at``: those that lie in what was taken for another message at first.
     """
 
-    BEGIN, END, ANEW = 0, 1, 2
+    BEGIN, END, ANEW, BROKEN_BY_CLIENT, BROKEN_BY_SERVER = range(5)
 
     def __init__(self) -> None:
         self.at: list[int] = []
@@ -68,7 +76,10 @@ class Forms:
         self._clear()
 
     def _clear(self) -> None:
-        self.forms = [Form(What.BEGIN), Form(What.END), Form(What.ANEW)]
+        self.forms = [
+            Form(What.BEGIN), Form(What.END), Form(What.ANEW), Form(What.END, broken_by=Side.CLIENT),
+            Form(What.END, broken_by=Side.SERVER),
+        ]  # fmt: skip
         self.body_bytes = [0] * len(self.forms)
         self.known: tuple[dict[bytes, int], dict[bytes, int]] = ({}, {})
 
@@ -77,6 +88,13 @@ class Forms:
         self.at, self.form, self.late = [], [], {}
         if len(self.forms) > _MOST_FORMS:
             self._clear()
+
+    @staticmethod
+    def end_of(size: int) -> int:
+        """Return the number of an end, by what the ``size`` of its piece says."""
+        if not size & BROKEN_OFF:
+            return Forms.END
+        return Forms.BROKEN_BY_CLIENT if size & BY_CLIENT else Forms.BROKEN_BY_SERVER
 
     def add(self, form: Form) -> int:
         """Return the number of a new form."""

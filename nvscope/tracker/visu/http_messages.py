@@ -146,9 +146,9 @@ class HttpStreams:
             return False
         if stream in self._readers or (stream & 1 and stream >> 1 in self._with_head):
             return False
-        (_, size, first), (_, _, last) = controls.take(), controls.take()
+        (_, size, first), (_, how, last) = controls.take(), controls.take()
         found.at += (~first, head_end, ~last)
-        found.form += (Forms.ANEW if size & ANEW else Forms.BEGIN, number, Forms.END)
+        found.form += (Forms.ANEW if size & ANEW else Forms.BEGIN, number, Forms.end_of(how))
         return True
 
     def _forget_requests(self, connection: int, breaks: Sequence[int]) -> None:
@@ -324,4 +324,4 @@ def _take_control(reader: HttpReader, kind: int, size: int, at: int, found: Form
         found.at.append(at)
         found.form.append(Forms.ANEW if size & ANEW else Forms.BEGIN)
     else:
-        reader.end(at, found, broken_off=size > 0)
+        reader.end(at, found, Forms.end_of(size))

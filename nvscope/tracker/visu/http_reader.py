@@ -290,10 +290,13 @@ class HttpReader:
         found.tell(at, replace(self._passed, answers_nobody=nobody))
         self._passes, self._passed = 0, None
 
-    def end(self, at: int, found: Forms, *, broken_off: bool) -> None:
-        """Take the end of the stream: a message that goes up to there is whole, unless it is a request, broken off."""
+    def end(self, at: int, found: Forms, ended: int) -> None:
+        """Take the end of the stream: a message that goes up to there is whole, unless it is a request, broken off.
+
+        ``ended`` is a number of ``Forms.end_of``.
+        """
         rest = self.rest
-        dropped = broken_off and self.side is Side.CLIENT
+        dropped = ended != Forms.END and self.side is Side.CLIENT
         if self._passes >= _ENDLESS:
             if not dropped:
                 self._tell_passed(at, found)
@@ -305,13 +308,14 @@ class HttpReader:
                     content = http.decoded(rest[head_end:], head.coding)
                     nobody = self._answers_nobody
                     found.tell(at, Form(What.WHOLE, head, 0, content, is_coded=True, answers_nobody=nobody))
-            elif self.side is Side.SERVER and (head is not None or self._passes):
+            # Of a response that was not sent whole nothing is missing: it is none.
+            elif self.side is Side.SERVER and self._passed is not None and self._passed.what is What.CUT:
                 found.tell(at, Form(What.CUT, answers_nobody=self._answers_nobody))
         self.begin(in_step=False)
         if self.requests is not None:
             self.requests.forget(at)
         found.at.append(at)
-        found.form.append(Forms.END)
+        found.form.append(ended)
 
 
 def _count_same(data: bytes, begin: int, behind: int, end: int) -> int:

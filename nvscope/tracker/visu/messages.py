@@ -22,8 +22,10 @@ class Kind(IntEnum):
     """What a message is, or what else happens to one.
 
     ``NAMES``: the reply to a request for a list of variables. ``CUT``: a request or a reply of which bytes are missing.
-    ``UNANSWERED``: the connection ended without a reply. ``GAP``: bytes are missing of a connection with such requests.
-    ``OTHER``: a request of another protocol, or the begin of a connection over which another one is spoken.
+    ``UNANSWERED``: the connection ended without a reply, or the client waits no more. ``GAP``: bytes are missing of a
+    connection with such requests. ``OTHER``: a request of another protocol, or the begin of a connection over which
+    another one is spoken. ``GIVEN_UP``: what is unanswered since the client waits no more; batches have that as
+    ``UNANSWERED``, by its outcome.
     """
 
     READ = 0
@@ -34,10 +36,15 @@ class Kind(IntEnum):
     UNANSWERED = 5
     GAP = 6
     OTHER = 7
+    GIVEN_UP = 8
 
 
 class Outcome(IntEnum):
-    """What a reply says. ``STATUS``: its HTTP status is another one than 200; ``NONE``: it is no reply."""
+    """What a reply says. ``STATUS``: its HTTP status is another one than 200; ``NONE``: it is no reply.
+
+    ``GIVEN_UP`` is of what is unanswered: the client ended the connection, or its side of it. ``UNREAD``: the reply is
+    whole, but nobody knows what it says; in place of its content lies the name of its coding, '' where it is too long.
+    """
 
     NONE = -1
     DONE = 0
@@ -45,6 +52,8 @@ class Outcome(IntEnum):
     AMBIGUOUS = 2
     REFUSED = 3
     STATUS = 4
+    GIVEN_UP = 5
+    UNREAD = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,9 +65,10 @@ class VisuMessages(Columns):
     ``stop`` are where the content of its body lies. Of replies: HTTP ``status``, ``outcome``, how many values it has
     (``fields``), ``latency_ns``, and ``asked_frame``, that of the request; of what is no reply -1, 0 of times.
     ``spoken`` is a ``WebProtocol``, -1 of what is of WebVisu.
-    ``asked_frame`` is also that of what is unanswered. ``gap_bytes`` are missing of the connection that were not told
-    before; ``opens``: it is the first such request of its connection. ``polled_ns`` is how long it is since the pair
-    read the same the last time, -1 of what is no such read. ``naming`` is which of ``VisuBatch.namings`` was known.
+    ``asked_frame`` is also that of what is unanswered, ``latency_ns`` also how long the client waited that gave up.
+    ``gap_bytes`` are missing of the connection that were not told before; ``opens``: it is the first such request of
+    its connection. ``polled_ns`` is how long it is since the pair read the same the last time, -1 of what is no such
+    read. ``naming`` is which of ``VisuBatch.namings`` was known.
     """
 
     kind: I64

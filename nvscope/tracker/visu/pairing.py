@@ -10,6 +10,7 @@ import numpy as np
 from dissectors.batch import I64, Bool
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.tracker.visu.conversation import Conversation, Happened
+from nvscope.tracker.visu.going_on import NEVER, GoingOn
 from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.plain_exchanges import AskedFor, Said, paired
 
@@ -26,17 +27,20 @@ _MANY = 1 << 12
 class Pairing:
     """The messages of a batch; ``is_plain`` is as in ``plain_rows``, ``asked`` as in ``Said``.
 
-    ``conversations`` are the state of connections. ``left_out`` are the requests so far for which there was no room.
+    ``conversations`` are the state of connections, ``closed`` those whose client has closed its side while its requests
+    waited; of these, ``going_on`` tells whether it waits still. ``left_out`` are the requests so far for which there
+    was no room.
     """
 
     def __init__(
         self, http: HttpMessages, is_plain: Bool, asked: I64, asked_for: AskedFor,
-        conversations: dict[int, Conversation],
+        conversations: dict[int, Conversation], going_on: GoingOn, closed: set[int],
     ) -> None:  # fmt: skip
         self._http = http
         self._is_plain = is_plain
         self._asked, self._asked_for = asked, asked_for
         self._conversations = conversations
+        self._going_on, self._closed = going_on, closed
         self._happened: list[Happened] = []
         self.left_out = 0
 
@@ -52,8 +56,15 @@ class Pairing:
         for number, *run in zip(*(column.tolist() for column in (connection[start], start, stop)), strict=True):
             conversation = self._conversations.setdefault(number, Conversation(number))
             self._take(conversation, rows, run, peculiar, said)
+            if conversation.closed is not None and conversation.waiting and conversation.is_heard:
+                self._closed.add(number)
             self.left_out += conversation.left_out
             conversation.left_out = 0
+        for number in sorted(self._closed):
+            conversation = self._conversations[number]
+            self._leave(conversation, NEVER)
+            if not conversation.waiting:
+                self._closed.discard(number)
         said.append(self._said())
         return said
 
@@ -64,7 +75,7 @@ class Pairing:
         begin, end = run
         least = _LEAST
         while begin < end:
-            if conversation.is_visu and end - begin >= _FEW:
+            if conversation.is_visu and end - begin >= _FEW and conversation.closed is None:
                 place = bisect_left(peculiar, begin)
                 stop = min(peculiar[place] if place < len(peculiar) else end, end, begin + _MANY)
                 stop = begin + self._in_front_of_surplus(conversation, rows[begin:stop])
@@ -104,10 +115,20 @@ class Pairing:
         http, asks, tell = self._http, self._asked_for.asks, self._happened.append
         columns = rows, http.stream[rows], http.form[rows], self._asked[rows], http.order[rows], http.arrival_ns[rows]
         for row, stream, form, ask, order, arrival_ns in zip(*(column.tolist() for column in columns), strict=True):
+            if conversation.closed is not None:
+                self._leave(conversation, order)
             if stream & 1:
                 conversation.take_from_server(http.forms[form], order, arrival_ns, row, tell)
             else:
                 conversation.take_from_client(http.forms[form], asks[ask], order, arrival_ns, row, tell)
+
+    def _leave(self, conversation: Conversation, before: int) -> None:
+        """Tell what a client that has closed its side does not wait for any more, as far as that is known before."""
+        if conversation.closed is None or not (conversation.waiting and conversation.is_heard):
+            return
+        order = self._going_on.since(conversation.connection, *conversation.closed)
+        if order < before:
+            conversation.give_up(order, self._happened.append)
 
     def _said(self) -> Said:
         """Return what was found to have happened message by message."""

@@ -31,7 +31,7 @@ SLOW_NS = 10**9
 """A reply that takes longer is worth a note."""
 
 _OK = 200
-_LATE = (VisuEvent.SLOW, VisuEvent.UNANSWERED)
+_LATE = (VisuEvent.SLOW, VisuEvent.UNANSWERED, VisuEvent.GIVEN_UP)
 _MOST_REMEMBERED = 1 << 14
 _MINUTE_NS = 60 * 10**9
 
@@ -103,7 +103,8 @@ class VisuCounts:
     by pair. ``events`` are keyed by ``VisuEvent`` and by subject, which ``subjects`` number; ``write_minutes`` are
     the writes among them by subject and minute since 1970. ``writes`` are who wrote what, ``unchanging`` what never
     changed, ``others`` what is spoken beside by pair and ``WebProtocol``, ``other_names`` the first list that
-    contradicts others, by client and server. ``left_out`` is that for which there was no room, keyed by ``Beyond``.
+    contradicts others, by client and server, and ``given_up`` how long clients waited at least and at most for what
+    they gave up. ``left_out`` is that for which there was no room, keyed by ``Beyond``.
     """
 
     def __init__(self) -> None:
@@ -119,6 +120,7 @@ class VisuCounts:
         self.others: dict[tuple[int, int], Spoken] = {}
         self.unchanging = Unchanging()
         self.other_names: dict[Subject, OtherNames] = {}
+        self.given_up: dict[Subject, tuple[int, int]] = {}
         self._minutes: set[tuple[int, int]] = set()
         self._variables: set[tuple[int, str]] = set()
         self._asked: set[tuple[int, Request]] = set()
@@ -207,7 +209,11 @@ class VisuCounts:
             found: list[tuple[VisuEvent, Subject]] = []
             if one.kind == Kind.UNANSWERED:
                 frame = one.asked_frame
-                found.append((VisuEvent.UNANSWERED, whole))
+                if one.outcome == Outcome.GIVEN_UP:
+                    found.append((VisuEvent.GIVEN_UP, whole))
+                    self._note_given_up(told, whole, one.latency_ns)
+                else:
+                    found.append((VisuEvent.UNANSWERED, whole))
             elif one.kind == Kind.CUT:
                 found.append((VisuEvent.CUT, whole))
             elif one.kind == Kind.REPLY:
@@ -220,7 +226,7 @@ class VisuCounts:
                 elif one.outcome == Outcome.STATUS:
                     found.append((VisuEvent.STATUS, whole))
                 secret = self._secret(request, one.naming, names)
-                if secret and one.status == _OK and not request.writes:
+                if secret and one.status == _OK and one.outcome != Outcome.UNREAD and not request.writes:
                     values = read_reply(request, part.data[one.start : one.stop]).values
                     found += [
                         (VisuEvent.PASSWORD_SEEN, variable)
@@ -240,6 +246,12 @@ class VisuCounts:
             if any(event in _LATE for event, _ in found):
                 happened.append((VisuEvent.LATE, time_ns, frame, whole))
         self._log(told, happened)
+
+    def _note_given_up(self, told: Told, subject: Subject, waited_ns: int) -> None:
+        """Note how long a client waited for what it gave up."""
+        least, most = self.given_up.get(subject, (waited_ns, waited_ns))
+        if subject in self.given_up or len(self.given_up) < told.max_streams:
+            self.given_up[subject] = min(least, waited_ns), max(most, waited_ns)
 
     def _note_writes(self, told: Told, part: VisuBatch, pair: I64, messages: VisuMessages) -> None:
         times_ns, frames = told.packets.ts_ns[messages.row], messages.row + told.first_frame

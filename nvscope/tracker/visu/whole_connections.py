@@ -5,6 +5,8 @@ Many pages open a connection for each request: then there are as many connection
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
 from dissectors.batch import I64, Bool
@@ -19,11 +21,17 @@ from nvscope.tracker.visu.plain_exchanges import AskedFor, Said
 
 
 def take_whole(
-    http: HttpMessages, is_plain: Bool, asked: I64, asked_for: AskedFor, conversations: dict[int, Conversation]
+    http: HttpMessages,
+    is_plain: Bool,
+    asked: I64,
+    asked_for: AskedFor,
+    conversations: dict[int, Conversation],
+    closed: Collection[int] = (),
 ) -> tuple[Bool, Said]:
     """Pair the messages of connections that begin and are answered; return which ones these are, and what they say.
 
-    Messages are by stream, and in each in its order; ``is_plain`` is as in ``plain_rows``.
+    Messages are by stream, and in each in its order; ``is_plain`` is as in ``plain_rows``. In connections that are
+    ``closed`` on one side, something waits.
     """
     what = np.array([form.what for form in http.forms], np.int64)[http.form]
     begins = (what == What.BEGIN) | (what == What.ANEW)
@@ -43,8 +51,17 @@ def take_whole(
     requests, replies = count(is_plain & ~of_server), count(is_plain & of_server)
     whole = all_of(good) & (count(begins) == 2) & (count(what == What.ANEW) == 1)
     whole &= (requests == replies) & (requests > 0) & (requests <= MOST_WAITING)
+    if closed:
+        whole &= ~np.isin(http.stream[start] >> 1, np.array(sorted(closed)))
     group = np.repeat(np.arange(len(start)), stop - start)
     ask, answer = (np.flatnonzero(is_plain & whole[group] & (of_server == side)) for side in (False, True))
+    # Where the client closed its side before the last reply, it matters how long it waited.
+    closes = np.zeros(len(start), np.bool_)
+    ends = np.flatnonzero((what == What.END) & ~of_server)
+    closes[group[ends]] = http.order[ends] < _last_order(http, group, answer, len(start))[group[ends]]
+    if (closes & whole).any():
+        whole &= ~closes
+        ask, answer = ask[whole[group[ask]]], answer[whole[group[answer]]]
     early = http.order[answer] <= http.order[ask]
     if early.any():
         whole[group[ask[early]]] = False
@@ -65,6 +82,13 @@ def take_whole(
     return whole[group], said
 
 
+def _last_order(http: HttpMessages, group: I64, answer: I64, groups: int) -> I64:
+    """Return the order of the last answer of each group, -1 of those without."""
+    last = np.full(groups, -1)
+    last[group[answer]] = http.order[answer]  # of one group, the last one stays
+    return last
+
+
 def _note(
     http: HttpMessages, start: I64, whole: Bool, ended: Bool, visu: I64, conversations: dict[int, Conversation]
 ) -> None:
@@ -76,4 +100,4 @@ def _note(
     spoke = np.zeros(len(start), np.bool_)
     spoke[visu] = True
     for number in connection[whole & ~ended & spoke].tolist():
-        conversations[number] = Conversation(number, is_visu=True)
+        conversations[number] = Conversation(number, is_visu=True, is_heard=True)

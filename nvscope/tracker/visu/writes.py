@@ -32,7 +32,7 @@ _NEVER: _When = (-1, -1)
 
 
 class WriteOutcome(StrEnum):
-    """What became of a write. ``OPEN``: nobody has seen it, or not yet."""
+    """What became of a write. ``OPEN``: nobody has seen it, or can read it, or not yet."""
 
     OPEN = "open"
     CONFIRMED = "confirmed"
@@ -145,6 +145,8 @@ class Writes:
         if place is None:
             return
         _, writes = waiting.pop(place)
+        if messages.outcome[step] == Outcome.UNREAD:
+            return
         outcome = WriteOutcome.UNANSWERED
         if messages.kind[step] == Kind.REPLY:
             is_done = messages.outcome[step] == Outcome.DONE

@@ -75,7 +75,11 @@ def message_words(part: VisuBatch, message: int, *, secrets: bool = False) -> st
         return f"variable list ({units.count_of(int(messages.stop[message] - messages.start[message]), 'byte')})"
     request = part.requests[asked]
     if kind is Kind.UNANSWERED:
-        return f"no reply to frame {messages.asked_frame[message]}"
+        unanswered = f"no reply to frame {messages.asked_frame[message]}"
+        if messages.outcome[message] != Outcome.GIVEN_UP:
+            return f"{unanswered}, connection ended by the controller"
+        waited_ns = int(messages.latency_ns[message])
+        return f"{unanswered}, given up{f' after {units.duration(waited_ns)}' if waited_ns > 0 else ''}"
     told = "; ".join(_shown(variables_of(part, message, secrets=secrets)))
     if kind is Kind.REPLY:
         return _reply(part, message, request, told)
@@ -90,6 +94,9 @@ def _reply(part: VisuBatch, message: int, request: Request, told: str) -> str:
     outcome = Outcome(int(messages.outcome[message]))
     if outcome is Outcome.STATUS:
         return f"HTTP status {messages.status[message]}{took}"
+    if outcome is Outcome.UNREAD:
+        coding = part.data[int(messages.start[message]) : int(messages.stop[message])].decode("latin-1")
+        return f"reply not read, {f'Content-Encoding {coding}' if coding else 'it is too long'}{took}"
     if outcome is Outcome.REFUSED:
         return f"refused{took}"
     if request.writes:

@@ -250,7 +250,7 @@ class Reader:
         yield Lost(dropped, in_step)
 
     def end(self, reset: bool, time: int) -> Iterator[Message | Lost]:
-        """End the direction: a message may end with it; a response that is not whole is told, as cut."""
+        """End the direction: a message may end with it; a response of which bytes are missing is told, as cut."""
         self.latest = time if self.latest is None else max(self.latest, time)
         message = self.so_far()
         if self.head is not None and message is not None:
@@ -259,7 +259,8 @@ class Reader:
                 yield self.whole(len(self.buffer), self.buffer[self.head.end :])
             elif self.response:
                 self.happened["response not whole at the end"] += 1
-                yield message
+                if self.missing_at is not None:
+                    yield message
         self.next_message(b"")
 
     def so_far(self) -> Message | None:

@@ -112,6 +112,8 @@ class Ending(NamedTuple):
     from_client: bool
     reset: bool
     time: int
+    by_client: bool = False
+    """Who reset it, or began another one in its place."""
 
 
 Event = Delivery | Ending
@@ -140,7 +142,7 @@ class Streams:
             connection = None
         if connection is not None and begins_another(segment, connection, source == connection.client):
             self.happened["new connection in place of another"] += 1
-            yield from self.reset(connection, frame.ts_ns)
+            yield from self.reset(connection, frame.ts_ns, by_client=True)
             connection = None
         if connection is None:
             if segment.flags & RST or not (segment.flags & (SYN | FIN) or segment.length):
@@ -155,7 +157,7 @@ class Streams:
         for speaker in (True, False):
             yield from self.waited(connection, speaker, frame.ts_ns)
         if segment.flags & RST:
-            yield from self.reset(connection, frame.ts_ns)
+            yield from self.reset(connection, frame.ts_ns, by_client=from_client)
             return
         if not own.ended:
             self.keep(own, segment, number, frame.ts_ns)
@@ -264,13 +266,13 @@ class Streams:
 
         yield from self.holes(connection, from_client, final, "time")
 
-    def reset(self, connection: Connection, now: int) -> Iterator[Event]:
+    def reset(self, connection: Connection, now: int, *, by_client: bool) -> Iterator[Event]:
         """End a connection out of order: what is kept first, the client's direction first."""
         for from_client in (True, False):
             yield from self.holes(connection, from_client, lambda _: True, "reset")
         for from_client in (True, False):
             self.end(connection.directions[from_client], now)
-            yield Ending(connection, from_client, True, now)
+            yield Ending(connection, from_client, True, now, by_client)
 
 
 def begins_another(segment: Segment, connection: Connection, from_client: bool) -> bool:

@@ -227,9 +227,11 @@ def test_a_request_up_to_the_end() -> None:
     assert seen(Line().open().ask(request).reset(True).frames).rows() == []
 
 
-def test_a_reply_that_is_not_whole_at_the_end_is_cut() -> None:
+def test_a_reply_that_is_not_whole_at_the_end_is_none_unless_bytes_are_missing() -> None:
     line = Line().open().ask(post(READ)).answer(reply(b"|1", length=3)).close(False)
-    assert figures(line) == {"connections": 1, "reads": 1, "entries": 1, "variables": 1, "cut": 1}
+    assert figures(line) == {"connections": 1, "reads": 1, "entries": 1, "variables": 1, "unanswered": 1}
+    cut = Line().open().ask(post(READ)).say(False, reply(b"|1", length=4), captured=len(reply(b"|1")) - 1).close(False)
+    assert (figures(cut)["cut"], figures(cut)["gap_bytes"]) == (1, 1)
     half_a_head = Line().open().ask(post(READ)).answer(b"HTTP/1.1 200 OK\r\nCont").close(False)
     assert figures(half_a_head)["unanswered"] == 1
 
@@ -284,9 +286,13 @@ def test_a_lost_request_and_its_reply() -> None:
     }  # fmt: skip
 
 
-def test_a_reply_that_cannot_be_decoded_is_a_cut_one() -> None:
+def test_a_reply_that_cannot_be_decoded_is_one_that_says_nothing() -> None:
     broken = b"HTTP/1.1 200 OK\r\nContent-Encoding: gzip\r\nContent-Length: 3\r\n\r\n|1|"
-    assert figures(Line().open().ask(post(READ)).answer(broken))["cut"] == 1
+    assert figures(Line().open().ask(post(READ)).answer(broken))["replies"] == 1
+    line = Line().open().ask(post(WRITE)).answer(broken)
+    assert "refused" not in figures(line)
+    assert seen(line.frames).writes[0].outcome == "open"
+    assert figures(Line().open().ask(post(WRITE)).answer(broken.replace(b"200", b"500")))["refused"] == 1
 
 
 def test_a_connection_that_began_before_the_capture() -> None:

@@ -8,11 +8,10 @@ Readings, where the rules leave a choice:
   Where the server's does, a request that is being received then stays what it is
 - a response that comes to nothing (a malformed chunk) takes no request with it but by the step that is lost
 - a hole in the server's direction, while that is in step, is in the response to the first request that waits, whatever
-  of it was seen. At the end, its head had to be seen whole; one of unknown end (chunked) is as one of known length
+  of it was seen. What is not whole at the end, though no byte is missing, is no reply
 - a cut request counts in `cut` and makes its connection count, and that is all: its reply, or that it has none, counts
   nowhere
-- a request whose body is not known is none, whatever its target says; a reply of which it is not known is a cut one,
-  whatever its status says
+- a request whose body is not known is none, whatever its target says; a reply is one that tells no more than its status
 - requests that become whole after the server's direction has ended are unanswered where the connection ends by RST or a
   new one; where it ends in order, nothing happens
 - the frame that ended a connection is the one with which the last byte of the direction was there, not the one that
@@ -39,15 +38,16 @@ from tests.oracle.rules.keys import node_order
 from tests.oracle.rules.streams import Connection, Delivery, End, Streams
 from tests.oracle.rules.visu_body import Answered, Asked
 from tests.oracle.rules.visu_figures import lacks_many, percentiles
+from tests.oracle.rules.visu_leaving import given_up
 
 SECOND = 1_000_000_000
 FRAMES_KEPT = 10
 COUNTED = ("reads", "writes", "entries", "replies", "refused", "unanswered", "cut", "miscounted", "ambiguous")
 
 Pair = tuple[Node, Node, int]
+"""Client, server, port."""
 Home = tuple[Node, int]
 """A controller: its address, and its port where that is neither 80 nor 8080, else 0."""
-"""Client, server, port."""
 
 
 class Told(NamedTuple):
@@ -109,6 +109,7 @@ class Talk:
         self.forgotten = False
         """Whether the response that is being received answers nobody."""
         self.readers: dict[bool, Reader] = {}
+        self.closed: int | None = None  # when the client closed its side
         self.happened = happened
 
     def reader(self, from_client: bool) -> Reader:
@@ -146,10 +147,13 @@ class Visu:
     def observe(self, frame: Frame) -> None:
         self.number += 1
         self.now = frame.ts_ns
+        for talk in given_up(frame, self.talks.values(), self.streams.ports, self.streams.servers):
+            self.happened["given up"] += 1
+            self.nobody_answers(talk)
         for event in self.streams.observe(self.number, frame):
-            talk = self.talks.get(event.connection)
-            if talk is None:
-                talk = self.talks[event.connection] = Talk(event.connection, self.happened)
+            if event.connection not in self.talks:
+                self.talks[event.connection] = Talk(event.connection, self.happened)
+            talk = self.talks[event.connection]
             reader = talk.reader(event.from_client)
             if isinstance(event, Delivery):
                 talk.gap_bytes += event.missing
@@ -165,6 +169,8 @@ class Visu:
                     self.response(talk, one)
             if not isinstance(event, Delivery) and not event.from_client:
                 self.nobody_answers(talk)
+            elif not isinstance(event, Delivery) and not event.reset:
+                talk.closed = event.time
 
     def lost(self, talk: Talk, from_client: bool, what: Lost) -> None:
         self.happened["client lost step" if from_client else "server lost step"] += 1
@@ -229,7 +235,7 @@ class Visu:
         found = [
             Written(
                 self.now, self.number, talk.pair, self.called(talk.home, entry.address),
-                self.known_value(talk.home, entry.address), text_of(entry.value),
+                self.known_value(talk.home, entry.address), visu_body.text_of(entry.value),
             )
             for entry in asked.entries
         ]  # fmt: skip
@@ -254,9 +260,8 @@ class Visu:
             for one in waiting.writes:
                 one.outcome, one.answer = "confirmed" if is_done else "refused", self.number
             if is_done:
-                self.confirmed |= {
-                    (talk.home, entry.address): (self.replies, text_of(entry.value)) for entry in asked.entries
-                }
+                for entry in asked.entries:
+                    self.confirmed[talk.home, entry.address] = self.replies, visu_body.text_of(entry.value)
         elif not asked.query and not answer.ambiguous and status == 200:
             self.read[talk.home, asked] = self.replies, answer.values
 
@@ -276,20 +281,22 @@ class Visu:
         if waiting.asked is None:
             return
         row = self.known[talk.pair]
-        if message.body is None:
+        if message.cut:
             self.happened["cut reply"] += 1
             row.counts["cut"] += 1
             self.find("NV808", talk)
             return
-        connection = talk.connection
-        self.messages.append(Told(self.number, connection.server, connection.client, "reply", message.body))
+        connection, body = talk.connection, message.body or b""
+        self.messages.append(Told(self.number, connection.server, connection.client, "reply", body))
         row.counts["replies"] += 1
         latency = message.arrival - waiting.message.arrival
         row.latencies.append(latency)
         if latency > SECOND:
             self.happened["slow"] += 1
             self.find("NV805", talk)
-        answer = visu_body.answered(waiting.asked, message.status, message.body)
+        if message.body is None and message.status == 200 and not waiting.asked.query:
+            return
+        answer = visu_body.answered(waiting.asked, message.status, body)
         self.learn(talk, waiting, waiting.asked, message.status, answer)
         self.judge(talk, row, waiting.asked, message, answer)
 
@@ -357,10 +364,8 @@ class Visu:
         return sorted(self.row_of(row).pollings)
 
     def row_of(self, row: dict[str, Any]) -> Row:
-        (found,) = [
-            known for (client, server, port), known in self.known.items()
-            if (str(client), str(server), port) == (row["client"], row["server"], row["port"])
-        ]  # fmt: skip
+        own = row["client"], row["server"], row["port"]
+        (found,) = [known for (*ends, port), known in self.known.items() if (*map(str, ends), port) == own]
         return found
 
     def rows(self) -> list[dict[str, Any]]:

@@ -192,3 +192,7 @@ def contradict(before: Listed, now: Listed) -> bool:
             ref, offset, size, _ = address
             known[name.casefold()].add((ref, offset, size == 0))
     return any(name in places[0] and not places[0][name] & here for name, here in places[1].items())
+
+
+def text_of(value: bytes | None) -> str:
+    return (value or b"").decode("latin-1")

@@ -68,8 +68,10 @@ def _verdict(report: Report) -> tuple[Cell, str]:
     if not lists:
         told = f"no list, {_asked(report)}"
     if not faults:
-        parts = [f"{told}, all well" if lists > 1 else f"{told}, all is well", *_extent(report)]
-        return symbol(None), " · ".join(parts)
+        unanswered = sum(row["unanswered"] for row in report.get("visu", ()))
+        well = f"{units.count_of(unanswered, 'request')} unanswered" if unanswered else "all is well"
+        parts = [f"{told}, all well" if lists > 1 and not unanswered else f"{told}, {well}", *_extent(report)]
+        return symbol(Severity.WARNING if unanswered else None), " · ".join(parts)
     passed = len(faults) - len(now)
     if not now:
         what = f"{units.count_of(passed, 'fault')}, {'all ' if passed > 1 else ''}passed"

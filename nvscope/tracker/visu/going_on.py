@@ -1,0 +1,77 @@
+"""GoingOn: when it is sure that a client, which closed its side while its request waited, waits no more.
+
+A connection of which only the client's side is closed may still be answered: some clients close it with the request
+(RFC 9293, section 3.6). What is sure is that the client goes on without a reply: it opens another connection to the
+same server, ``PATIENCE_NS`` or longer after it closed its side of this one. Of who asks no more, time tells.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dissectors.batch import I64, PacketBatch
+from dissectors.headers import ACK, RST, SYN
+from dissectors.keys import KeyTable
+from dissectors.transport import SegmentBatch
+from nvscope.tracker.connections import Connections
+from nvscope.tracker.pieces import ORDER_BITS, Order
+
+PATIENCE_NS = 10**9
+"""Who opens another connection sooner may ask for several things at a time."""
+
+LONGEST_NS = 10 * 10**9
+"""Nothing came for so long after the client closed its side: it is not waited for any more."""
+
+NEVER = int(np.iinfo(np.int64).max)
+
+
+class GoingOn:
+    """The segments of a batch, by which it is known that clients go on; its row 0 is frame ``first_frame``."""
+
+    def __init__(
+        self, connections: Connections, packets: PacketBatch, segments: SegmentBatch, first_frame: int
+    ) -> None:  # fmt: skip
+        self._connections = connections
+        self._segments = segments
+        self._time_ns = packets.ts_ns[segments.row]
+        self._order = (segments.row + first_frame) << ORDER_BITS | int(Order.ACKNOWLEDGED)
+        self._rises = bool((self._time_ns[1:] >= self._time_ns[:-1]).all())
+        self._opening: tuple[KeyTable, I64, I64] | None = None
+
+    def since(self, connection: int, order: int, time_ns: int) -> int:
+        """Return the order with which it is sure of a client that closed its side with an order, at a time."""
+        every = np.arange(len(self._order))
+        first = self._first_of(every, order, time_ns + LONGEST_NS)
+        return min(first, self._first_of(self._opened_like(connection), order, time_ns + PATIENCE_NS))
+
+    def _first_of(self, places: I64, order: int, time_ns: int) -> int:
+        """Return the order of the first of some segments, rising, that is behind an order and not before a time."""
+        behind = places[np.searchsorted(self._order[places], order, side="right") :]
+        times = self._time_ns[behind]
+        if self._rises:
+            place = int(np.searchsorted(times, time_ns))
+            return int(self._order[behind[place]]) if place < len(behind) else NEVER
+        late = np.flatnonzero(times >= time_ns)
+        return int(self._order[behind[late[0]]]) if len(late) else NEVER
+
+    def _opened_like(self, connection: int) -> I64:
+        """Return the segments with which its client opens connections to the same server."""
+        if self._opening is None:
+            self._opening = self._opened()
+        pairs, number, places = self._opening
+        ends = self._connections.ends_of(np.array([connection]))
+        own = int(pairs.find(*ends.client, *ends.server, ends.server_port)[0])
+        if own < 0:
+            return places[:0]
+        return places[np.searchsorted(number, own) : np.searchsorted(number, own, side="right")]
+
+    def _opened(self) -> tuple[KeyTable, I64, I64]:
+        """Return between which pairs connections are opened, and, by pair, its number and the segments that do so."""
+        segments, pairs = self._segments, KeyTable(5)
+        places = np.flatnonzero((segments.flags & (SYN | ACK | RST)) == SYN)
+        number = pairs.numbers(
+            segments.source_hi[places], segments.source_lo[places], segments.destination_hi[places],
+            segments.destination_lo[places], segments.destination_port[places].astype(np.uint64),
+        )  # fmt: skip
+        by_pair = np.argsort(number, kind="stable")
+        return pairs, number[by_pair], places[by_pair]

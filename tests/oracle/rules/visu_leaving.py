@@ -1,0 +1,46 @@
+"""When clients that closed their side, and were not answered, have given up.
+
+Readings, where the rules leave a choice:
+
+- a client that closed its side in order may still be answered. It has given up with the first segment over these ports
+  in which it opens a connection to the same server and port, 1 s or more after its FIN, or with the first of any that
+  comes 10 s or more after that; what that segment itself brings comes too late
+- where nothing that the server sent was captured but acknowledgements, nobody knows whether it answered
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from typing import TYPE_CHECKING
+
+from tests.oracle.frame import Frame
+from tests.oracle.tcp import ACK, RST, SYN, peel_tcp
+
+if TYPE_CHECKING:
+    from tests.oracle.rules.streams import End
+    from tests.oracle.rules.visu import Talk
+
+SECOND = 1_000_000_000
+ANOTHER_AFTER, FORGOTTEN_AFTER = SECOND, 10 * SECOND
+
+
+def given_up(
+    frame: Frame, talks: Collection[Talk], ports: Collection[int], known: Collection[frozenset[End]]
+) -> Iterator[Talk]:
+    """Yield the talks of which it is known with a frame, the older ones first; ``known`` are their ends in order."""
+    segment = peel_tcp(frame)
+    if segment is None or not {segment.source_port, segment.destination_port} & set(ports):
+        return
+    opens = segment.flags & (SYN | ACK | RST) == SYN
+    opened = segment.source, segment.destination, segment.destination_port
+    order = {ends: place for place, ends in enumerate(known)}
+    left = [
+        talk
+        for talk in talks
+        if talk.closed is not None and talk.waiting and talk.connection.directions[False].begin is not None
+    ]
+    for talk in sorted(left, key=lambda one: order[frozenset((one.connection.client, one.connection.server))]):
+        assert talk.closed is not None
+        waited = frame.ts_ns - talk.closed
+        if waited >= FORGOTTEN_AFTER or (waited >= ANOTHER_AFTER and opens and opened == talk.pair):
+            yield talk
