@@ -164,8 +164,10 @@ def _put_together(part: VisuBatch, replies: I64) -> tuple[_Spans, bytes]:
             body = part.data[int(messages.start[row]) : int(messages.stop[row])]
             values = [UNREADABLE if value is None else value for value in read_reply(request, body).values]
         for place, value in enumerate(values):
+            if value is None:  # of a text that was written, nobody knows how far it goes
+                continue
             told.append((row, place))
-            texts.append((value or "").encode("latin-1", "replace"))
+            texts.append(value.encode("latin-1", "replace"))
     length = np.array([len(text) for text in texts], np.int64)
     stop = len(part.data) + np.cumsum(length)
     message, position = np.array(told, np.int64).reshape(-1, 2).T

@@ -71,7 +71,9 @@ class VisuValues(Visu):
     ) -> None:  # fmt: skip
         super().judge(talk, row, asked, message, answer)
         if asked.write:
-            values = [] if answer.refused else [entry.value or b"" for entry in asked.entries]
+            nothing = b"" if asked.query else None
+            values = [nothing if entry.value is None else entry.value for entry in asked.entries]
+            values = [] if answer.refused else values
         else:
             values = [] if asked.query else [b"???" if one is None else one for one in answer.values]
         if asked.write and answer.refused:
@@ -82,7 +84,7 @@ class VisuValues(Visu):
             return
         self.take(talk.home, asked, values)
 
-    def take(self, home: Home, asked: visu_body.Asked, values: list[bytes]) -> None:
+    def take(self, home: Home, asked: visu_body.Asked, values: list[bytes | None]) -> None:
         for place, entry in enumerate(asked.entries):
             known = self.variables.setdefault((home, entry.address), Known())
             known.name = self.called(home, entry.address)
@@ -90,10 +92,13 @@ class VisuValues(Visu):
             known.asked += 1
             if place >= len(values):
                 continue
-            if values[place] == b"???":
+            said = values[place]
+            if said is None:
+                continue
+            if said == b"???":
                 known.unreadable += 1
                 continue
-            text = values[place].decode("latin-1")
+            text = said.decode("latin-1")
             value = value_of(entry.address, text)
             before = known.readings[-1] if known.readings else None
             changed = before is not None and not same(before, text, value)
