@@ -70,7 +70,7 @@ def visu_unchanging() -> Schema:
             **{name: _ENDS[name] for name in ("server", "server_name")},
             "variables": whole("that pages asked it for", 1),
             "unchanged": described(names, "told twice at least, and always the same"), "unchanged_cut": whole("more"),
-            "unreadable": described(names, "never a value, or always ???"), "unreadable_cut": whole("more"),
+            "unreadable": described(names, "told at least once, and always ???"), "unreadable_cut": whole("more"),
         }
     )  # fmt: skip
 

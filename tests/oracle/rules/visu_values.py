@@ -80,7 +80,7 @@ class VisuValues(Visu):
             return
         if asked.query and not asked.write:
             return
-        if message.status != 200 or answer.ambiguous or not values:
+        if message.status != 200 or answer.ambiguous:
             return
         self.take(talk.home, asked, values)
 
@@ -191,14 +191,14 @@ def real(text: str, size: int) -> float | None:
 
 
 def never_changed(rules: VisuValues) -> list[tuple[str, int, list[str], list[str]]]:
-    """Return by server: how many variables replies told of, those that never changed, those that never had a value."""
+    """Return by server: how many variables were asked for, those that never changed, those that were always ???."""
     found: dict[str, tuple[list[str], list[str], list[str]]] = {}
     for row in rules.rows():
         every, unchanged, unreadable = found.setdefault(row["server"], ([], [], []))
         every.append(row["name"])
-        if not row["readings"]:
+        if not row["readings"] and row["unreadable"]:
             unreadable.append(row["name"])
-        elif not row["changes"] and row["asked"] > 1:
+        elif not row["changes"] and row["readings"] > 1:
             unchanged.append(row["name"])
     return sorted(
         (server, len(every), sorted(unchanged), sorted(unreadable))
