@@ -14,6 +14,8 @@ from functools import cached_property
 from typing import NamedTuple
 from urllib.parse import unquote
 
+from dissectors.webvisu_entries import divide
+
 TYPES = (
     "BOOL", "INT", "BYTE", "WORD", "DINT", "DWORD", "REAL", "TIME", "STRING", "ARRAY", "ENUM", "USERDEF", "BITORBYTE",
     "POINTER", "SINT", "USINT", "UINT", "UDINT", "DATE", "TOD", "DT", "VOID", "LREAL", "REF", "NONE",
@@ -40,7 +42,7 @@ _MAY_BECOME = re.compile(rb"\|(?:[01](?:\|\d*)?)?\Z")
 _NUMBER = re.compile(r"[0-9]{1,10}")
 _PASSWORD = re.compile(r"(?:.*\.)?CurrentPasswords?(?:\[\d+\])?\Z", re.IGNORECASE | re.DOTALL)
 _QUERY = re.compile(r"(READPI|WRITEPI)\?(.*)\Z", re.IGNORECASE | re.DOTALL)
-_READ_FIELDS, _WRITE_FIELDS = 5, 6
+_ENTRY_FIELDS = 5
 _FIRST = 2
 
 
@@ -66,8 +68,9 @@ class Place(NamedTuple):
 class Entry(NamedTuple):
     """A variable that a request is about; ``value`` is what is written, None in a read.
 
-    ``number`` is what the request numbers it, which need not be its place. In the requests of older pages, ``place`` is
-    the address as text: ``MW230``.
+    In a write it is None where nobody knows how far a text goes, for it may have a separator in it. ``number`` is what
+    the request numbers it, which need not be its place. In the requests of older pages, ``place`` is the address as
+    text: ``MW230``.
     """
 
     number: int
@@ -90,17 +93,26 @@ class Request:
     """What a request asks for: to read its entries or to write them; ``declared`` is how many it says there are.
 
     ``query``: it is one of the older pages, READPI or WRITEPI, whose reply is as the page wants it.
+    ``ambiguous``: it writes texts with separators in them, and nobody knows what else; its entries are those that it
+    has in any case. ``rest`` is how many fields behind the entries of a write are none.
     """
 
     writes: bool
     declared: int
     entries: Sequence[Entry]
     query: bool = False
+    ambiguous: bool = False
+    rest: int = 0
 
     @property
     def is_miscounted(self) -> bool:
         """Whether it says another number of entries than it has."""
-        return self.declared != len(self.entries)
+        return self.declared != len(self.entries) and not self.ambiguous
+
+    @property
+    def may_write_more(self) -> bool:
+        """Whether it may write other variables than its entries, too."""
+        return self.ambiguous or self.rest > 0
 
     @cached_property
     def strings(self) -> int:
@@ -174,21 +186,29 @@ def read_request(body: bytes) -> Request | None:
     if fields and not fields[-1]:
         fields.pop()
     fields = fields[_FIRST:]
-    if writes and declared == 1 and len(fields) > _WRITE_FIELDS and fields[4] == str(STRING):
-        fields = [*fields[: _WRITE_FIELDS - 1], "|".join(fields[_WRITE_FIELDS - 1 :])]
-    return Request(writes, declared, tuple(_entries(fields, writes=writes)))
-
-
-def _entries(fields: Sequence[str], *, writes: bool) -> list[Entry]:
-    width = _WRITE_FIELDS if writes else _READ_FIELDS
-    found = []
-    for start in range(0, min(len(fields), MOST_ENTRIES * width) - width + 1, width):
-        numbers = fields[start : start + _READ_FIELDS]
+    if writes:
+        return _write(declared, fields)
+    entries = []
+    for start in range(0, min(len(fields), MOST_ENTRIES * _ENTRY_FIELDS) - _ENTRY_FIELDS + 1, _ENTRY_FIELDS):
+        numbers = fields[start : start + _ENTRY_FIELDS]
         if not all(map(_NUMBER.fullmatch, numbers)):
             break
-        number, *place = map(int, numbers)
-        found.append(Entry(number, Place(*place), fields[start + _READ_FIELDS] if writes else None))
-    return found
+        entries.append(_entry(numbers, None))
+    return Request(writes, declared, tuple(entries))
+
+
+def _write(declared: int, fields: Sequence[str]) -> Request:
+    division = divide(fields, declared, STRING, MOST_ENTRIES)
+    entries = []
+    for start, stop in division.pieces:
+        begin = start + _ENTRY_FIELDS
+        entries.append(_entry(fields[start:begin], None if stop is None else "|".join(fields[begin:stop])))
+    return Request(True, declared, tuple(entries), ambiguous=division.ambiguous, rest=division.rest)
+
+
+def _entry(numbers: Sequence[str], value: str | None) -> Entry:
+    number, *place = map(int, numbers)
+    return Entry(number, Place(*place), value)
 
 
 def query_parts(target: str) -> tuple[str, Sequence[tuple[str, str]]] | None:

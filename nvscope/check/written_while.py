@@ -42,7 +42,7 @@ class WrittenWhile:
     """An observer, and a listener of the state's events, of writes while something ``holds``, None for always.
 
     ``left_out``: how many writes there was no room for; ``cut`` are clients of WebVisu of whose messages some are not
-    whole: nobody knows whether these wrote something.
+    whole: nobody knows whether these wrote something. ``unclear`` are those of whose writes nobody knows all variables.
     """
 
     by_stream: ClassVar[bool] = True
@@ -54,6 +54,7 @@ class WrittenWhile:
         self._visu: dict[Written, Times] = {}
         self._pairs: dict[int, Pair] = {}
         self.cut: set[Pair] = set()
+        self.unclear: set[Pair] = set()
         self.left_out = 0
 
     def hear(self, events: EventBatch) -> None:
@@ -102,9 +103,12 @@ class WrittenWhile:
         frame, time_ns = messages.row + told.first_frame, told.packets.ts_ns[messages.row]
         judged = self._judged(frame, time_ns)
         cut = ((messages.kind == Kind.CUT) | (messages.gap_bytes > 0)) & judged
-        for number in distinct(messages.pair[cut]).tolist():
-            if len(self.cut) < MOST_PLACES:
-                self.cut.add(self._pair(part, number))
+        more = np.array([one.may_write_more for one in part.requests] + [False], np.bool_)[messages.asked]
+        unclear = (messages.kind == Kind.WRITE) & more & judged
+        for rows, pairs in ((cut, self.cut), (unclear, self.unclear)):
+            for number in distinct(messages.pair[rows]).tolist():
+                if len(pairs) < MOST_PLACES:
+                    pairs.add(self._pair(part, number))
         for row in np.flatnonzero((messages.kind == Kind.WRITE) & judged).tolist():
             pair = self._pair(part, int(messages.pair[row]))
             at = slice(row, row + 1)

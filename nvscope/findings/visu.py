@@ -152,6 +152,7 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
     kinds = {
         VisuEvent.WRITTEN: VISU_WRITE, VisuEvent.REFUSED: VISU_ERROR, VisuEvent.STATUS: VISU_ERROR,
         VisuEvent.PASSWORD_SEEN: VISU_PASSWORD_IN_CLEAR, VisuEvent.MISCOUNTED: VISU_COUNT_MISMATCH,
+        VisuEvent.AMBIGUOUS: VISU_COUNT_MISMATCH,
         VisuEvent.SLOW: VISU_SLOW, VisuEvent.UNANSWERED: VISU_SLOW, VisuEvent.LATE: VISU_SLOW,
         VisuEvent.OTHER_NAMES: VISU_OTHER_NAMES, VisuEvent.CUT: VISU_NOT_CAPTURED,
         VisuEvent.GIVEN_UP: VISU_SLOW,
@@ -209,8 +210,7 @@ def _sentence(
     if kind is VISU_PASSWORD_IN_CLEAR:
         return f"{client} and {server} transmitted the password {variable} in clear {_times(total)}."
     if kind is VISU_COUNT_MISMATCH:
-        messages = count_of(total, "request or reply", "requests and replies")
-        return f"{messages} between {client} and {server}: more or fewer values than declared or asked for."
+        return _miscounted(client, server, counts.get(VisuEvent.MISCOUNTED, 0), counts.get(VisuEvent.AMBIGUOUS, 0))
     slow, unanswered = counts.get(VisuEvent.SLOW, 0), counts.get(VisuEvent.UNANSWERED, 0)
     told = []
     if slow:
@@ -250,6 +250,15 @@ def _not_captured(subject: Subject, cut: int, every: int) -> str:
     return f"The capture lacks bytes of {count(cut)} of {messages} between {subject.client} and {subject.server}."
 
 
+def _miscounted(client: str, server: str, miscounted: int, ambiguous: int) -> str:
+    """Return what is said of messages with wrong numbers of values, and of those that may be divided otherwise."""
+    several = "texts with | in them, of which nobody knows how far they go and what else is there"
+    told = "more or fewer values than declared or asked for" if miscounted else several
+    more = f"; {count(ambiguous)} of them have {several}" if miscounted and ambiguous else ""
+    messages = count_of(miscounted + ambiguous, "request or reply", "requests and replies")
+    return f"{messages} between {client} and {server}: {told}{more}."
+
+
 def _contradicted(server: str, times: int, other: OtherNames) -> str:
     """Return what a list says otherwise than those known before."""
     older = ", which is older" if _older(other.stamp_before, other.stamp) else ""
@@ -272,10 +281,15 @@ def _over(write: Write | None, total: int) -> str:
     """Return what was written over what, where somebody may know it."""
     if write is None or write.is_secret:
         return ""
-    old, new = (one and (one if len(one) <= _MOST_SHOWN else f"{one[:_MOST_SHOWN]}…") for one in (write.old, write.new))
-    before = "" if old is None else f"{old} → "
+    if write.new is None:
+        return f"{', the last one kept' if total > 1 else ''}: a value that nobody knows"
+    before = "" if write.old is None else f"{_short(write.old)} → "
     became = "" if write.outcome in ("confirmed", "open") else f", {write.outcome}"
-    return f"{', the last one kept' if total > 1 else ''}: {before}{new}{became}"
+    return f"{', the last one kept' if total > 1 else ''}: {before}{_short(write.new)}{became}"
+
+
+def _short(value: str) -> str:
+    return value if len(value) <= _MOST_SHOWN else f"{value[:_MOST_SHOWN]}…"
 
 
 def _times(number: int) -> str:

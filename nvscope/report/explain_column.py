@@ -54,7 +54,7 @@ MEANINGS = MappingProxyType(
         "writes": "requests that write, whatever came of them",
         "miscounted": "requests that say another number of variables than they have, and replies with another number "
         "of values than was asked for",
-        "ambiguous": "replies with a text that has a | in it, of which nobody knows which one it is",
+        "ambiguous": "writes and replies with texts that have a | in them, of which nobody knows what belongs to which",
         "cut": "requests and replies of which the capture lacks bytes: they are not decoded",
         "bytes missing": "how many bytes of these connections the capture lacks",
         "connections": "how many connections over TCP there were on which such requests came",
@@ -64,7 +64,7 @@ MEANINGS = MappingProxyType(
         "parameter": "what was written: its name in the project, else Index and SubIndex",
         "variable": "what was written: its name, else area, offset, size and type; of READPI and WRITEPI its address",
         "old": "what was there before: as last seen in a reply to a read, or in a write that was confirmed; - if never",
-        "new": "what was to be written, whatever came of it",
+        "new": "what was to be written, whatever came of it; - if nobody knows, for texts have a | in them",
         "outcome": "what came of it: confirmed, refused, busy, unanswered, or open at the end of the capture",
         "frame": "the frame of the request",
         "what": "which protocol it is that is spoken on a port of WebVisu, and is not decoded",

@@ -23,6 +23,7 @@ from nvscope.report.variables import (
 )
 from nvscope.version import head
 from nvscope.view.documents.history import HISTORY_SCHEMA
+from nvscope.view.documents.read_variables import NOT_IN_REPLIES
 from nvscope.view.escape import json_ascii, visible, visible_document
 from nvscope.view.lines.plant.content import nanoseconds
 from nvscope.view.lines.short_names import short_names
@@ -322,7 +323,7 @@ _NEVER = {
     "not chosen": "sent, but the filter chooses none of its telegrams",
     "not decoded": "sent, but no telegram that could be decoded",
 }
-_NO_VALUE = ("not readable", "no value")
+_NO_VALUE = ("not readable", "no value", NOT_IN_REPLIES)
 """Why there is no value of a variable that is read in single values, at no time at all."""
 
 _AT = (
@@ -360,8 +361,9 @@ def render_at(
         lines += [[], *wrap([Cell(key, Tone.STRONG), Cell(what)], width)]
         known = [row for row in of_page if row["missing"] not in _NO_VALUE]
         lines += align(_AT, [_at_cells(row, "not yet seen") for row in known], None if wide else width, 2)
-        never = [row["name"] for row in of_page if row["missing"] in _NO_VALUE]
-        lines += never_told(never, width, of_pages=of_pages, filtered=shown["filter"] is not None)
+        absent = [row["name"] for row in of_page if row["missing"] == NOT_IN_REPLIES]
+        never = [row["name"] for row in of_page if row["missing"] in _NO_VALUE and row["missing"] != NOT_IN_REPLIES]
+        lines += never_told(never, absent, width, of_pages=of_pages, filtered=shown["filter"] is not None)
     if not groups and not has_read_rows(shown):
         lines += wrap([Cell("The definition files have no list that can be decoded.", Tone.WARNING)], width)
     return paint(lines, colour=colour)

@@ -146,9 +146,10 @@ def _read_lines(
     yield from wrap([Cell(rows[0]["list"], Tone.STRONG), Cell(told), Cell(day, Tone.FAINT)], width)
     if known:
         yield from align(_COLUMNS, [_cells(row, utc, dated=dated) for row in known], None if wide else width, 2)
-    yield from never_told(
-        [row["name"] for row in rows if row["text"] is None], width, of_pages=of_pages, filtered=filtered
-    )
+    never = [row for row in rows if row["text"] is None]
+    absent = [row["name"] for row in never if of_pages and not row["unreadable"]]
+    others = [row["name"] for row in never if not of_pages or row["unreadable"]]
+    yield from never_told(others, absent, width, of_pages=of_pages, filtered=filtered)
 
 
 def is_of_pages(row: Mapping[str, Any]) -> bool:
@@ -156,16 +157,22 @@ def is_of_pages(row: Mapping[str, Any]) -> bool:
     return "place" in row
 
 
-def never_told(names: Sequence[str], width: int, *, of_pages: bool, filtered: bool) -> Sequence[Line]:
+def never_told(
+    names: Sequence[str], absent: Sequence[str], width: int, *, of_pages: bool, filtered: bool
+) -> Sequence[Line]:  # fmt: skip
     """Return which variables never had a value, though somebody asked for it; nothing where there are none.
 
-    ``filtered``: they may have had one where a filter has left it out.
+    ``absent`` are those that are in no reply. ``filtered``: they may have had a value where a filter has left it out.
     """
-    if not names:
-        return []
     told = "Never readable (???)" if of_pages else "Never a value (NULL in each row)"
     if filtered:
-        told = "No value that could be read in what the filter chooses"
+        names, absent, told = [*names, *absent], [], "No value that could be read in what the filter chooses"
+    return [*_named(told, names, width), *_named("Asked for, and in no reply (NV804)", absent, width)]
+
+
+def _named(told: str, names: Sequence[str], width: int) -> Sequence[Line]:
+    if not names:
+        return []
     more = f" and {units.count(len(names) - _MOST_NAMED)} more" if len(names) > _MOST_NAMED else ""
     return wrap([Cell(f"{told}: {'; '.join(names[:_MOST_NAMED])}{more}.", Tone.WARNING)], width, 2, 4)
 

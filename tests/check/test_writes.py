@@ -252,6 +252,21 @@ def test_where_bytes_are_missing_somebody_may_have_written() -> None:
     assert one.verdict is FAIL
 
 
+@pytest.mark.parametrize(
+    ("body", "verdict"),
+    [
+        (b"|1|2|0|4|10|21|8|A|B|1|4|144|1|0|1|", FAIL),  # a text with a | in it hides nothing
+        (b"|1|1|0|4|10|21|8|A|1|4|144|1|0|1|", OPEN),  # all of it a text, or two entries
+        (b"|1|2|0|4|10|21|8|A|B|x|4|144|1|0|1|", OPEN),
+        (b"|1|1|0|4|10|21|8|A|B|", PASS),
+    ],
+)
+def test_texts_with_separators_hide_no_writes(body: bytes, verdict: Verdict) -> None:
+    (one,) = of_frames(talk(body).frames, writes(only_to="4,10,21,8"))
+    assert one.verdict is verdict
+    assert verdict is not OPEN or "a text has | in it" in one.subjects[0].reason
+
+
 OUTPUTS = ("--json", "--md", "--github", "--junit", "--sarif", None)
 
 

@@ -13,8 +13,10 @@ import pytest
 
 from dissectors.headers import PROTOCOL_TCP
 from nvscope.capture.open import open_sink
+from tests.analysis.transactions.talk import post, reply
 from tests.cli.test_vars import nvscope
 from tests.oracle.builders import ETHERNET, internet_packet, link_frame, unreachable, whole
+from tests.oracle.tcp_line import Line
 from tests.packets import batch_of
 from tests.program import run_text
 from tests.tracker.visu.shown_and_carried import GVL, plant
@@ -42,6 +44,20 @@ def test_variables_of_pages_need_no_definition() -> None:
     assert "visu/10.78.0.10, 10 variables of web visualization" in done.stdout
     assert "Never readable (???)" in done.stdout
     assert "2 values are hidden that may be a password; --show-secrets shows them." in done.stderr
+
+
+def test_what_no_reply_has_a_value_for_is_not_called_unreadable(tmp_path: Path) -> None:
+    line = Line().open().ask(post("|0|2|0|4|0|4|6|1|4|4|2|1|")).answer(reply("|1.5|"))
+    line.ask(post("|0|1|0|4|8|2|1|")).answer(reply("|???|")).ask(post("|0|1|0|4|9|2|1|")).answer(reply("|"))
+    sink = open_sink(str(tmp_path / "x.pcap"))
+    sink.write(batch_of(line.frames))
+    sink.close()
+    for moment in ([], ["--at", "+1s"]):
+        told = nvscope("vars", str(tmp_path / "x.pcap"), *moment).stdout
+        assert "Never readable (???): 4,8,2,1." in told
+        assert "Asked for, and in no reply (NV804): 4,4,2,1; 4,9,2,1." in told
+    report = json.loads(nvscope("report", str(tmp_path / "x.pcap"), "--json").stdout)
+    assert [one["unreadable"] for one in report["visu_unchanging"]] == [["4,8,2,1"]]
 
 
 def test_variables_of_pages_stand_beside_those_of_lists(shown: list[str]) -> None:

@@ -126,7 +126,10 @@ def test_surplus_fields() -> None:
 def test_a_separator_in_a_string_that_is_written() -> None:
     assert asked(b"|1|1|0|4|0|9|8|a|b|c|").entries[0].value == "a|b|c"
     assert asked(b"|1|1|0|4|0|9|8||").entries[0].value == ""
-    assert asked(b"|1|2|0|4|0|9|8|a|b|1|4|9|1|2|7|").is_miscounted
+    request = asked(b"|1|2|0|4|0|9|8|a|b|1|4|9|1|2|7|")
+    assert [(entry.address, entry.value) for entry in request.entries] == [("4,0,9,8", "a|b"), ("4,9,1,2", "7")]
+    assert not request.is_miscounted
+    assert not request.may_write_more
 
 
 @pytest.mark.parametrize(

@@ -32,8 +32,8 @@ HAPPENINGS = {
     "hole between messages", "hole in a body chunked", "hole in a body of known length", "hole in a body to the end",
     "hole in a head", "hole over the end of a body", "hole while searching", "response not whole at the end",
     # WebVisu
-    "client lost step", "cut reply", "cut request", "given up", "names", "no value", "other names", "other request",
-    "password read", "password written", "read with an HTTP error", "response to a forgotten request",
+    "ambiguous write", "client lost step", "cut reply", "cut request", "given up", "names", "no value", "other names",
+    "other request", "password read", "password written", "read with an HTTP error", "response to a forgotten request",
     "response to nobody", "server lost step", "several wait", "slow", "waiting forgotten",
 }  # fmt: skip
 FIGURES = {

@@ -16,6 +16,9 @@ ADDRESSES = [*NAMED.values(), (4, 0, 4, 6), (4, 4, 2, 3), (2, 48, 0, 0), (0, 6, 
 OTHER_DOWNLOADS = 9
 """One in so many lists has variables at the places of others."""
 
+LIKE_AN_ENTRY = "a|1|4|0|4|6|9"
+"""A text of which nobody can tell that it is not the end of one, and another entry."""
+
 GARBAGE = (
     b"\x16\x03\x01\x02\x00\x01\x00",
     b"hello\r\n",
@@ -152,7 +155,8 @@ def visu_exchange(rng: Chance, last: bool) -> Exchange:
     for index, address in enumerate(addresses):
         body += "".join(f"|{field}" for field in (index, *address))
         if write:
-            body += "|" + value(rng, address)
+            text = value(rng, address)
+            body += "|" + (LIKE_AN_ENTRY if text == "|" else text)
     if rng.random() < rng.wild / 20:
         body += "|x|1"
     body = broken(rng, body + "|")

@@ -242,7 +242,7 @@ def _on_pages_at(known: Properties) -> dict[str, Schema]:
     told = {name: part for name, part in known.items() if name not in _OF_PAGE}
     on_page = {**_OF_PAGE, **told, **_PAGE_VALUE, **_PLACE, "text": text(), "missing": unknown()}
     nothing = {name: unknown() for name in told}
-    why = word(("later", "not readable"), "why there is no value")
+    why = word(("later", "not readable", "not in replies"), "why there is no value")
     return {
         "on_page": record(on_page),
         "not_on_page": record({**_OF_PAGE, **nothing, **_PLACE, "hidden": word((False,)), "missing": why}),

@@ -42,7 +42,7 @@ def visu() -> Schema:
             "cut": whole("requests and replies of which bytes are missing"),
             "gap_bytes": whole("bytes that are missing of the connections"),
             "miscounted": whole("requests and replies with more or fewer entries than told or asked for"),
-            "ambiguous": whole("replies whose values may be divided in several ways"),
+            "ambiguous": whole("requests and replies whose values may be divided in several ways"),
             "latency_ns": described(record(latency), "from the request to its reply"),
             "polling_ns": described(record(polling), "from one read to the next one of the same"),
         }
@@ -70,7 +70,7 @@ def visu_unchanging() -> Schema:
             **{name: _ENDS[name] for name in ("server", "server_name")},
             "variables": whole("that pages asked it for", 1),
             "unchanged": described(names, "told twice at least, and always the same"), "unchanged_cut": whole("more"),
-            "unreadable": described(names, "never a value, or always ???"), "unreadable_cut": whole("more"),
+            "unreadable": described(names, "told at least once, and always ???"), "unreadable_cut": whole("more"),
         }
     )  # fmt: skip
 
@@ -83,7 +83,7 @@ def visu_write() -> Schema:
             "variable": text("its name, or where it lies"), "place": text("area, offset, size and type; or an address"),
             "type": maybe(text("null: it is asked for by address")),
             "old": maybe(text(f"what it was before; null: nobody knows. Cut behind {MOST_CHARACTERS} characters")),
-            "new": maybe(text("what it is then, cut likewise; null: hidden")),
+            "new": maybe(text("what it is then, cut likewise; null: hidden, or nobody knows how far it goes")),
             "hidden": truth("it is a password, or may be one: old and new are not shown"),
             "outcome": word([outcome.value for outcome in WriteOutcome], "open: nobody has seen what came of it"),
             "answer_frame": maybe(whole("that of the reply", 1)),

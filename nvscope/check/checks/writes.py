@@ -27,6 +27,8 @@ _MOST_SHOWN = 60
 
 _MOST_NAMED = 3
 _UNHEARD = "what nodes ask each other is not to be seen in this capture: others may have written"
+_CUT = "bytes of its connections are missing: nobody knows whether it wrote something in there"
+_UNCLEAR = "of a request nobody knows all variables: a text has | in it, or more is in it than its variables"
 
 
 @dataclass(slots=True)
@@ -57,13 +59,16 @@ def _writes(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]
             writer.broken.append((written, times))
         elif may is None:
             writer.unknown.append(written)
-    hidden = {(pair.protocol, pair.client) for pair in watched.cut if pair in asking}
+    hidden = {
+        (pair.protocol, pair.client): reason
+        for pairs, reason in ((watched.cut, _CUT), (watched.unclear, _UNCLEAR)) for pair in pairs if pair in asking
+    }  # fmt: skip
     yield from _beyond(known, watched, anybody=bool(writers or hidden))
     kept = {} if known.parameters is None else {one.frame: one for one in known.parameters.writes.kept}
     for protocol, client in sorted({*writers, *hidden}, key=_order):
         subject = Judged(Verdict.PASS, node=client, protocol=protocol)
         writer = writers.get((protocol, client), _Writer())
-        yield _judged(known, subject, writer, who, kept, is_cut=(protocol, client) in hidden)
+        yield _judged(known, subject, writer, who, kept, hidden.get((protocol, client), ""))
 
 
 def _order(writer: tuple[str, str]) -> tuple[object, ...]:
@@ -95,8 +100,9 @@ def _beyond(known: Evidence, watched: WrittenWhile, *, anybody: bool) -> Iterato
 
 
 def _judged(
-    known: Evidence, subject: Judged, writer: _Writer, who: Nodes, kept: Mapping[int, Write], *, is_cut: bool
+    known: Evidence, subject: Judged, writer: _Writer, who: Nodes, kept: Mapping[int, Write], hidden: str
 ) -> Judged:  # fmt: skip
+    """Judge what a node wrote; ``hidden`` is why nobody knows all of it, "" where all of it is known."""
     broken = sorted(writer.broken, key=lambda one: one[1].frames.kept)
     count = sum(times.count for _, times in broken)
     frames = first_of(times.frames.kept for _, times in broken)
@@ -107,9 +113,8 @@ def _judged(
         verdict, reason = Verdict.INCONCLUSIVE, f"nobody has named {_few([one.called for one in writer.unknown])}"
         if who.unknown:
             reason = f"no node is called {', '.join(who.unknown)}"
-    elif is_cut:
-        verdict = Verdict.INCONCLUSIVE
-        reason = "bytes of its connections are missing: nobody knows whether it wrote something in there"
+    elif hidden:
+        verdict, reason = Verdict.INCONCLUSIVE, hidden
     return Judged(
         verdict, node=subject.node, protocol=subject.protocol, reason=reason, worst=count, limit=0, unit="writes",
         count=count, first_ns=frames[0][1] if frames else None, frames=frames_of(frames),

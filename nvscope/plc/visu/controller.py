@@ -130,7 +130,7 @@ class Controller:
             return self._plain(Result.NOT_FOUND, request, 404, "no such page")
         asked = read_request(request.body)
         # Who counts wrong in a read gets what he names, as controllers do; nothing is written by guess.
-        if asked is None or not asked.entries or (asked.writes and asked.is_miscounted):
+        if asked is None or not asked.entries or asked.ambiguous or (asked.writes and asked.is_miscounted):
             return self._plain(Result.MALFORMED, request, 400, "no request of a WebVisu page")
         return self._asked(request, asked)
 

@@ -25,13 +25,15 @@ class LastReading(NamedTuple):
 class ValuesAt:
     """The last values up to the frames that count, ``then``, by number of ``read.known``.
 
-    Also those that came behind: a clock that steps back passes a moment again.
+    Also those that came behind: a clock that steps
+    back passes a moment again. ``unreadable`` are those that could not be read at some time.
     """
 
     def __init__(self, read: ReadValues) -> None:
         self.read = read
         self.then: dict[int, LastReading] = {}
         self._now: dict[int, LastReading] = {}
+        self.unreadable: set[int] = set()
 
     @property
     def readable(self) -> Collection[int]:
@@ -58,7 +60,9 @@ class ValuesAt:
         self.then = dict(self._now)
 
     def _take(self, told: Told, readings: Readings, which: Bool) -> None:
-        rows = np.flatnonzero(which & (readings.form != Form.NOTHING))
+        nothing = readings.form == Form.NOTHING
+        self.unreadable.update(np.unique(readings.variable[nothing & which]).tolist())
+        rows = np.flatnonzero(which & ~nothing)
         last = np.full(len(self.read.known), -1)
         # Assigned in order, so that the last one is what stays.
         last[readings.variable[rows]] = rows

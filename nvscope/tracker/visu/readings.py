@@ -99,18 +99,23 @@ class ReadPages:
             further, data = _put_together(part, replies[~usual])
             found = _Spans.stacked([found, further])
             found = found.take(np.lexsort((found.position, found.message)))
-        return self._told(told, part, found, data)
+        return self._told(told, part, replies, found, data)
 
-    def _told(self, told: Told, part: VisuBatch, found: _Spans, data: bytes) -> Readings:
+    def _told(self, told: Told, part: VisuBatch, replies: I64, found: _Spans, data: bytes) -> Readings:
         messages, variables = part.messages, self.variables
-        variable, secret = np.empty(len(found), np.int64), np.zeros(len(found), np.bool_)
-        keys = [getattr(messages, name)[found.message] for name in ("naming", "pair", "asked")]
+        numbers, hides = [np.empty(0, np.int64)], [np.empty(0, np.bool_)]
+        begin, count = np.empty(len(replies), np.int64), 0
+        keys = [getattr(messages, name)[replies] for name in ("naming", "pair", "asked")]
+        # What replies have no values for was asked for all the same.
         for (naming, pair, asked), rows in rows_by(keys):
             controller, request = controller_of(part.pairs, pair), part.requests[asked]
             own = self._numbers(variables.of(controller, request, naming, part.namings[naming], told.max_streams))
-            variable[rows] = own[found.position[rows]]
-            hides = [number >= 0 and variables.known[number].is_secret for number in own.tolist()]
-            secret[rows] = np.array(hides, np.bool_)[found.position[rows]]
+            numbers.append(own)
+            hides.append(np.array([one >= 0 and variables.known[one].is_secret for one in own.tolist()], np.bool_))
+            begin[rows] = count
+            count += len(own)
+        at = begin[np.searchsorted(replies, found.message)] + found.position
+        variable, secret = np.concatenate(numbers)[at], np.concatenate(hides)[at]
         kept = variable >= 0
         if not kept.all():
             found, variable, secret = found.take(kept), variable[kept], secret[kept]
@@ -164,8 +169,10 @@ def _put_together(part: VisuBatch, replies: I64) -> tuple[_Spans, bytes]:
             body = part.data[int(messages.start[row]) : int(messages.stop[row])]
             values = [UNREADABLE if value is None else value for value in read_reply(request, body).values]
         for place, value in enumerate(values):
+            if value is None:  # of a text that was written, nobody knows how far it goes
+                continue
             told.append((row, place))
-            texts.append((value or "").encode("latin-1", "replace"))
+            texts.append(value.encode("latin-1", "replace"))
     length = np.array([len(text) for text in texts], np.int64)
     stop = len(part.data) + np.cumsum(length)
     message, position = np.array(told, np.int64).reshape(-1, 2).T

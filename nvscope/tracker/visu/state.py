@@ -31,6 +31,7 @@ SLOW_NS = 10**9
 """A reply that takes longer is worth a note."""
 
 _OK = 200
+_WRONG: Mapping[int, VisuEvent] = {Outcome.MISCOUNTED: VisuEvent.MISCOUNTED, Outcome.AMBIGUOUS: VisuEvent.AMBIGUOUS}
 _LATE = (VisuEvent.SLOW, VisuEvent.UNANSWERED, VisuEvent.GIVEN_UP)
 _MOST_REMEMBERED = 1 << 14
 _MINUTE_NS = 60 * 10**9
@@ -154,6 +155,7 @@ class VisuCounts:
         columns, kind, outcome = self.columns, messages.kind, messages.outcome
         entries = np.array([len(one.entries) for one in requests], np.int64)
         miscounted = np.array([one.is_miscounted for one in requests], np.bool_)
+        ambiguous = np.array([one.ambiguous for one in requests], np.bool_)
         writes = np.array([one.writes for one in requests], np.bool_)
         asks = (kind == Kind.READ) | (kind == Kind.WRITE)
         replies = kind == Kind.REPLY
@@ -166,6 +168,7 @@ class VisuCounts:
         asked = messages.asked
         np.add.at(columns.entries, pair[asks], entries[asked[asks]])
         np.add.at(columns.miscounted, pair[asks], miscounted[asked[asks]])
+        np.add.at(columns.ambiguous, pair[asks], ambiguous[asked[asks]])
         np.add.at(columns.gap_bytes, pair, messages.gap_bytes)
         refused = np.flatnonzero(replies & ((outcome == Outcome.REFUSED) | (outcome == Outcome.STATUS)))
         np.add.at(columns.refused, pair[refused], writes[asked[refused]])
@@ -219,8 +222,8 @@ class VisuCounts:
             elif one.kind == Kind.REPLY:
                 if one.latency_ns > SLOW_NS:
                     found.append((VisuEvent.SLOW, whole))
-                if one.outcome in (Outcome.MISCOUNTED, Outcome.AMBIGUOUS):
-                    found.append((VisuEvent.MISCOUNTED, whole))
+                if wrong := _WRONG.get(one.outcome):
+                    found.append((wrong, whole))
                 elif one.outcome == Outcome.REFUSED or (one.outcome == Outcome.STATUS and request.writes):
                     found += [(VisuEvent.REFUSED, variable) for variable in variables]
                 elif one.outcome == Outcome.STATUS:
@@ -237,6 +240,8 @@ class VisuCounts:
                 self._note_variables(number, request, told, time_ns, frame)
                 if request.is_miscounted:
                     found.append((VisuEvent.MISCOUNTED, whole))
+                if request.ambiguous:
+                    found.append((VisuEvent.AMBIGUOUS, whole))
                 if one.kind == Kind.WRITE:
                     for variable in variables:
                         found.append((VisuEvent.WRITTEN, variable))

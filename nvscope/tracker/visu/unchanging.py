@@ -1,5 +1,7 @@
 """Unchanging: the variables that pages asked for and that never changed, or never could be read.
 
+Of those that no reply has a value for, nobody knows whether they can be read.
+
 Most values change soon or never: what has changed is not looked at any more, and of the others texts are compared with
 the first one, whole columns at once.
 """
@@ -48,14 +50,15 @@ class NeverChanged:
 class Unchanging:
     """What never changed so far.
 
-    ``variables`` are those that were asked for; ``asked`` is how often, by number, ``changed`` those that changed.
-    ``first`` are first values, as they came; variables without one could never be read.
+    ``variables`` are those that were asked for. ``first`` are first values, as they came, by number; ``again`` had the
+    same once more, ``changed`` another one. ``unreadable`` could not be read at some time.
     """
 
     def __init__(self) -> None:
         self.variables = PageVariables()
-        self.asked: I64 = np.zeros(0, np.int64)
         self.changed: set[int] = set()
+        self.again: set[int] = set()
+        self.unreadable: set[int] = set()
         self.first: dict[int, bytes] = {}
 
     def observe(self, part: VisuBatch, most: int) -> None:
@@ -68,7 +71,7 @@ class Unchanging:
         keys = [getattr(messages, name)[replies] for name in ("naming", "pair", "asked")]
         for (naming, pair, asked), rows in rows_by(keys):
             controller, request = controller_of(part.pairs, pair), part.requests[asked]
-            own = self._numbers(controller, request, naming, part, most, len(rows))
+            own: list[int] = self.variables.of(controller, request, naming, part.namings[naming], most).tolist()
             some = replies[rows]
             if not self._open(own):
                 continue
@@ -79,8 +82,9 @@ class Unchanging:
             self._read(part, request, own, some[~usual])
             some = some[usual]
             # What changes does so soon: a few replies tell most of it.
-            self._read(part, request, own, some[:: max(len(some) // _FEW, 1)])
-            groups.append((own, some))
+            few = np.arange(0, len(some), max(len(some) // _FEW, 1))
+            self._read(part, request, own, some[few])
+            groups.append((own, np.delete(some, few)))
         self._compare_all(part, groups)
 
     def _open(self, own: list[int]) -> list[int]:
@@ -104,25 +108,14 @@ class Unchanging:
             unchanged, unreadable, every = found.setdefault(variable.controller, ([], [], []))
             every.append(number)
             if number not in self.first:
-                unreadable.append(variable.name)
-            elif number not in self.changed and self.asked[number] > 1:
+                unreadable += [variable.name] if number in self.unreadable else []
+            elif number not in self.changed and number in self.again:
                 unchanged.append(variable.name)
         return [
             NeverChanged(one.address, len(every), sorted(unchanged), sorted(unreadable))
             for one, (unchanged, unreadable, every) in sorted(found.items(), key=lambda pair: pair[0].order)
             if unchanged or unreadable
         ]
-
-    def _numbers(
-        self, controller: Controller, request: Request, naming: int, part: VisuBatch, most: int, count: int
-    ) -> list[int]:  # fmt: skip
-        """Return the numbers of the variables of a request that was answered so often."""
-        numbers = self.variables.of(controller, request, naming, part.namings[naming], most)
-        if len(self.asked) < len(self.variables):
-            self.asked = np.append(self.asked, np.zeros(len(self.variables), np.int64))
-        np.add.at(self.asked, numbers[numbers >= 0], count)
-        own: list[int] = numbers.tolist()
-        return own
 
     def _read(self, part: VisuBatch, request: Request, own: list[int], replies: I64) -> None:
         """Take the values of replies one by one."""
@@ -133,11 +126,17 @@ class Unchanging:
             else:
                 texts = list(read_reply(request, part.data[int(messages.start[row]) : int(messages.stop[row])]).values)
             for number, text in zip(own, texts, strict=False):
-                if number >= 0 and number not in self.changed and text is not None:
+                if text is not None and number >= 0 and number not in self.changed:
                     self._take(number, text.encode("latin-1", "replace"))
+                elif text is None and number >= 0 and not request.writes:
+                    self.unreadable.add(number)
 
     def _take(self, number: int, text: bytes) -> None:
-        first = self.first.setdefault(number, text)
+        if number not in self.first:
+            self.first[number] = text
+            return
+        self.again.add(number)
+        first = self.first[number]
         if text == first:
             return
         kind = self.variables.known[number].kind
@@ -163,6 +162,9 @@ class Unchanging:
             told = [int.from_bytes(wanted[at][begin : begin + _WORD_BYTES], "little") for at in column.tolist()]
             found = words[start[:, column] + begin] & mask
             differs[column] |= (found != np.array(told, np.uint64)).any(axis=0)
+        same = [own[place] for place in left[~differs].tolist()]
+        self.again.update(number for number in same if number in self.first)
+        self.unreadable.update(number for number in same if number not in self.first)
         for at in np.flatnonzero(differs).tolist():
             number = own[int(left[at])]
             for begin, end in zip(start[:, at].tolist(), stop[:, at].tolist(), strict=True):
@@ -170,6 +172,8 @@ class Unchanging:
                     break
                 if (text := part.data[begin:end]) != _UNREADABLE:
                     self._take(number, text)
+                else:
+                    self.unreadable.add(number)
 
 
 def _usual(part: VisuBatch, replies: I64, entries: int) -> Bool:

@@ -45,8 +45,8 @@ class Write:
     """One variable that was written.
 
     ``client`` and ``server`` are halves of addresses. ``old`` is what it was before, as it was read or written last;
-    None where nobody knows. ``answer_frame`` is that of the reply, 0 without one. ``is_secret``: it is a password, or
-    may be one.
+    None where nobody knows; so is ``new``, of a text of which nobody knows how far it goes. ``answer_frame`` is that of
+    the reply, 0 without one. ``is_secret``: it is a password, or may be one.
     """
 
     time_ns: int
@@ -57,7 +57,7 @@ class Write:
     variable: str
     place: Where
     old: str | None
-    new: str
+    new: str | None
     is_secret: bool
     outcome: WriteOutcome = WriteOutcome.OPEN
     answer_frame: int = 0
@@ -129,7 +129,7 @@ class Writes:
             found.append(
                 Write(
                     time_ns, frame, (client_hi, client_lo), (server_hi, server_lo), port, name_of(entry, names),
-                    entry.place, old and cut_text(old), cut_text(entry.value or ""), is_secret(entry, names),
+                    entry.place, old and cut_text(old), entry.value and cut_text(entry.value), is_secret(entry, names),
                 )
             )  # fmt: skip
         self.kept += found
@@ -165,7 +165,7 @@ class _Values:
     def __init__(self) -> None:
         self._replies: dict[tuple[Controller, Request], tuple[_When, bytes]] = {}
         self._askers: dict[tuple[Controller, Where], list[tuple[Request, int]]] = defaultdict(list)
-        self._written: dict[tuple[Controller, Where], tuple[_When, str]] = {}
+        self._written: dict[tuple[Controller, Where], tuple[_When, str | None]] = {}
         self._bytes = self._entries = 0
         # When there was no room for what came last: what was known of a controller before may have changed since.
         self._lost: dict[Controller, _When] = {}
@@ -191,8 +191,8 @@ class _Values:
             return False
         return all(len(self._askers.get((controller, one.place), ())) < _MOST_ASKERS for one in request.entries)
 
-    def written(self, controller: Controller, place: Where, value: str, frame: int, row: int) -> None:
-        """Note that a value was written."""
+    def written(self, controller: Controller, place: Where, value: str | None, frame: int, row: int) -> None:
+        """Note that a value was written, None for one that nobody knows."""
         if len(self._written) < MOST_WRITES or (controller, place) in self._written:
             self._written[controller, place] = (frame, row), value
         else:

@@ -27,6 +27,10 @@ UNKNOWN = "unknown"
 """The type of a variable of which nobody says one."""
 
 
+NOT_IN_REPLIES = "not in replies"
+"""Why there never was a value that a controller was asked for: its replies had fewer of them."""
+
+
 @dataclass(frozen=True, slots=True)
 class RowShape:
     """What rows of the variables of one protocol have of their own.
@@ -96,7 +100,7 @@ def rows_at(values: ValuesAt, time_ns: int, shape: RowShape, *, secrets: bool = 
                 "frame": None if last is None else last.frame,
                 "sent_ns": None if last is None else str(last.time_ns),
                 "age_ns": None if last is None else time_ns - last.time_ns,
-                "missing": None if last else "later" if number in values.readable else shape.never,
+                "missing": None if last else _missing(values, number, shape),
                 **shape.further(variable),
                 **({"hidden": hidden} if shape.may_fail else {}),
             }
@@ -144,6 +148,13 @@ def change_rows(history: ValueHistory, shape: RowShape) -> list[dict[str, Any]]:
         for number, variable in _meant(history.read)
         if number < len(tracks) and tracks.readings[number]
     ]
+
+
+def _missing(values: ValuesAt, number: int, shape: RowShape) -> str:
+    """Return why a variable has no value at a moment."""
+    if number in values.readable:
+        return "later"
+    return NOT_IN_REPLIES if shape.may_fail and number not in values.unreadable else shape.never
 
 
 def _meant(read: ReadValues) -> list[tuple[int, ReadVariable]]:

@@ -184,4 +184,5 @@ def read_groups(read_ones: Mapping[str, ValuesSeen], lists: Collection[str] | No
             if lists is None or listed in lists:
                 known = numbers[seen.columns.readings[numbers] > 0]
                 if len(known):
-                    yield ReadGroup(ReadKey(listed, source), seen, known, len(numbers) - len(known))
+                    never = (seen.columns.readings[numbers] == 0) & (seen.columns.unreadable[numbers] > 0)
+                    yield ReadGroup(ReadKey(listed, source), seen, known, int(np.count_nonzero(never)))

@@ -57,8 +57,10 @@ class VisuTree(TransportTree):
         kind, asked = Kind(int(messages.kind[message])), int(messages.asked[message])
         if kind in (Kind.READ, Kind.WRITE):
             request = self._part.requests[asked]
-            yield _fact("Declared", units.count_of(request.declared, "variable"), wrong=request.is_miscounted)
-            yield _fact("Sent", units.count_of(len(request.entries), "variable"))
+            wrong = request.is_miscounted or request.ambiguous
+            yield _fact("Declared", units.count_of(request.declared, "variable"), wrong=wrong)
+            sent = units.count_of(len(request.entries), "variable")
+            yield _fact("Sent", f"{sent} or more, ambiguous" if request.ambiguous else sent, wrong=request.ambiguous)
         if kind in (Kind.REPLY, Kind.UNANSWERED):
             yield _fact("Request", f"frame {messages.asked_frame[message]}")
         if kind is Kind.REPLY:

@@ -84,6 +84,8 @@ def message_words(part: VisuBatch, message: int, *, secrets: bool = False) -> st
     if kind is Kind.REPLY:
         return _reply(part, message, request, told)
     miscounted = f", declares {request.declared}" if request.is_miscounted else ""
+    if request.ambiguous:
+        miscounted = f" or more, declares {request.declared}, ambiguous"
     verb = "write" if request.writes else "read"
     return f"{verb} {units.count_of(len(request.entries), 'variable')}{miscounted}: {told}"
 

@@ -61,6 +61,11 @@ def test_reads(body: bytes, expected: list[str]) -> None:
         (b"|1|1|0|4|0|6|8|a|b|", [b"a|b"]),
         (b"|1|01|0|4|0|6|8|a|b||", [b"a|b|"]),
         (b"|1|1|0|4|0|6|2|a|b|", [b"a"]),
+        (b"|1|2|0|4|0|6|8|a|b|1|4|0|6|8|c|", [b"a|b", b"c"]),
+        (b"|1|2|0|4|0|6|8|a|b|1|4|7|4|6|80.0|", [b"a|b", b"80.0"]),
+        (b"|1|3|1|4|7|4|6|1.5|2|4|0|6|8||||3|4|7|4|6|2|", [b"1.5", b"||", b"2"]),
+        (b"|1|2|0|4|0|6|8|a|b|0|4|7|4|6|80.0|", [b"a|b", b"80.0"]),
+        (b"|1|2|0|4|0|6|8|a|1|4|7|4|6|80.0", [b"a", b"80.0"]),
     ],
 )
 def test_writes(body: bytes, values: list[bytes]) -> None:
@@ -78,7 +83,6 @@ def test_writes(body: bytes, values: list[bytes]) -> None:
         (b"|0|2|0|4|0|6|8|x|4|0|6|8|", 1),
         (b"|0|1|0|4|0|12345678901|8|", 0),
         (b"|1|1|0|4|0|6|8|", 0),
-        (b"|1|2|0|4|0|6|8|a|b|1|4|0|6|8|c|", 1),
         (b"|0|99999999999999999999999|", 0),
         (b"|0|20000|" + b"1|2|3|4|5|" * 20_000, 10_000),
     ],
@@ -86,6 +90,22 @@ def test_writes(body: bytes, values: list[bytes]) -> None:
 def test_what_is_miscounted(body: bytes, entries: int) -> None:
     found = posted(body)
     assert (found.miscounted, len(found.entries)) == (True, entries)
+
+
+@pytest.mark.parametrize(
+    ("body", "values"),
+    [
+        (b"|1|1|0|4|0|6|8|a|1|4|7|4|6|80.0|", [None]),  # a text, or two entries
+        (b"|1|2|0|4|0|6|8|a|1|4|0|6|8|b|1|4|7|4|6|80.0|", [None]),  # which entry is the second one?
+        (b"|1|2|0|4|0|6|8|a|1|4|0|6|8|b|1|4|0|6|8|c|", [None, None]),
+        (b"|1|2|0|4|0|6|8|a|1|4|7|4|6|8|1|4|0|6|8|c|", [None]),  # by position, a REAL is written
+        (b"|1|3|0|4|7|4|6|7|1|4|0|6|8|a|b|x|4|7|4|6|80.0|", [b"7", None]),
+        (b"|1|3|0|4|0|6|8|a|b|5|4|0|6|8|c|d|6|4|7|4|6|1|", [None]),  # two texts, and no numbers that run
+    ],
+)
+def test_what_may_be_divided_in_several_ways(body: bytes, values: list[bytes | None]) -> None:
+    found = posted(body)
+    assert (found.ambiguous, found.miscounted, [entry.value for entry in found.entries]) == (True, False, values)
 
 
 @pytest.mark.parametrize("body", [b"", b"|2|1|", b"|0|1", b"|0||", b"0|1|", b" |0|1|", b"|0|x|", b"<soap>"])

@@ -80,7 +80,7 @@ class Written:
     pair: Pair
     variable: str
     old: str | None
-    new: str
+    new: str | None
     outcome: str = "open"
     answer: int | None = None
 
@@ -139,7 +139,7 @@ class Visu:
         self.writes: list[Written] = []
         self.read: dict[tuple[Home, Asked], tuple[int, tuple[bytes | None, ...]]] = {}
         """The last reply to each request of each server: when, by count, and its values."""
-        self.confirmed: dict[tuple[Home, visu_body.Address], tuple[int, str]] = {}
+        self.confirmed: dict[tuple[Home, visu_body.Address], tuple[int, str | None]] = {}
         self.replies = 0
         self.number = 0
         self.now = 0
@@ -216,10 +216,14 @@ class Visu:
         if asked.miscounted:
             row.counts["miscounted"] += 1
             self.find("NV804", talk)
+        if asked.ambiguous:
+            self.happened["ambiguous write"] += 1
+            row.counts["ambiguous"] += 1
+            self.find("NV804", talk)
         if asked.write:
             for entry in asked.entries:
                 self.find("NV801", talk, entry.address)
-                if entry.value is not None and self.is_password(talk, entry.address):
+                if (entry.value is not None or not asked.query) and self.is_password(talk, entry.address):
                     self.happened["password written"] += 1
                     self.find("NV803", talk, entry.address)
         else:
@@ -235,7 +239,7 @@ class Visu:
         found = [
             Written(
                 self.now, self.number, talk.pair, self.called(talk.home, entry.address),
-                self.known_value(talk.home, entry.address), visu_body.text_of(entry.value),
+                self.known_value(talk.home, entry.address), asked.text(entry),
             )
             for entry in asked.entries
         ]  # fmt: skip
@@ -260,8 +264,9 @@ class Visu:
             for one in waiting.writes:
                 one.outcome, one.answer = "confirmed" if is_done else "refused", self.number
             if is_done:
-                for entry in asked.entries:
-                    self.confirmed[talk.home, entry.address] = self.replies, visu_body.text_of(entry.value)
+                self.confirmed |= {
+                    (talk.home, entry.address): (self.replies, asked.text(entry)) for entry in asked.entries
+                }
         elif not asked.query and not answer.ambiguous and status == 200:
             self.read[talk.home, asked] = self.replies, answer.values
 
@@ -397,7 +402,3 @@ class Visu:
                 if code != "NV808" or lacks_many(self.known, client, variable)
             )
         ]  # fmt: skip
-
-
-def text_of(value: bytes | None) -> str:
-    return (value or b"").decode("latin-1")

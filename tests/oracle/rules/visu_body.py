@@ -20,6 +20,8 @@ from typing import Any, NamedTuple
 from urllib.parse import unquote_to_bytes
 from xml.etree import ElementTree
 
+from tests.oracle.rules.visu_write import Write
+
 MOST_ENTRIES = 10_000
 STRING = 8
 
@@ -39,7 +41,7 @@ Listed = list[tuple[str, Address]]
 class Entry(NamedTuple):
     address: Address
     value: bytes | None
-    """What is to be written."""
+    """What is to be written; None: nobody knows, or an older page does not say it."""
 
 
 class Asked(NamedTuple):
@@ -49,10 +51,16 @@ class Asked(NamedTuple):
     query: bool
     declared: int | None
     entries: tuple[Entry, ...]
+    ambiguous: bool = False
+    """Whether nobody knows all that is written: texts have a `|` in them."""
 
     @property
     def miscounted(self) -> bool:
-        return self.declared is not None and self.declared != len(self.entries)
+        return self.declared is not None and self.declared != len(self.entries) and not self.ambiguous
+
+    def text(self, entry: Entry) -> str | None:
+        """Return what is written: what an older page does not say is nothing, of others None is what nobody knows."""
+        return None if entry.value is None and not self.query else (entry.value or b"").decode("latin-1")
 
 
 class Answered(NamedTuple):
@@ -97,18 +105,15 @@ def fields_of(body: bytes) -> list[bytes]:
 
 def asked_by_body(body: bytes) -> Asked:
     command, count, *rest = fields_of(body)
-    write = command == b"1"
-    size = 6 if write else 5
+    if command == b"1":
+        found, ambiguous = Write(rest, number(count), MOST_ENTRIES).told()
+        return Asked(True, False, number(count), tuple(Entry(*one) for one in found), ambiguous)
     entries: list[Entry] = []
-    while len(entries) < MOST_ENTRIES and len(rest) >= size and all(NUMBER.fullmatch(field) for field in rest[:5]):
+    while len(entries) < MOST_ENTRIES and len(rest) >= 5 and all(NUMBER.fullmatch(field) for field in rest[:5]):
         _, ref, offset, bytes_, type_ = map(int, rest[:5])
-        value = rest[5] if write else None
-        declared_one = count.lstrip(b"0") == b"1"
-        if write and declared_one and not entries and type_ == STRING:
-            value, size = b"|".join(rest[5:]), len(rest)
-        entries.append(Entry((ref, offset, bytes_, type_), value))
-        rest = rest[size:]
-    return Asked(write, False, number(count), tuple(entries))
+        entries.append(Entry((ref, offset, bytes_, type_), None))
+        rest = rest[5:]
+    return Asked(False, False, number(count), tuple(entries))
 
 
 def number(digits: bytes) -> int:

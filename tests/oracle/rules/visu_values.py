@@ -71,18 +71,20 @@ class VisuValues(Visu):
     ) -> None:  # fmt: skip
         super().judge(talk, row, asked, message, answer)
         if asked.write:
-            values = [] if answer.refused else [entry.value or b"" for entry in asked.entries]
+            nothing = b"" if asked.query else None
+            values = [nothing if entry.value is None else entry.value for entry in asked.entries]
+            values = [] if answer.refused else values
         else:
             values = [] if asked.query else [b"???" if one is None else one for one in answer.values]
         if asked.write and answer.refused:
             return
         if asked.query and not asked.write:
             return
-        if message.status != 200 or answer.ambiguous or not values:
+        if message.status != 200 or answer.ambiguous:
             return
         self.take(talk.home, asked, values)
 
-    def take(self, home: Home, asked: visu_body.Asked, values: list[bytes]) -> None:
+    def take(self, home: Home, asked: visu_body.Asked, values: list[bytes | None]) -> None:
         for place, entry in enumerate(asked.entries):
             known = self.variables.setdefault((home, entry.address), Known())
             known.name = self.called(home, entry.address)
@@ -90,10 +92,13 @@ class VisuValues(Visu):
             known.asked += 1
             if place >= len(values):
                 continue
-            if values[place] == b"???":
+            said = values[place]
+            if said is None:
+                continue
+            if said == b"???":
                 known.unreadable += 1
                 continue
-            text = values[place].decode("latin-1")
+            text = said.decode("latin-1")
             value = value_of(entry.address, text)
             before = known.readings[-1] if known.readings else None
             changed = before is not None and not same(before, text, value)
@@ -186,14 +191,14 @@ def real(text: str, size: int) -> float | None:
 
 
 def never_changed(rules: VisuValues) -> list[tuple[str, int, list[str], list[str]]]:
-    """Return by server: how many variables replies told of, those that never changed, those that never had a value."""
+    """Return by server: how many variables were asked for, those that never changed, those that were always ???."""
     found: dict[str, tuple[list[str], list[str], list[str]]] = {}
     for row in rules.rows():
         every, unchanged, unreadable = found.setdefault(row["server"], ([], [], []))
         every.append(row["name"])
-        if not row["readings"]:
+        if not row["readings"] and row["unreadable"]:
             unreadable.append(row["name"])
-        elif not row["changes"] and row["asked"] > 1:
+        elif not row["changes"] and row["readings"] > 1:
             unchanged.append(row["name"])
     return sorted(
         (server, len(every), sorted(unchanged), sorted(unreadable))

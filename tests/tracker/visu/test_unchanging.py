@@ -69,3 +69,27 @@ def test_columns_of_many_replies_are_compared_as_single_values(
         texts = [pair[which] for pair, which in zip(values, chosen, strict=False)]
         line.ask(post(body)).answer(reply(f"|{'|'.join(texts)}|"))
     assert told([batch_of(line.frames)]) == by_the_rules(line.frames)
+
+
+@pytest.mark.parametrize(
+    ("replies", "unchanged", "unreadable"),
+    [
+        (["|1.5|"] * 4, ["4,4,4,6"], []),  # the second one is in no reply: nobody knows whether it can be read
+        (["|1.5|"] * 40, ["4,4,4,6"], []),
+        (["|1.5|???|"] * 4, ["4,4,4,6"], ["4,8,2,1"]),
+        (["|1.5|???|"] * 40, ["4,4,4,6"], ["4,8,2,1"]),
+        (["|1.5|", "|???|???|"], [], ["4,8,2,1"]),  # told once: that it never changed says nothing
+        (["|1.5|7|", *["|???|???|"] * 40], [], []),
+        (["|"] * 3, [], []),
+        (["|???|"] * 9, [], ["4,4,4,6"]),
+    ],
+)
+def test_what_is_in_no_reply_is_neither_unreadable_nor_unchanged(
+    replies: list[str], unchanged: list[str], unreadable: list[str]
+) -> None:
+    line = Line((PANEL, 50_000), (PRESS, 80), now=START).open()
+    for body in replies:
+        line.ask(post("|0|2|0|4|4|4|6|1|4|8|2|1|")).answer(reply(body))
+    found = told([batch_of(line.frames)])
+    assert found == by_the_rules(line.frames)
+    assert found == ([(PRESS, 2, unchanged, unreadable)] if unchanged or unreadable else [])
