@@ -158,6 +158,7 @@ def _together(parts: Iterable[Events]) -> Events:
 def _sentence(
     kind: FindingKind, subject: Subject, parts: Mapping[VisuEvent, Events], last: Write | None
 ) -> str:  # fmt: skip
+    from dissectors.webvisu import is_password
     from nvscope.tracker.visu.events import VisuEvent
 
     client, server, variable = subject
@@ -170,7 +171,11 @@ def _sentence(
     if kind is VISU_ERROR:
         return f"{server} answered {count_of(total, 'read')} of {client} with another HTTP status than 200."
     if kind is VISU_PASSWORD_IN_CLEAR:
-        return f"{client} and {server} transmitted the password {variable} in clear {_times(total)}."
+        # What is called otherwise lies in the same bytes.
+        what, place = (
+            (f"the password {variable}", "") if is_password(variable) else ("bytes of a password", f", as {variable}")
+        )
+        return f"{client} and {server} transmitted {what} in clear {_times(total)}{place}."
     if kind is VISU_COUNT_MISMATCH:
         messages = count_of(total, "request or reply", "requests and replies")
         return f"{messages} between {client} and {server}: more or fewer values than declared or asked for."

@@ -12,10 +12,10 @@ import numpy as np
 from dissectors.batch import I64, U64, Bool
 from dissectors.columns import Columns
 from dissectors.transport import NO_SEGMENTS, SegmentBatch
-from dissectors.webvisu import Place, Request
+from dissectors.webvisu import Request
 from nvscope.engine.runs import runs_of
 from nvscope.tracker.visu.limits import Beyond
-from nvscope.tracker.visu.names import OtherNames
+from nvscope.tracker.visu.names import Naming, OtherNames
 
 
 class Kind(IntEnum):
@@ -98,7 +98,7 @@ class VisuBatch:
     data: bytes
     requests: Sequence[Request]
     pairs: Sequence[U64]
-    namings: Sequence[Mapping[Place, str]]
+    namings: Sequence[Naming]
     other_names: Mapping[int, OtherNames]
     left_out: Mapping[Beyond, int]
 
@@ -114,7 +114,7 @@ class VisuBatch:
     @staticmethod
     def of(
         messages: VisuMessages, segments: SegmentBatch, data: bytes, requests: Sequence[Request], pairs: Sequence[U64],
-        namings: Sequence[Mapping[Place, str]], other_names: Mapping[int, OtherNames], left_out: Mapping[Beyond, int],
+        namings: Sequence[Naming], other_names: Mapping[int, OtherNames], left_out: Mapping[Beyond, int],
     ) -> VisuBatch:  # fmt: skip
         """Return the frames of some messages that stand in their order; ``segments`` are those of the batch."""
         start, stop = runs_of(messages.row)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 from dissectors import address
 from dissectors.webvisu import Entry, Place, is_password
+from nvscope.definition.visu_passwords import NO_PASSWORDS, Passwords
 from nvscope.tracker.visu.controllers import Controller
 from nvscope.tracker.visu.limits import MOST_NAMES
 
@@ -42,6 +43,14 @@ class _List(NamedTuple):
     file: str
     variables: VisuVariables
     spots: Mapping[str, frozenset[_Spot]]
+    passwords: frozenset[Place]
+
+
+class Naming(NamedTuple):
+    """What is known of the variables of a controller: ``names`` by where they lie, and where ``passwords`` are."""
+
+    names: Mapping[Place, str] = MappingProxyType({})
+    passwords: Passwords = NO_PASSWORDS
 
 
 class Names:
@@ -53,7 +62,7 @@ class Names:
     """
 
     def __init__(self, given: Sequence[GivenList] = ()) -> None:
-        self.versions: list[Mapping[Place, str]] = []
+        self.versions: list[Naming] = []
         self.left_out = 0
         self._room = MOST_NAMES
         # What each version was merged from.
@@ -84,14 +93,17 @@ class Names:
         found = variables_in(content)
         version = self.version_of(controller)
         before = self.versions[version]
-        if not found.names or all(before.get(place) == name for place, name in found.names.items()):
+        if not found.names:
             return None
-        room = self._room - len(before) - 2 * len(found.listed)
+        new = _listed(found)
+        is_known = all(before.names.get(place) == name for place, name in found.names.items())
+        if is_known and new.passwords <= before.passwords.places:
+            return None
+        room = self._room - len(before.names) - 2 * len(found.listed)
         if room < 0:
             self.left_out += 1
             return None
         self._room = room
-        new = _listed(found)
         others = [(one, _differing(one, new)) for one in self._lists[version]]
         self._of[controller] = self._add([*(one for one, differing in others if not differing), new])
         return next((_other_names(one, new, differing) for one, differing in others if differing), None)
@@ -107,11 +119,14 @@ def _listed(variables: VisuVariables, file: str = "") -> _List:
     spots: dict[str, set[_Spot]] = {}
     for name, place in variables.listed:
         spots.setdefault(name.casefold(), set()).add(_spot(place))
-    return _List(file, variables, {name: frozenset(places) for name, places in spots.items()})
+    # A place may have several names: all of them count here.
+    passwords = frozenset(place for name, place in variables.listed if is_password(name))
+    return _List(file, variables, {name: frozenset(places) for name, places in spots.items()}, passwords)
 
 
-def _merged(lists: Iterable[_List]) -> Mapping[Place, str]:
-    return MappingProxyType({place: name for one in lists for place, name in one.variables.names.items()})
+def _merged(lists: Sequence[_List]) -> Naming:
+    names = {place: name for one in lists for place, name in one.variables.names.items()}
+    return Naming(MappingProxyType(names), Passwords(place for one in lists for place in one.passwords))
 
 
 def _spot(place: Place) -> _Spot:
@@ -133,12 +148,19 @@ def _other_names(before: _List, now: _List, differing: Sequence[str]) -> OtherNa
     return OtherNames(len(differing), new[0], new[1], old[1], before.file, *stamps)
 
 
-def name_of(entry: Entry, names: Mapping[Place, str]) -> str:
+def name_of(entry: Entry, naming: Naming) -> str:
     """Return what a variable is called: by its name where that is known, or by where it lies."""
-    return names.get(entry.place, entry.address) if isinstance(entry.place, Place) else entry.address
+    return naming.names.get(entry.place, entry.address) if isinstance(entry.place, Place) else entry.address
 
 
-def is_secret(entry: Entry, names: Mapping[Place, str]) -> bool:
+def has_password(entry: Entry, naming: Naming) -> bool:
+    """Tell whether a variable is a password, or lies in bytes of one, whatever it is called and of whatever type.
+
+    Of an address of older pages, nobody knows which bytes it is: it is a password where it is called like one.
+    """
+    return naming.passwords.lie_in(entry.place) if isinstance(entry.place, Place) else is_password(entry.place)
+
+
+def is_secret(entry: Entry, naming: Naming) -> bool:
     """Tell whether a variable is a password, or may be one: a STRING of which nobody knows the name."""
-    name = names.get(entry.place) if isinstance(entry.place, Place) else entry.address
-    return entry.is_string if name is None else is_password(name)
+    return has_password(entry, naming) or (entry.is_string and entry.place not in naming.names)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from enum import IntEnum
 from typing import ClassVar, NamedTuple
 
@@ -11,7 +11,7 @@ import numpy as np
 from dissectors import address
 from dissectors.batch import I64, U64
 from dissectors.keys import KeyTable
-from dissectors.webvisu import Place, Request, is_password, read_reply
+from dissectors.webvisu import Request, read_reply
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.told import Told
 from nvscope.tracker.events import EventLog, LeftOutLog
@@ -19,7 +19,7 @@ from nvscope.tracker.latency import Latencies
 from nvscope.tracker.visu.events import VisuEvent
 from nvscope.tracker.visu.limits import MOST_ENTRIES, Beyond
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages
-from nvscope.tracker.visu.names import OtherNames, name_of
+from nvscope.tracker.visu.names import Naming, OtherNames, has_password, name_of
 from nvscope.tracker.visu.unchanging import Unchanging
 from nvscope.tracker.visu.writes import Writes
 
@@ -229,9 +229,9 @@ class VisuCounts:
                 if request.is_miscounted:
                     found.append((VisuEvent.MISCOUNTED, whole))
                 if one.kind == Kind.WRITE:
-                    for variable in variables:
+                    for entry, variable in zip(request.entries, variables, strict=True):
                         found.append((VisuEvent.WRITTEN, variable))
-                        if is_password(variable.variable):
+                        if has_password(entry, names):
                             found.append((VisuEvent.PASSWORD_SEEN, variable))
             happened += [(event, time_ns, frame, subject) for event, subject in found]
             if any(event in _LATE for event, _ in found):
@@ -261,14 +261,14 @@ class VisuCounts:
                 wanted[replies[(asked[replies] == asked[place]) & (naming == version)]] = True
         return np.flatnonzero(wanted)
 
-    def _secret(self, request: Request, naming: int, names: Mapping[Place, str]) -> Collection[int]:
-        """Return which entries of a request are passwords."""
-        if not names:
+    def _secret(self, request: Request, naming: int, names: Naming) -> Collection[int]:
+        """Return which entries of a request are passwords, or lie in bytes of some."""
+        if not names.passwords:
             return ()
         key = (request, naming)
         found = self._secrets.get(key)
         if found is None:
-            found = {place for place, one in enumerate(request.entries) if is_password(name_of(one, names))}
+            found = {place for place, one in enumerate(request.entries) if has_password(one, names)}
             if len(self._secrets) > _MOST_REMEMBERED or self._secret_entries > MOST_ENTRIES:
                 self._secrets.clear()
                 self._secret_entries = 0

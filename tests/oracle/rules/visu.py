@@ -296,7 +296,7 @@ class Visu:
         self.happened["names"] += len(listed)
         names = {address: name for name, address in listed}
         known = self.names[talk.home]
-        if all(known.get(address) == name for address, name in names.items()):
+        if not visu_body.adds_password(listed, self.lists[talk.home]) and names.items() <= known.items():
             return
         believed = [one for one in self.lists[talk.home] if not visu_body.contradict(one, listed)]
         if len(believed) < len(self.lists[talk.home]):
@@ -331,7 +331,7 @@ class Visu:
         talk.waiting.clear()
 
     def is_password(self, talk: Talk, address: visu_body.Address) -> bool:
-        return visu_body.is_password(self.names[talk.home].get(address))
+        return visu_body.shows_password(address, self.lists[talk.home])
 
     def find(
         self, code: str, talk: Talk, address: visu_body.Address | None = None, frame: int | None = None
