@@ -10,7 +10,8 @@ class VisuEvent(IntEnum):
 
     What nobody answered is told of the frame of the request, and of the time at which the connection ended. Of
     ``WRITTEN``, ``REFUSED`` and ``PASSWORD_SEEN`` there is one for each variable. ``LATE`` is whatever is slow or
-    unanswered. ``OTHER_NAMES``: a list of variables contradicts those known before.
+    unanswered. ``OTHER_NAMES``: a list of variables contradicts those known before; ``UNREAD_LIST``: nobody can
+    read one.
     """
 
     WRITTEN = 1
@@ -22,3 +23,4 @@ class VisuEvent(IntEnum):
     UNANSWERED = 7
     LATE = 8
     OTHER_NAMES = 9
+    UNREAD_LIST = 10

@@ -19,7 +19,7 @@ from nvscope.tracker.latency import Latencies
 from nvscope.tracker.visu.events import VisuEvent
 from nvscope.tracker.visu.limits import MOST_ENTRIES, Beyond
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages
-from nvscope.tracker.visu.names import Naming, OtherNames, has_password, name_of
+from nvscope.tracker.visu.names import Naming, OtherNames, UnreadList, has_password, name_of
 from nvscope.tracker.visu.unchanging import Unchanging
 from nvscope.tracker.visu.writes import Writes
 
@@ -102,7 +102,8 @@ class VisuCounts:
     by pair. ``events`` are keyed by ``VisuEvent`` and by subject, which ``subjects`` number; ``write_minutes`` are
     the writes among them by subject and minute since 1970. ``writes`` are who wrote what, ``unchanging`` what never
     changed, ``others`` what is spoken beside by pair and ``WebProtocol``, ``other_names`` the first list that
-    contradicts others, by client and server. ``left_out`` is that for which there was no room, keyed by ``Beyond``.
+    contradicts others, by client and server, ``unread_lists`` the first one that nobody can read. ``left_out`` is that
+    for which there was no room, keyed by ``Beyond``.
     """
 
     def __init__(self) -> None:
@@ -118,6 +119,7 @@ class VisuCounts:
         self.others: dict[tuple[int, int], Spoken] = {}
         self.unchanging = Unchanging()
         self.other_names: dict[Subject, OtherNames] = {}
+        self.unread_lists: dict[Subject, UnreadList] = {}
         self._minutes: set[tuple[int, int]] = set()
         self._variables: set[tuple[int, str]] = set()
         self._asked: set[tuple[int, Request]] = set()
@@ -180,15 +182,19 @@ class VisuCounts:
             self.others[number, spoken] = Spoken(first_frame, times + 1)
 
     def _note_names(self, told: Told, part: VisuBatch, own: I64) -> None:
-        """Note which lists of variables contradict those known before; ``own`` numbers the pairs of the batch."""
+        """Note what there is to say of lists of variables; ``own`` numbers the pairs of the batch."""
         messages, happened = part.messages, []
-        for message, other in part.other_names.items():
+        for message, flaw in part.list_flaws.items():
             pair, row = int(own[messages.pair[message]]), int(messages.row[message])
             if pair >= 0:
                 subject = Subject(*self.ends(pair), "")
-                self.other_names.setdefault(subject, other)
-                time_ns, frame = int(told.packets.ts_ns[row]), row + told.first_frame
-                happened.append((VisuEvent.OTHER_NAMES, time_ns, frame, subject))
+                event = VisuEvent.OTHER_NAMES
+                if isinstance(flaw, UnreadList):
+                    event = VisuEvent.UNREAD_LIST
+                    self.unread_lists.setdefault(subject, flaw)
+                else:
+                    self.other_names.setdefault(subject, flaw)
+                happened.append((event, int(told.packets.ts_ns[row]), row + told.first_frame, subject))
         self._log(told, happened)
 
     def _note(self, told: Told, part: VisuBatch, pair: I64, messages: VisuMessages) -> None:

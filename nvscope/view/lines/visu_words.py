@@ -10,7 +10,7 @@ from dissectors.webvisu import UNREADABLE, Entry, Request, read_reply
 from nvscope import units
 from nvscope.tracker.readings.form import HIDDEN
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch
-from nvscope.tracker.visu.names import Naming, is_secret, name_of
+from nvscope.tracker.visu.names import Naming, UnreadList, is_secret, name_of
 
 _MOST_SHOWN = 8
 
@@ -72,7 +72,9 @@ def message_words(part: VisuBatch, message: int, *, secrets: bool = False) -> st
     if kind is Kind.OTHER:
         return f"{protocol_words(WebProtocol(int(messages.spoken[message])))}, not decoded"
     if kind is Kind.NAMES:
-        return f"variable list ({units.count_of(int(messages.stop[message] - messages.start[message]), 'byte')})"
+        size = units.count_of(int(messages.stop[message] - messages.start[message]), "byte")
+        flaw = part.list_flaws.get(message)
+        return f"variable list ({size}){f', cannot be used: {flaw.why}' if isinstance(flaw, UnreadList) else ''}"
     request = part.requests[asked]
     if kind is Kind.UNANSWERED:
         return f"no reply to frame {messages.asked_frame[message]}"

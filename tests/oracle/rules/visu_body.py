@@ -194,12 +194,12 @@ def is_page(method: bytes, target: bytes) -> bool:
     return method == b"GET" and target.split(b"?")[0].lower().endswith(b".xml")
 
 
-def listed_in(page: bytes) -> Listed:
-    """Return the names that a page gives to addresses; nothing where it is not XML."""
+def listed_in(page: bytes) -> Listed | None:
+    """Return the names that a page gives to addresses; None where it is not XML."""
     try:
         root = ElementTree.fromstring(page)
     except (ElementTree.ParseError, ValueError):
-        return []
+        return None
     except LookupError:  # what it says of its encoding is not known: it is that of Windows
         return listed_in(re.sub(rb"encoding=\S*?([\"'])[^\"']*\1", b'encoding="cp1252"', page, count=1))
     listed: Listed = []
