@@ -100,8 +100,8 @@ VISU_OTHER_NAMES = FindingKind(
     meaning=(
         "A controller's own list says that variables lie elsewhere than what was known before does, or it is newer "
         "than a given file by its time-stamp: addresses change with every download. What came before that list may be "
-        "called by wrong names here, and pages that were loaded before show, and write, other variables than they say. What "
-        "the list contradicts, or is newer than, is not believed any more."
+        "called by wrong names here, and pages that were loaded before show, and write, other variables than they say. "
+        "What the list contradicts, or is newer than, is not believed any more."
     ),
     causes=(
         "the program was changed and downloaded: addresses change with every build",

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from dissectors.webvisu import Place
 from nvscope.definition.visu_passwords import NO_PASSWORDS, Passwords
-from tests.oracle.rules.visu_body import shows_password
+from tests.oracle.rules.visu_body import Listed, shows_password
 
 PLACES = st.builds(Place, st.integers(0, 4), st.integers(0, 60), st.integers(0, 12), st.sampled_from((0, 2, 5, 8, 9)))
 
@@ -33,5 +33,5 @@ def test_without_names_nobody_knows_of_any() -> None:
 
 @given(st.lists(PLACES, max_size=6), PLACES)
 def test_the_rules_written_a_second_time_say_the_same(passwords: list[Place], place: Place) -> None:
-    listed = [(f"CurrentPasswords[{number}]", tuple(one)) for number, one in enumerate(passwords)]
-    assert Passwords(passwords).lie_in(place) == shows_password(tuple(place), [listed])
+    listed: Listed = [(f"CurrentPasswords[{number}]", one) for number, one in enumerate(passwords)]
+    assert Passwords(passwords).lie_in(place) == shows_password(place, [listed])
