@@ -56,7 +56,7 @@ def test_no_face_shows_it(place: str, tmp_path: Path) -> None:
     faces = (
         ("vars", path), ("vars", path, "--json"), ("vars", path, "--history"), ("vars", path, "--at", "1000"),
         ("packets", path), ("packets", path, "-v"), ("report", path, "-v"), ("report", path, "--json"),
-        ("export", path, "-w", "-"), ("export", path, "--form", "long", "-w", "-.ndjson"),
+        ("export", path, "--list", f"visu/{PRESS}", "-w", "-"), ("export", path, "--form", "long", "-w", "-.ndjson"),
     )  # fmt: skip
     for words in faces:
         done = run_text(*words)
