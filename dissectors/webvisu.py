@@ -23,6 +23,8 @@ TYPES = (
 """What type codes are called, by code."""
 
 STRING = TYPES.index("STRING")
+_BOOL = TYPES.index("BOOL")
+_BIT_AREAS = (1, 2)
 MOST_ENTRIES = 10_000
 """So many entries of a request are read."""
 
@@ -58,6 +60,13 @@ class Place(NamedTuple):
     def text(self) -> str:
         """What the variable is called where it has no name."""
         return f"{self.ref},{self.offset},{self.size},{self.type}"
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """The bytes of its area that it lies in, from the first one to that behind the last; a bit lies in one."""
+        counts_bits = self.ref in _BIT_AREAS and (not self.size or self.type == _BOOL)
+        start = self.offset // 8 if counts_bits else self.offset
+        return start, start + max(self.size, 1)
 
     @property
     def type_name(self) -> str:

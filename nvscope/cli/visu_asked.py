@@ -115,7 +115,7 @@ def known_variables(
     failed = client.find_page()
     if failed is None and needs and not wanted.variables:
         failed = client.fetch_lists(wanted.pages or LISTS)
-        # Where things lie is said: names would only have told which text is no password.
+        # Where things lie is said: names would only have told what is a password, and which text is none.
         if failed == "no_list" and all(place_of(word) for word in words):
             failed = None
     return ([client.known.find(word) for word in words] if failed is None else []), failed

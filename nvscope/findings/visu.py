@@ -13,7 +13,7 @@ from nvscope.units import count, count_of, duration
 if TYPE_CHECKING:
     from nvscope.findings.facts import Facts
     from nvscope.tracker.visu.events import VisuEvent
-    from nvscope.tracker.visu.names import OtherNames
+    from nvscope.tracker.visu.names import OtherNames, UnreadList
     from nvscope.tracker.visu.state import Subject, VisuCounts
     from nvscope.tracker.visu.writes import Write
 
@@ -107,9 +107,10 @@ VISU_OTHER_NAMES = FindingKind(
     "visu-other-names",
     Severity.WARNING,
     meaning=(
-        "A controller's own list says that variables lie elsewhere than what was known before does. What came before "
-        "that list may be called by wrong names here, and pages that were loaded before show, and write, other "
-        "variables than they say. What the list contradicts is not believed any more."
+        "A controller's own list says that variables lie elsewhere than what was known before does, or it is newer "
+        "than a given file by its time-stamp: addresses change with every download. What came before that list may be "
+        "called by wrong names here, and pages that were loaded before show, and write, other variables than they say. "
+        "What the list contradicts, or is newer than, is not believed any more."
     ),
     causes=(
         "the program was changed and downloaded: addresses change with every build",
@@ -119,6 +120,26 @@ VISU_OTHER_NAMES = FindingKind(
     next_steps=(
         "Reload the pages that were open before the download, and give the XML files of the current one.",
         "Of several controllers, give each its own files: [webvisu.controllers] of the project file.",
+    ),
+    protocol="visu",
+)
+VISU_UNREAD_LIST = FindingKind(
+    "NV807",
+    "visu-unread-list",
+    Severity.WARNING,
+    meaning=(
+        "A controller sent a list of variables that cannot be used. Its variables have no names here, unless another "
+        "list or a given file has them, and nobody knows which of them are passwords: of these, only STRINGs without a "
+        "name are hidden, and no NV803 tells of them."
+    ),
+    causes=(
+        "a file of the web server that is damaged, or was cut off when it was written",
+        "a name with a character that XML does not allow",
+        "an error page or a login page in place of the list",
+    ),
+    next_steps=(
+        "Give the XML files of the project: variables under [webvisu] of the project file.",
+        "Load the list from the controller with a browser, and look whether that reads it.",
     ),
     protocol="visu",
 )
@@ -154,8 +175,8 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
         VisuEvent.PASSWORD_SEEN: VISU_PASSWORD_IN_CLEAR, VisuEvent.MISCOUNTED: VISU_COUNT_MISMATCH,
         VisuEvent.AMBIGUOUS: VISU_COUNT_MISMATCH,
         VisuEvent.SLOW: VISU_SLOW, VisuEvent.UNANSWERED: VISU_SLOW, VisuEvent.LATE: VISU_SLOW,
-        VisuEvent.OTHER_NAMES: VISU_OTHER_NAMES, VisuEvent.CUT: VISU_NOT_CAPTURED,
-        VisuEvent.GIVEN_UP: VISU_SLOW,
+        VisuEvent.OTHER_NAMES: VISU_OTHER_NAMES, VisuEvent.UNREAD_LIST: VISU_UNREAD_LIST,
+        VisuEvent.CUT: VISU_NOT_CAPTURED, VisuEvent.GIVEN_UP: VISU_SLOW,
     }  # fmt: skip
     subjects = list(counts.subjects)
     found: dict[tuple[FindingKind, Subject], dict[VisuEvent, Events]] = defaultdict(dict)
@@ -177,6 +198,8 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
             message = _not_captured(subject, together.count, every)
         elif kind is VISU_OTHER_NAMES:
             message = _contradicted(subject.server, together.count, counts.other_names[subject])
+        elif kind is VISU_UNREAD_LIST:
+            message = _unread(subject.server, together.count, counts.unread_lists[subject])
         else:
             message = _sentence(kind, subject, parts, last.get(subject), counts.given_up.get(subject))
         yield Finding(
@@ -196,6 +219,7 @@ def _sentence(
     kind: FindingKind, subject: Subject, parts: Mapping[VisuEvent, Events], last: Write | None,
     waited_ns: tuple[int, int] | None,
 ) -> str:  # fmt: skip
+    from dissectors.webvisu import is_password
     from nvscope.tracker.visu.events import VisuEvent
 
     client, server, variable = subject
@@ -208,7 +232,11 @@ def _sentence(
     if kind is VISU_ERROR:
         return f"{server} answered {count_of(total, 'read')} of {client} with another HTTP status than 200."
     if kind is VISU_PASSWORD_IN_CLEAR:
-        return f"{client} and {server} transmitted the password {variable} in clear {_times(total)}."
+        # What is called otherwise lies in the same bytes.
+        what, place = (
+            (f"the password {variable}", "") if is_password(variable) else ("bytes of a password", f", as {variable}")
+        )
+        return f"{client} and {server} transmitted {what} in clear {_times(total)}{place}."
     if kind is VISU_COUNT_MISMATCH:
         return _miscounted(client, server, counts.get(VisuEvent.MISCOUNTED, 0), counts.get(VisuEvent.AMBIGUOUS, 0))
     slow, unanswered = counts.get(VisuEvent.SLOW, 0), counts.get(VisuEvent.UNANSWERED, 0)
@@ -261,20 +289,30 @@ def _miscounted(client: str, server: str, miscounted: int, ambiguous: int) -> st
 
 def _contradicted(server: str, times: int, other: OtherNames) -> str:
     """Return what a list says otherwise than those known before."""
-    older = ", which is older" if _older(other.stamp_before, other.stamp) else ""
-    than = f"{other.file} says{older}" if other.file else "it said before"
-    variables = count_of(other.differing, "variable")
+    from nvscope.tracker.visu.names import is_older
+
     begin = f"{server} has"
     if times > 1:
         begin = f"{server} sent {count(times)} lists of variables that contradict what was known; the first one has"
+    if other.place is None or other.place_before is None:
+        stamps = (text.partition(",")[0].strip() for text in (other.stamp, other.stamp_before))
+        told = f"{begin} a newer list of variables than" if times == 1 else f"{begin.removesuffix('has')}is newer than"
+        return f"{told} {other.file}: their time-stamps are {' and '.join(stamps)}."
+    older = ", which is older" if is_older(other.stamp_before, other.stamp) else ""
+    than = f"{other.file} says{older}" if other.file else "it said before"
+    variables = count_of(other.differing, "variable")
     example = f"{other.name} is {other.place.text} and not {other.place_before.text}"
     return f"{begin} {variables} at other places than {than}: {example}."
 
 
-def _older(stamp: str, other: str) -> bool:
-    """Tell whether a time-stamp is older than another one; they begin with a number that grows."""
-    first, second = (text.partition(",")[0].strip() for text in (stamp, other))
-    return first.isdecimal() and second.isdecimal() and int(first) < int(second)
+def _unread(server: str, times: int, unread: UnreadList) -> str:
+    """Return why lists cannot be used, and what nobody knows then."""
+    lists = "a list" if times == 1 else f"{count(times)} lists"
+    first = "" if times == 1 else "; the first one"
+    return (
+        f"{server} sent {lists} of variables that cannot be used{first}: {unread.why.rstrip('.')}. Names are missing, "
+        "and nobody knows what is a password."
+    )
 
 
 def _over(write: Write | None, total: int) -> str:

@@ -56,6 +56,7 @@ NV803 visu-password-in-clear warning
 NV804 visu-count-mismatch warning
 NV805 visu-slow note
 NV806 visu-other-names warning
+NV807 visu-unread-list warning
 NV808 visu-not-captured warning
 NV901 capture-drops warning
 NV902 clock-step warning

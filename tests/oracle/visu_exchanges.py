@@ -12,7 +12,10 @@ NAMED = {
     "PLC_PRG.sString": (4, 146, 81, 8), "PLC_PRG.xToggle": (4, 144, 1, 0), "CurrentPasswords[0]": (4, 524, 21, 8),
     ".CurrentPassword": (4, 481, 41, 8), ".CurrentUserLevel": (4, 522, 2, 1),
 }  # fmt: skip
-ADDRESSES = [*NAMED.values(), (4, 0, 4, 6), (4, 4, 2, 3), (2, 48, 0, 0), (0, 6, 1, 2)]
+ADDRESSES = [
+    *NAMED.values(), (4, 0, 4, 6), (4, 4, 2, 3), (2, 48, 0, 0), (0, 6, 1, 2),
+    (4, 481, 41, 9), (4, 542, 4, 5), (0, 481, 41, 9),
+]  # fmt: skip
 OTHER_DOWNLOADS = 9
 """One in so many lists has variables at the places of others."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,6 +30,7 @@ from nvscope.tracker.visu.on_demand import NAME
 if TYPE_CHECKING:  # most plants have none
     from dissectors.webvisu import Entry, Place, Request
     from nvscope.tracker.visu.messages import VisuBatch
+    from nvscope.tracker.visu.names import Naming
     from nvscope.view.lines.visu_words import Variable
 
 MOST_REMEMBERED = 100_000
@@ -179,7 +180,7 @@ class VisuTransactions:
             elif len(values) < MOST_REMEMBERED or key in values:
                 values[key] = value
 
-    def _said(self, variable: Variable, old: str | None, names: Mapping[Place, str]) -> Said:
+    def _said(self, variable: Variable, old: str | None, names: Naming) -> Said:
         """Return what is told of a variable: what may be secret is hidden, by the names that are known now."""
         from nvscope.view.lines.visu_words import shown  # noqa: PLC0415
 

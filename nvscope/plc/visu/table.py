@@ -9,10 +9,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from dissectors.webvisu import STRING, TYPES, Place
+from dissectors.webvisu import STRING, TYPES, Place, is_password
 from nvscope.definition.parameter_type import ELEMENTARY_TYPE, ElementaryType
 from nvscope.definition.project_lists import NAME
 from nvscope.definition.variables import String
+from nvscope.definition.visu_passwords import Passwords
 from nvscope.plc.visu.url import USUAL_PATHS
 from nvscope.plc.visu.value import entered
 from nvscope.plc.visu.variables import place_of
@@ -208,6 +209,11 @@ class ServedTable:
     def by_place(self) -> Mapping[Place, Entry]:
         """All variables by where they lie."""
         return MappingProxyType({one.place: one for one in self.entries})
+
+    @cached_property
+    def passwords(self) -> Passwords:
+        """Where the passwords lie, which others may ask for as something else."""
+        return Passwords(one.place for one in self.entries if is_password(one.name))
 
 
 def read_served(path: str | Path) -> ServedTable:

@@ -9,6 +9,8 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 from dissectors.webvisu import STRING, TYPES, Place, is_password
+from nvscope.definition.visu_passwords import NO_PASSWORDS, Passwords
+from nvscope.definition.visu_values import scalar_at
 from nvscope.definition.visu_variables import VisuVariables, read_visu_variables
 from nvscope.errors import ConfigurationError, UsageError
 
@@ -49,6 +51,7 @@ class KnownVariables:
 
     sources: Sequence[ListSource] = ()
     listed: Sequence[Variable] = field(default=(), repr=False)
+    passwords: Passwords = field(default=NO_PASSWORDS, repr=False)
 
     @cached_property
     def _by_name(self) -> Mapping[str, Sequence[Variable]]:
@@ -61,18 +64,12 @@ class KnownVariables:
     def _by_place(self) -> Mapping[Place, Variable]:
         return {one.place: one for one in self.listed}
 
-    @cached_property
-    def _secrets(self) -> Sequence[Place]:
-        return [one.place for one in self.listed if one.is_secret]
-
     def find(self, word: str) -> Variable:
         """Return the variable of a name, in any case, or of an address; UsageError where there is none, or several."""
         place = place_of(word)
         if place is not None:
             known = self._by_place.get(place)
-            return known or Variable(
-                "", place, place.type == STRING or any(_overlap(place, one) for one in self._secrets)
-            )
+            return known or Variable("", place, place.type == STRING or self.passwords.lie_in(place))
         name = word.casefold()
         found = self._by_name.get(name) or self._by_name.get(f".{name}") or ()
         if len({one.place for one in found}) == 1:
@@ -103,19 +100,21 @@ def place_of(word: str) -> Place | None:
 
 
 def needs_names(words: Iterable[str]) -> bool:
-    """Tell whether one has to know names: to find a variable, or to know whether a text is a password."""
+    """Tell whether one has to know names: to find a variable, or to know whether what is no number is a password."""
     places = list(map(place_of, words))
-    return any(place is None or place.type == STRING for place in places)
+    return any(place is None or scalar_at(place) is None for place in places)
 
 
 def known_of(lists: Iterable[tuple[str, VisuVariables]]) -> KnownVariables:
     """Return the variables of lists, each with its file or URL."""
-    sources, found = [], dict[tuple[str, Place], Variable]()
+    sources, found = [], dict[tuple[str, Place], str]()
     for source, one in lists:
         sources.append(ListSource(source, one.stamp, len(one.listed), one.left_out))
         for name, place in one.listed:
-            found.setdefault((name.casefold(), place), Variable(name, place, is_password(name)))
-    return KnownVariables(tuple(sources), tuple(found.values()))
+            found.setdefault((name.casefold(), place), name)
+    passwords = Passwords(place for (_, place), name in found.items() if is_password(name))
+    listed = tuple(Variable(name, place, passwords.lie_in(place)) for (_, place), name in found.items())
+    return KnownVariables(tuple(sources), listed, passwords)
 
 
 def known_of_files(paths: Sequence[str]) -> KnownVariables:
@@ -128,7 +127,3 @@ def known_of_files(paths: Sequence[str]) -> KnownVariables:
                 next_step="name plc_visu.xml, visu_ini.xml, or a *.SYM_XML of the project",
             )  # fmt: skip
     return known_of(lists)
-
-
-def _overlap(one: Place, other: Place) -> bool:
-    return one.ref == other.ref and one.offset < other.offset + other.size and other.offset < one.offset + one.size

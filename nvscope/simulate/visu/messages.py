@@ -13,6 +13,7 @@ from nvscope.simulate.visu.tables import Page
 
 DONE, REFUSED = "|0|", "|1|"
 _LIST = "plc_visu.xml"
+_NO_XML = "\x1b"
 
 
 def request(page: Page, host: IPAddress, number: int) -> bytes:
@@ -53,7 +54,7 @@ def list_reply(page: Page) -> bytes:
     return _reply(
         page,
         '<?xml version="1.0" encoding="ISO-8859-1"?>\n<visualisation>\n<time-stamp>0,0</time-stamp>\n'
-        f"<variablelist>\n{rows}</variablelist>\n</visualisation>\n",
+        f"<variablelist>\n{rows}{_NO_XML if page.broken_list else ''}</variablelist>\n</visualisation>\n",
     )
 
 

@@ -67,6 +67,7 @@ class Page:
     lists: bool = key(
         FLAG, "it fetches the list of the variables first, from which their names are known", default=True
     )
+    broken_list: bool = key(FLAG, "the list has a character that XML does not allow", default=False)
     kept: bool = key(FLAG, "one connection for all requests, as long as they are answered", default=False)
     segment_bytes: int = key(integer(1, 1460), "data of a TCP segment, at most", default=1460)
     interval_ns: int = key(SPAN, "how often it asks", name="interval")

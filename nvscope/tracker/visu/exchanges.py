@@ -25,7 +25,7 @@ from nvscope.tracker.visu.http_forms import What
 from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.limits import MOST_PAIRS, MOST_POLLED, Beyond
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages, no_messages
-from nvscope.tracker.visu.names import Names, OtherNames
+from nvscope.tracker.visu.names import ListFlaw, Names
 from nvscope.tracker.visu.outcomes import OK, outcomes
 from nvscope.tracker.visu.pairing import Pairing
 from nvscope.tracker.visu.plain_exchanges import AskedFor, Said, plain_rows
@@ -141,7 +141,7 @@ class Exchanges:
         requests = [one.request or NO_REQUEST for one in asks]
         row = (said.order >> ORDER_BITS) - first_frame
         data, start, stop = _contents(http, said)
-        naming, other_names = self._namings(said, pair, data, start, stop, http)
+        naming, list_flaws = self._namings(said, pair, data, start, stop, http)
         kind = said.kind.copy()
         writes = np.array([one.writes for one in requests], np.bool_)
         kind[(kind == Kind.READ) & writes[said.asked]] = int(Kind.WRITE)
@@ -165,17 +165,17 @@ class Exchanges:
         self._left_out[Beyond.NAMES] += self._names.left_out
         left_out, self._left_out, self._names.left_out = +self._left_out, Counter(), 0
         return VisuBatch.of(
-            messages, segments, data, requests, self.pairs.words, self._names.versions, other_names, left_out
+            messages, segments, data, requests, self.pairs.words, self._names.versions, list_flaws, left_out
         )  # fmt: skip
 
     def _namings(
         self, said: Said, pair: I64, data: bytes, start: I64, stop: I64, http: HttpMessages
-    ) -> tuple[I64, Mapping[int, OtherNames]]:
+    ) -> tuple[I64, Mapping[int, ListFlaw]]:
         """Return what names were known at each message, with those of the lists that are among them.
 
-        And which messages are lists that contradict what was known before.
+        And which messages are lists that contradict what was known before, or that nobody can read.
         """
-        other_names: dict[int, OtherNames] = {}
+        list_flaws: dict[int, ListFlaw] = {}
         spoken = distinct(pair)
         asked = {number: controller_of(self.pairs.words, number) for number in spoken.tolist()}
         versions = np.array([self._names.version_of(one) for one in asked.values()], np.int64)
@@ -186,14 +186,14 @@ class Exchanges:
                 continue
             controller = asked[int(pair[place])]
             before = self._names.version_of(controller)
-            contradicted = self._names.learn(controller, data[int(start[place]) : int(stop[place])])
-            if contradicted is not None:
-                other_names[place] = contradicted
+            flaw = self._names.learn(controller, data[int(start[place]) : int(stop[place])])
+            if flaw is not None:
+                list_flaws[place] = flaw
             if self._names.version_of(controller) == before:
                 continue
             same = np.array([other == controller for other in asked.values()], np.bool_)
             naming[place:][same[np.searchsorted(spoken, pair[place:])]] = self._names.version_of(controller)
-        return naming, other_names
+        return naming, list_flaws
 
     def _since_read(self, pair: I64, asked: I64, asks: Sequence[Ask], time_ns: I64) -> I64:
         """Return how long it is since a pair read the same, -1 where it has not; reads are in the order of time."""

@@ -12,10 +12,10 @@ import numpy as np
 from dissectors.batch import I64, U64, Bool
 from dissectors.columns import Columns
 from dissectors.transport import NO_SEGMENTS, SegmentBatch
-from dissectors.webvisu import Place, Request
+from dissectors.webvisu import Request
 from nvscope.engine.runs import runs_of
 from nvscope.tracker.visu.limits import Beyond
-from nvscope.tracker.visu.names import OtherNames
+from nvscope.tracker.visu.names import ListFlaw, Naming
 
 
 class Kind(IntEnum):
@@ -96,7 +96,7 @@ class VisuBatch:
     The messages of frame ``i`` are ``count[i]``, from ``first[i]`` on; ``segment`` is what came with it. ``data`` are
     the contents of bodies, ``requests`` what was asked for, by number; ``pairs`` are halves of the addresses of client
     and server, and its port, by number of the pair, five columns of uint64; ``namings`` are what variables were called,
-    ``other_names`` what lists contradict, by message.
+    ``list_flaws`` what there is to say of lists, by message.
     ``left_out`` is how often there was no room for something up to here, and that was not told before.
     """
 
@@ -108,8 +108,8 @@ class VisuBatch:
     data: bytes
     requests: Sequence[Request]
     pairs: Sequence[U64]
-    namings: Sequence[Mapping[Place, str]]
-    other_names: Mapping[int, OtherNames]
+    namings: Sequence[Naming]
+    list_flaws: Mapping[int, ListFlaw]
     left_out: Mapping[Beyond, int]
 
     def __len__(self) -> int:
@@ -124,14 +124,14 @@ class VisuBatch:
     @staticmethod
     def of(
         messages: VisuMessages, segments: SegmentBatch, data: bytes, requests: Sequence[Request], pairs: Sequence[U64],
-        namings: Sequence[Mapping[Place, str]], other_names: Mapping[int, OtherNames], left_out: Mapping[Beyond, int],
+        namings: Sequence[Naming], list_flaws: Mapping[int, ListFlaw], left_out: Mapping[Beyond, int],
     ) -> VisuBatch:  # fmt: skip
         """Return the frames of some messages that stand in their order; ``segments`` are those of the batch."""
         start, stop = runs_of(messages.row)
         row = messages.row[start]
         own = segments.take(np.searchsorted(segments.row, row))
         return VisuBatch(
-            row, start, stop - start, messages, own, data, requests, pairs, namings, other_names, left_out
+            row, start, stop - start, messages, own, data, requests, pairs, namings, list_flaws, left_out
         )  # fmt: skip
 
 

@@ -132,7 +132,7 @@ class ReadPages:
 
         def called(number: int, naming: int) -> str:
             where = variables.known[number].where
-            return part.namings[naming].get(where, where.text) if isinstance(where, Place) else where
+            return part.namings[naming].names.get(where, where.text) if isinstance(where, Place) else where
 
         row, names = messages.row[found.message], messages.naming[found.message]
         return Readings(variable, row, form, bits, secret, names, text, called)

@@ -12,7 +12,7 @@ import numpy as np
 from dissectors import address
 from dissectors.batch import I64, U64
 from dissectors.keys import KeyTable
-from dissectors.webvisu import Place, Request, is_password, read_reply
+from dissectors.webvisu import Request, read_reply
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.told import Told
 from nvscope.tracker.events import EventLog, LeftOutLog
@@ -20,7 +20,7 @@ from nvscope.tracker.latency import Latencies
 from nvscope.tracker.visu.events import VisuEvent
 from nvscope.tracker.visu.limits import MOST_ENTRIES, Beyond
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages
-from nvscope.tracker.visu.names import OtherNames, name_of
+from nvscope.tracker.visu.names import Naming, OtherNames, UnreadList, has_password, name_of
 from nvscope.tracker.visu.unchanging import Unchanging
 from nvscope.tracker.visu.writes import Writes
 
@@ -104,8 +104,9 @@ class VisuCounts:
     by pair. ``events`` are keyed by ``VisuEvent`` and by subject, which ``subjects`` number; ``write_minutes`` are
     the writes among them by subject and minute since 1970. ``writes`` are who wrote what, ``unchanging`` what never
     changed, ``others`` what is spoken beside by pair and ``WebProtocol``, ``other_names`` the first list that
-    contradicts others, by client and server, and ``given_up`` how long clients waited at least and at most for what
-    they gave up. ``left_out`` is that for which there was no room, keyed by ``Beyond``.
+    contradicts others, by client and server, ``unread_lists`` the first one that nobody can read, and ``given_up`` how
+    long clients waited at least and at most for what they gave up. ``left_out`` is that for which there was no room,
+    keyed by ``Beyond``.
     """
 
     def __init__(self) -> None:
@@ -122,6 +123,7 @@ class VisuCounts:
         self.unchanging = Unchanging()
         self.other_names: dict[Subject, OtherNames] = {}
         self.given_up: dict[Subject, tuple[int, int]] = {}
+        self.unread_lists: dict[Subject, UnreadList] = {}
         self._minutes: set[tuple[int, int]] = set()
         self._variables: set[tuple[int, str]] = set()
         self._asked: set[tuple[int, Request]] = set()
@@ -186,15 +188,19 @@ class VisuCounts:
             self.others[number, spoken] = Spoken(first_frame, times + 1)
 
     def _note_names(self, told: Told, part: VisuBatch, own: I64) -> None:
-        """Note which lists of variables contradict those known before; ``own`` numbers the pairs of the batch."""
+        """Note what there is to say of lists of variables; ``own`` numbers the pairs of the batch."""
         messages, happened = part.messages, []
-        for message, other in part.other_names.items():
+        for message, flaw in part.list_flaws.items():
             pair, row = int(own[messages.pair[message]]), int(messages.row[message])
             if pair >= 0:
                 subject = Subject(*self.ends(pair), "")
-                self.other_names.setdefault(subject, other)
-                time_ns, frame = int(told.packets.ts_ns[row]), row + told.first_frame
-                happened.append((VisuEvent.OTHER_NAMES, time_ns, frame, subject))
+                event = VisuEvent.OTHER_NAMES
+                if isinstance(flaw, UnreadList):
+                    event = VisuEvent.UNREAD_LIST
+                    self.unread_lists.setdefault(subject, flaw)
+                else:
+                    self.other_names.setdefault(subject, flaw)
+                happened.append((event, int(told.packets.ts_ns[row]), row + told.first_frame, subject))
         self._log(told, happened)
 
     def _note(self, told: Told, part: VisuBatch, pair: I64, messages: VisuMessages) -> None:
@@ -243,9 +249,9 @@ class VisuCounts:
                 if request.ambiguous:
                     found.append((VisuEvent.AMBIGUOUS, whole))
                 if one.kind == Kind.WRITE:
-                    for variable in variables:
+                    for entry, variable in zip(request.entries, variables, strict=True):
                         found.append((VisuEvent.WRITTEN, variable))
-                        if is_password(variable.variable):
+                        if has_password(entry, names):
                             found.append((VisuEvent.PASSWORD_SEEN, variable))
             happened += [(event, time_ns, frame, subject) for event, subject in found]
             if any(event in _LATE for event, _ in found):
@@ -282,14 +288,14 @@ class VisuCounts:
                 wanted[replies[(asked[replies] == asked[place]) & (naming == version)]] = True
         return np.flatnonzero(wanted)
 
-    def _secret(self, request: Request, naming: int, names: Mapping[Place, str]) -> Collection[int]:
-        """Return which entries of a request are passwords."""
-        if not names:
+    def _secret(self, request: Request, naming: int, names: Naming) -> Collection[int]:
+        """Return which entries of a request are passwords, or lie in bytes of some."""
+        if not names.passwords:
             return ()
         key = (request, naming)
         found = self._secrets.get(key)
         if found is None:
-            found = {place for place, one in enumerate(request.entries) if is_password(name_of(one, names))}
+            found = {place for place, one in enumerate(request.entries) if has_password(one, names)}
             if len(self._secrets) > _MOST_REMEMBERED or self._secret_entries > MOST_ENTRIES:
                 self._secrets.clear()
                 self._secret_entries = 0

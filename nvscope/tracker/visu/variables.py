@@ -6,7 +6,7 @@ asked for last; before a list says a name, by its place.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +18,7 @@ from nvscope.definition.variables import Elementary, String, type_text
 from nvscope.definition.visu_values import type_at
 from nvscope.tracker.readings.readings import LEFT_OUT, in_order
 from nvscope.tracker.visu.controllers import Controller
-from nvscope.tracker.visu.names import is_secret, name_of
+from nvscope.tracker.visu.names import Naming, is_secret, name_of
 from nvscope.tracker.visu.number_texts import Kinds, form_of
 
 Where = Place | str
@@ -96,7 +96,7 @@ class PageVariables:
         return len(self.known)
 
     def of(
-        self, controller: Controller, request: Request, naming: int, names: Mapping[Place, str], most: int
+        self, controller: Controller, request: Request, naming: int, names: Naming, most: int
     ) -> I64:  # fmt: skip
         """Return the numbers of the entries of a request, ``LEFT_OUT`` of those beyond ``most`` variables.
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from dissectors.web_protocols import WebProtocol
-from dissectors.webvisu import UNREADABLE, Entry, Place, Request, read_reply
+from dissectors.webvisu import UNREADABLE, Entry, Request, read_reply
 from nvscope import units
 from nvscope.tracker.readings.form import HIDDEN
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch
-from nvscope.tracker.visu.names import is_secret, name_of
+from nvscope.tracker.visu.names import Naming, UnreadList, is_secret, name_of
 
 _MOST_SHOWN = 8
 
@@ -45,7 +45,7 @@ def variables_of(part: VisuBatch, message: int, *, secrets: bool = False) -> lis
     ]  # fmt: skip
 
 
-def shown(entry: Entry, names: Mapping[Place, str], value: str) -> str:
+def shown(entry: Entry, names: Naming, value: str) -> str:
     """Return a value, or what stands in its place where it is, or may be, a password."""
     return HIDDEN if value != UNREADABLE and is_secret(entry, names) else value
 
@@ -72,7 +72,9 @@ def message_words(part: VisuBatch, message: int, *, secrets: bool = False) -> st
     if kind is Kind.OTHER:
         return f"{protocol_words(WebProtocol(int(messages.spoken[message])))}, not decoded"
     if kind is Kind.NAMES:
-        return f"variable list ({units.count_of(int(messages.stop[message] - messages.start[message]), 'byte')})"
+        size = units.count_of(int(messages.stop[message] - messages.start[message]), "byte")
+        flaw = part.list_flaws.get(message)
+        return f"variable list ({size}){f', cannot be used: {flaw.why}' if isinstance(flaw, UnreadList) else ''}"
     request = part.requests[asked]
     if kind is Kind.UNANSWERED:
         unanswered = f"no reply to frame {messages.asked_frame[message]}"

@@ -305,12 +305,14 @@ class Visu:
         self.learn(talk, waiting, waiting.asked, message.status, answer)
         self.judge(talk, row, waiting.asked, message, answer)
 
-    def learn_names(self, talk: Talk, listed: visu_body.Listed) -> None:
+    def learn_names(self, talk: Talk, listed: visu_body.Listed | None) -> None:
         """Take a list; those known before that have a variable at none of the places of this one are not believed."""
+        if listed is None:
+            return self.find("NV807", talk)
         self.happened["names"] += len(listed)
         names = {address: name for name, address in listed}
         known = self.names[talk.home]
-        if all(known.get(address) == name for address, name in names.items()):
+        if not visu_body.adds_password(listed, self.lists[talk.home]) and names.items() <= known.items():
             return
         believed = [one for one in self.lists[talk.home] if not visu_body.contradict(one, listed)]
         if len(believed) < len(self.lists[talk.home]):
@@ -345,11 +347,9 @@ class Visu:
         talk.waiting.clear()
 
     def is_password(self, talk: Talk, address: visu_body.Address) -> bool:
-        return visu_body.is_password(self.names[talk.home].get(address))
+        return visu_body.shows_password(address, self.lists[talk.home])
 
-    def find(
-        self, code: str, talk: Talk, address: visu_body.Address | None = None, frame: int | None = None
-    ) -> None:  # fmt: skip
+    def find(self, code: str, talk: Talk, address: visu_body.Address | None = None, frame: int | None = None) -> None:
         client, server, _ = talk.pair
         variable = f"visu/{server}"
         if address is not None:

@@ -9,6 +9,7 @@ Readings, where the rules leave a choice:
 - numbers are compared as numbers: 07 is 7; what a body declares may have any number of digits
 - of a write of one STRING without a trailing `|`, the last field belongs to the value
 - CR and LF beside a `|` are taken out of requests, and only at the ends of replies
+- a variable is a password where it has a byte in common with one that a list calls so, whatever its own name and type
 - a cut body that was compressed is looked at as it came
 """
 
@@ -16,6 +17,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 from urllib.parse import unquote_to_bytes
 from xml.etree import ElementTree
@@ -164,17 +166,45 @@ def is_password(name: str | None) -> bool:
     return name is not None and PASSWORD.fullmatch(name) is not None
 
 
+def shows_password(address: Address, lists: Iterable[Listed]) -> bool:
+    """Tell whether what is asked for has a byte in common with a variable that lists call like a password."""
+    if isinstance(address, str):
+        return is_password(address)
+    own = octets(address)
+    for listed in lists:
+        for name, other in listed:
+            if is_password(name) and not isinstance(other, str) and other[0] == address[0]:
+                theirs = octets(other)
+                if own.start in theirs or theirs.start in own:
+                    return True
+    return False
+
+
+def adds_password(listed: Listed, lists: Iterable[Listed]) -> bool:
+    """Tell whether a list has a password that lists before have not: of several names of a place, one alone is kept."""
+    said = {address for before in lists for name, address in before if is_password(name)}
+    return any(is_password(name) and address not in said for name, address in listed)
+
+
+def octets(address: tuple[int, int, int, int]) -> range:
+    """Return which bytes of its area a variable is in: of an input or output bit, the one that has it."""
+    ref, offset, size, kind = address
+    if ref in (1, 2) and (kind == 0 or size == 0):
+        offset >>= 3
+    return range(offset, offset + (size or 1))
+
+
 def is_page(method: bytes, target: bytes) -> bool:
     """Whether a request is for a page that may name variables."""
     return method == b"GET" and target.split(b"?")[0].lower().endswith(b".xml")
 
 
-def listed_in(page: bytes) -> Listed:
-    """Return the names that a page gives to addresses; nothing where it is not XML."""
+def listed_in(page: bytes) -> Listed | None:
+    """Return the names that a page gives to addresses; None where it is not XML."""
     try:
         root = ElementTree.fromstring(page)
     except (ElementTree.ParseError, ValueError):
-        return []
+        return None
     except LookupError:  # what it says of its encoding is not known: it is that of Windows
         return listed_in(re.sub(rb"encoding=\S*?([\"'])[^\"']*\1", b'encoding="cp1252"', page, count=1))
     listed: Listed = []

@@ -8,7 +8,7 @@ Readings, where the rules leave a choice:
 - what a value means is said by the number of the type, where the size is that of the type: see ``value_of``
 - a change is another value than the one before of the same variable, whoever had asked for that
 - a variable is called as it was called when it was last asked for or written, with a reply that says values or ???
-- it may be a password where its name is that of one, or where it is a STRING without a name
+- it may be a password where it has bytes of one that has a name, or where it is a STRING without a name
 """
 
 from __future__ import annotations
@@ -110,10 +110,9 @@ class VisuValues(Visu):
             self.series.append(told)
 
     def may_be_secret(self, home: Home, address: visu_body.Address) -> bool:
-        if isinstance(address, str):
-            return visu_body.is_password(address)
-        name = self.names[home].get(address)
-        return address[3] == visu_body.STRING if name is None else visu_body.is_password(name)
+        if visu_body.shows_password(address, self.lists[home]):
+            return True
+        return address[3] == visu_body.STRING and address not in self.names[home]
 
     def rows(self) -> list[dict[str, Any]]:
         """Return a row a variable that replies told of."""

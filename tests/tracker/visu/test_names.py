@@ -11,8 +11,10 @@ import pytest
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.definition.project_file import read_project
 from tests.oracle.frame import Frame
+from tests.oracle.pcap import write_pcap
 from tests.oracle.tcp_line import Line
 from tests.packets import Batches, batch_of
+from tests.program import run_text
 
 OLD = {"PLC_PRG.rSpeed": "4,0,4,6", "PLC_PRG.xStart": "4,4,1,0", ".Level": "4,522,2,1"}
 NEW = {"PLC_PRG.rSpeed": "4,8,4,6", "PLC_PRG.xStart": "4,12,1,0", ".Level": "4,522,2,1"}
@@ -160,3 +162,66 @@ def test_behind_a_gateway_each_port_is_a_controller_of_its_own(folder: Path) -> 
         ("PLC_PRG.rSpeed", None), ("4,0,4,6", None), ("PLC_PRG.rSpeed", None), ("PLC_PRG.rSpeed", "5"),
     ]  # fmt: skip
     assert others(report) == []
+
+
+@pytest.mark.parametrize("more", [{"PLC_PRG.nNew": "4,16,2,1"}, {"PLC_PRG.rSpeed": "4,0,4,6"}], ids=["other", "known"])
+def test_a_given_file_that_is_older_than_the_list_is_believed_no_more(folder: Path, more: dict[str, str]) -> None:
+    line = panel()
+    loads(line, listed(more, "1528115987,1"))
+    loads(line, listed(more, "1528115987,1"))
+    writes(line, "4,4,1,0", "1")
+    report = told(line.frames, folder, 'variables = "old.xml"')
+    assert written(report) == [("4,4,1,0", None)]
+    assert others(report) == [
+        (f"10.0.0.5 has a newer list of variables than {folder / 'old.xml'}: their time-stamps are 1528115987 and "
+         "1528115986.", 1)
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("stamp", ["", "1528115986,1", "1528115985,1", "later"])
+def test_a_given_file_that_is_not_older_stays(folder: Path, stamp: str) -> None:
+    line = panel()
+    loads(line, listed({"PLC_PRG.nNew": "4,16,2,1"}, stamp))
+    writes(line, "4,4,1,0", "1")
+    report = told(line.frames, folder, 'variables = "old.xml"')
+    assert (written(report), others(report)) == ([("PLC_PRG.xStart", None)], [])
+
+
+@pytest.mark.parametrize(
+    ("page", "why"),
+    [
+        (f"{listed(OLD)}\x1b", "line 1: this is no well-formed XML: not well-formed (invalid token)"),
+        (listed(OLD)[:-9], "line 1: this is no well-formed XML: unclosed token"),
+        ("<html>log in<br></html>", "an HTML page, no definition file"),
+        ("<!DOCTYPE v>" + listed(OLD), "line 1: the XML has document type or entities that no definition needs"),
+    ],
+)  # fmt: skip
+def test_a_list_that_nobody_can_read_is_told(folder: Path, page: str, why: str) -> None:
+    line = panel()
+    loads(line, page)
+    writes(line, "4,0,4,6", "1.5")
+    report = told(line.frames, folder)
+    assert written(report) == [("4,0,4,6", None)]
+    ((message, count),) = [(one["message"], one["count"]) for one in report["findings"] if one["code"] == "NV807"]
+    assert (message, count) == (
+        f"10.0.0.5 sent a list of variables that cannot be used: {why}. Names are missing, and nobody knows what is a "
+        "password.", 1,
+    )  # fmt: skip
+
+
+def test_what_was_known_before_a_list_that_nobody_can_read_stays(folder: Path) -> None:
+    line = panel()
+    for page in (listed(OLD), "", "none"):
+        loads(line, page)
+    writes(line, "4,0,4,6", "1.5")
+    report = told(line.frames, folder)
+    assert written(report) == [("PLC_PRG.rSpeed", None)]
+    (message,) = [one["message"] for one in report["findings"] if one["code"] == "NV807"]
+    assert message.startswith("10.0.0.5 sent 2 lists of variables that cannot be used; the first one: ")
+
+
+def test_packets_tell_of_a_list_that_nobody_can_read(tmp_path: Path) -> None:
+    line = panel()
+    loads(line, "<x")
+    write_pcap(line.frames, tmp_path / "c.pcap")
+    assert "variable list (2 bytes), cannot be used: line 1: " in run_text("packets", str(tmp_path / "c.pcap")).stdout
