@@ -66,7 +66,7 @@ class TransactionsView(View):
             told = lines.NOTHING_YET if look.scene.at_ns is None else lines.NO_TRANSACTIONS
             self._nothing.show(lines.nothing_lines(told, max(self.size.width - 1, _NARROWEST)))
             self._opened = False
-        measures = lines.pair_measures(look.now_ns)
+        measures = lines.pair_measures(look.now_ns, rows)
         self._pairs.show(
             Table(
                 [measure.column for measure in measures], len(rows),

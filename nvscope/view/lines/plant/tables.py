@@ -5,8 +5,8 @@ Takes parts of the report of schema ``nvscope.report/2``. As in ``content``, not
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -121,6 +121,27 @@ def cells(measures: Sequence[Measure], row: Row) -> list[Cell]:
 def used(measures: Sequence[Measure], rows: Sequence[Row]) -> list[Measure]:
     """Return the columns in which at least one row has something to say."""
     return [measure for measure in measures if any(measure.cell(row).text != NOTHING for row in rows)]
+
+
+def told_apart(measures: Sequence[Measure], rows: Sequence[Row], title: str, names: Collection[str]) -> bool:
+    """Tell whether rows are alike in some columns, and a further one is all that tells them apart."""
+    (further,) = (measure for measure in measures if measure.column.title == title)
+    others = [measure for measure in measures if measure.column.title in names]
+    seen: dict[tuple[str, ...], str] = {}
+    return any(
+        seen.setdefault(tuple(measure.cell(row).text for measure in others), text) != text
+        for row in rows if (text := further.cell(row).text)
+    )  # fmt: skip
+
+
+def with_port(measures: Sequence[Measure], rows: Sequence[Row], names: Collection[str]) -> Sequence[Measure]:
+    """Return columns of pairs, of which ``port`` stays however little room there is, if all else names them alike."""
+    if not told_apart(measures, rows, "port", names):
+        return measures
+    return [
+        replace(measure, column=replace(measure.column, importance=None)) if measure.column.title == "port" else measure
+        for measure in measures
+    ]  # fmt: skip
 
 
 UNKNOWN = Cell("?", Tone.FAINT)

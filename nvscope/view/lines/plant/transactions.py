@@ -12,7 +12,7 @@ from nvscope import units
 from nvscope.findings.kind import Severity
 from nvscope.view.lines.plant.content import Clock, Row
 from nvscope.view.lines.plant.happenings import symbol
-from nvscope.view.lines.plant.tables import Measure, count_cell, duration_cell, used
+from nvscope.view.lines.plant.tables import Measure, count_cell, duration_cell, used, with_port
 from nvscope.view.lines.table import NOTHING, Cell, Column, Line, Tone, wrap
 
 NOTHING_YET = "Nothing was read yet."
@@ -42,9 +42,9 @@ def severity_of_pair(row: Row) -> Severity | None:
     return Severity.WARNING if any(row[name] for name in _TROUBLE) else None
 
 
-def pair_measures(now_ns: int) -> Sequence[Measure]:
-    """Return the columns of the table of pairs, as of a time."""
-    return (
+def pair_measures(now_ns: int, rows: Sequence[Row] = ()) -> Sequence[Measure]:
+    """Return the columns of the table of pairs, as of a time; some rows tell whether that of ports has to stay."""
+    measures = (
         Measure(Column(""), lambda row: symbol(severity_of_pair(row))),
         Measure(Column("via", importance=9), lambda row: Cell(row["protocol"], Tone.FAINT)),
         Measure(Column("asks", shortest=10, identifier=True), lambda row: Cell(_client(row), Tone.STRONG)),
@@ -64,11 +64,12 @@ def pair_measures(now_ns: int) -> Sequence[Measure]:
         Measure(Column("last write", shortest=24, importance=7, verbatim=True), _last_write),
         Measure(Column("ago", right=True, importance=5), lambda row: _ago(row, now_ns)),
     )  # fmt: skip
+    return with_port(measures, rows, ("via", "asks", "asked"))
 
 
 def pair_table(rows: Sequence[Row], now_ns: int) -> tuple[list[Measure], Sequence[Row]]:
     """Return the table of pairs where nobody sorts it: the worst first; without the columns that say nothing."""
-    return used(pair_measures(now_ns), rows), sorted(rows, key=lambda row: -(severity_of_pair(row) or 0))
+    return used(pair_measures(now_ns, rows), rows), sorted(rows, key=lambda row: -(severity_of_pair(row) or 0))
 
 
 def transaction_measures(clock: Clock) -> Sequence[Measure]:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from nvscope import units
 from nvscope.view.lines.plant.content import Report, Row, node_names
-from nvscope.view.lines.plant.tables import Measure, count_cell, duration_cell, used
+from nvscope.view.lines.plant.tables import Measure, count_cell, duration_cell, used, with_port
 from nvscope.view.lines.table import NOTHING, Cell, Column, Tone
 
 TITLE = "WebVisu"
@@ -35,7 +35,7 @@ def visu(report: Report, most: int | None = None) -> tuple[list[Measure], list[R
     if most is not None and len(rows) > most:
         worst = sorted(range(len(rows)), key=lambda place: not any(rows[place][name] for name in _WRONG))[:most]
         rows = [rows[place] for place in sorted(worst)]
-    return used(PAIRS, rows), rows, len(found) - len(rows)
+    return used(with_port(PAIRS, rows, ENDS), rows), rows, len(found) - len(rows)
 
 
 def remarks(report: Report) -> Sequence[str]:
@@ -60,6 +60,7 @@ def _missing(row: Row) -> Cell:
     return count_cell(row["gap_bytes"], Tone.WARNING) if row["gap_bytes"] else Cell(NOTHING, Tone.FAINT)
 
 
+ENDS = ("asks", "asked")
 PAIRS = (
     Measure(Column("asks", shortest=12, identifier=True), lambda row: Cell(row["asks"], Tone.STRONG)),
     Measure(Column("asked", shortest=12, identifier=True), lambda row: Cell(row["asked"])),

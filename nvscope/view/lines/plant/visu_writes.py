@@ -11,7 +11,7 @@ from nvscope import units
 from nvscope.tracker.readings.form import HIDDEN
 from nvscope.tracker.visu.writes import WriteOutcome
 from nvscope.view.lines.plant.content import Clock, Report, Row, nanoseconds, node_names
-from nvscope.view.lines.plant.tables import Measure, used
+from nvscope.view.lines.plant.tables import Measure, told_apart, used
 from nvscope.view.lines.table import NOTHING, Cell, Column, Tone
 
 TITLE = "WebVisu writes"
@@ -41,7 +41,9 @@ def writes(report: Report, clock: Clock, most: int | None = MOST_WRITES) -> tupl
         }
         for row in shown
     ]
-    return used(WRITES, rows), rows, len(found) - len(rows)
+    told = told_apart(WRITES, rows, "port", ("who", "whom"))
+    measures = [one for one in WRITES if told or one.column.title != "port"]
+    return used(measures, rows), rows, len(found) - len(rows)
 
 
 def more(left: int, option: str) -> str:
@@ -64,6 +66,7 @@ WRITES = (
     Measure(Column("time", importance=7), lambda row: Cell(row["at"])),
     Measure(Column("who", shortest=12, identifier=True), lambda row: Cell(row["who"], Tone.STRONG)),
     Measure(Column("whom", shortest=12, identifier=True, importance=9), lambda row: Cell(row["whom"])),
+    Measure(Column("port", right=True), lambda row: Cell(str(row["port"]))),
     Measure(Column("variable", shortest=10, identifier=True), lambda row: Cell(row["variable"])),
     Measure(Column("old", shortest=8, importance=10, verbatim=True), lambda row: _value(row, "old")),
     Measure(Column("new", shortest=8, verbatim=True), lambda row: _value(row, "new")),
