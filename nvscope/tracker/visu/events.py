@@ -22,3 +22,19 @@ class VisuEvent(IntEnum):
     UNANSWERED = 7
     LATE = 8
     OTHER_NAMES = 9
+
+
+OTHER_STATUS = (1 << 16) - 1
+"""Stands for HTTP statuses of which there were too many to keep them apart."""
+
+_EVENT_BITS = 16
+
+
+def event_word(event: VisuEvent, status: int = 0) -> int:
+    """Return by what events are told apart: their kind, and for what was refused the HTTP status of the reply."""
+    return status << _EVENT_BITS | int(event)
+
+
+def event_parts(word: int) -> tuple[VisuEvent, int]:
+    """Return kind and HTTP status, 0 without one, from ``event_word``."""
+    return VisuEvent(word & ((1 << _EVENT_BITS) - 1)), word >> _EVENT_BITS

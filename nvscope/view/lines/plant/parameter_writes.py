@@ -73,8 +73,8 @@ WRITES = (
         Column("parameter", shortest=10, identifier=True),
         lambda row: Cell(row["name"] or units.parameter(row["index"], row["subindex"])),
     ),
-    Measure(Column("old", shortest=8, importance=10, verbatim=True), _old),
-    Measure(Column("new", shortest=8, verbatim=True), lambda row: Cell(row["new_text"])),
-    Measure(Column("outcome", importance=11), _outcome),
+    Measure(Column("old", shortest=8, importance=12, verbatim=True, values=True), _old),
+    Measure(Column("new", shortest=8, verbatim=True, values=True), lambda row: Cell(row["new_text"])),
+    Measure(Column("outcome", shortest=10, importance=11), _outcome),
     Measure(Column("frame", right=True, importance=2), lambda row: Cell(str(row["frame"]))),
 )

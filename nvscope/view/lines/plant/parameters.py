@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from nvscope import units
 from nvscope.view.lines.plant.content import Report, Row, node_names
-from nvscope.view.lines.plant.tables import Measure, count_cell, duration_cell, used, with_port
+from nvscope.view.lines.plant.tables import Measure, count_cell, duration_cell, rare_cell, used, with_port
 from nvscope.view.lines.table import NOTHING, Cell, Column, Tone
 
 TITLE = "Parameter Manager"
@@ -47,10 +47,6 @@ def _refused(row: Row) -> Cell:
     return Cell(told, Tone.ERROR) if told else Cell(NOTHING, Tone.FAINT)
 
 
-def _came_back(row: Row) -> Cell:
-    return count_cell(row["undeliverable"], Tone.ERROR) if row["undeliverable"] else Cell(NOTHING, Tone.FAINT)
-
-
 ENDS = ("asks", "asked")
 PAIRS = (
     Measure(Column("asks", shortest=12, identifier=True), lambda row: Cell(row["asks"], Tone.STRONG)),
@@ -61,9 +57,9 @@ PAIRS = (
     Measure(Column("p99", right=True, importance=5), lambda row: duration_cell(row["latency_ns"]["p99"])),
     Measure(Column("max", right=True, importance=7), lambda row: duration_cell(row["latency_ns"]["max"])),
     Measure(Column("unanswered", right=True, importance=10), lambda row: count_cell(row["timeouts"], Tone.ERROR)),
-    Measure(Column("came back", right=True, importance=9), _came_back),
-    Measure(Column("repeated", right=True, importance=4), lambda row: count_cell(row["retransmissions"], Tone.WARNING)),
-    Measure(Column("unexpected", right=True, importance=6), lambda row: count_cell(row["unexpected"], Tone.WARNING)),
-    Measure(Column("busy", right=True, importance=3), lambda row: count_cell(row["busy"])),
+    Measure(Column("came back", right=True, importance=9), lambda row: rare_cell(row["undeliverable"], Tone.ERROR)),
+    Measure(Column("repeated", right=True, importance=4), lambda row: rare_cell(row["retransmissions"], Tone.WARNING)),
+    Measure(Column("unexpected", right=True, importance=6), lambda row: rare_cell(row["unexpected"], Tone.WARNING)),
+    Measure(Column("busy", right=True, importance=3), lambda row: rare_cell(row["busy"])),
     Measure(Column("refused", importance=9), _refused),
 )

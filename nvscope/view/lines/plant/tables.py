@@ -173,6 +173,11 @@ def _count_cell(number: int | None, tone: Tone, _separator: str) -> Cell:
     return Cell(units.count(number), tone if number > 0 else Tone.PLAIN if number else Tone.FAINT)
 
 
+def rare_cell(number: int | None, tone: Tone = Tone.PLAIN) -> Cell:
+    """Return a counter of what hardly ever happens: where it never did, nothing stands there."""
+    return count_cell(number, tone) if number else Cell(NOTHING, Tone.FAINT)
+
+
 def duration_cell(duration_ns: int | None, tone: Tone = Tone.PLAIN) -> Cell:
     """Return a duration as people read it, nothing where there is none."""
     return _duration_cell(duration_ns, tone, units.separator())

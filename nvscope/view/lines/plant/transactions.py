@@ -14,6 +14,7 @@ from nvscope.view.lines.plant.content import Clock, Row
 from nvscope.view.lines.plant.happenings import symbol
 from nvscope.view.lines.plant.tables import Measure, count_cell, duration_cell, used, with_port
 from nvscope.view.lines.table import NOTHING, Cell, Column, Line, Tone, wrap
+from nvscope.view.lines.text_width import display_width
 
 NOTHING_YET = "Nothing was read yet."
 NO_TRANSACTIONS = "No Parameter Manager and no WebVisu was heard: nobody asks a controller for anything."
@@ -127,14 +128,15 @@ def ends(row: Row) -> str:
     return f"{_client(row)} → {units.endpoint(_server(row), row['port'])}"
 
 
-def told_of(row: Row) -> str:
-    """Return what the replies of a pair come to."""
-    took = row["latency_ns"]
-    parts = [units.count_of(row["replies"], "reply", "replies")]
-    if took["count"]:
-        known = (f"{name} {units.duration(took[name])}" for name in ("p50", "p99", "max") if took[name] is not None)
-        parts.append(", ".join(known))
-    return "  ".join(parts)
+def told_of(row: Row, room: int) -> str:
+    """Return what the replies of a pair come to, in so many columns: figures are left out whole."""
+    took, replies = row["latency_ns"], units.count_of(row["replies"], "reply", "replies")
+    for names in (("p50", "p99", "max"), ("p50", "max"), ("max",)):
+        known = [f"{name} {units.duration(took[name])}" for name in names if took["count"] and took[name] is not None]
+        told = "  ".join([replies, ", ".join(known)] if known else [replies])
+        if display_width(told) <= room:
+            return told
+    return replies if display_width(replies) <= room else ""
 
 
 def what(row: Row) -> str:

@@ -5,6 +5,7 @@ Takes the rows of the report of schema ``nvscope.report/2``. As in ``content``, 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from nvscope import units
@@ -57,9 +58,19 @@ def _changes_nothing(row: Row) -> bool:
 
 
 def _value(row: Row, name: str) -> Cell:
+    """Return a value as it was sent; of a REAL without the zeros that its page puts behind it."""
+    text = row[name]
     if row["hidden"]:
         return Cell(HIDDEN, Tone.FAINT)
-    return Cell(NOTHING, Tone.FAINT) if row[name] is None else Cell(row[name])
+    if text is None:
+        return Cell(NOTHING, Tone.FAINT)
+    if row["type"] in _OF_REALS and _DECIMALS.fullmatch(text):
+        text = text.rstrip("0").removesuffix(".")
+    return Cell(text)
+
+
+_OF_REALS = ("REAL", "LREAL")
+_DECIMALS = re.compile(r"[+-]?[0-9]+\.[0-9]+")
 
 
 WRITES = (
@@ -68,8 +79,11 @@ WRITES = (
     Measure(Column("whom", shortest=12, identifier=True, importance=9), lambda row: Cell(row["whom"])),
     Measure(Column("port", right=True), lambda row: Cell(str(row["port"]))),
     Measure(Column("variable", shortest=10, identifier=True), lambda row: Cell(row["variable"])),
-    Measure(Column("old", shortest=8, importance=10, verbatim=True), lambda row: _value(row, "old")),
-    Measure(Column("new", shortest=8, verbatim=True), lambda row: _value(row, "new")),
-    Measure(Column("outcome", importance=11), lambda row: Cell(row["outcome"], _TONES[WriteOutcome(row["outcome"])])),
+    Measure(Column("old", shortest=8, importance=12, verbatim=True, values=True), lambda row: _value(row, "old")),
+    Measure(Column("new", shortest=8, verbatim=True, values=True), lambda row: _value(row, "new")),
+    Measure(
+        Column("outcome", shortest=10, importance=11),
+        lambda row: Cell(row["outcome"], _TONES[WriteOutcome(row["outcome"])]),
+    ),
     Measure(Column("frame", right=True, importance=2), lambda row: Cell(str(row["frame"]))),
 )
