@@ -83,6 +83,7 @@ class Written:
     new: str
     outcome: str = "open"
     answer: int | None = None
+    status: int | None = None
 
 
 @dataclass
@@ -252,6 +253,7 @@ class Visu:
             is_done = not answer.refused
             for one in waiting.writes:
                 one.outcome, one.answer = "confirmed" if is_done else "refused", self.number
+                one.status = status
             if is_done:
                 self.confirmed |= {
                     (talk.home, entry.address): (self.replies, text_of(entry.value)) for entry in asked.entries

@@ -69,6 +69,14 @@ def _value(row: Row, name: str) -> Cell:
     return Cell(text)
 
 
+def _outcome(row: Row) -> Cell:
+    """Return what became of a write; of one that was refused the HTTP status that says so."""
+    told, status = row["outcome"], row["status"]
+    is_told = told == WriteOutcome.REFUSED and status not in (None, _OK)
+    return Cell(f"{told}: HTTP {status}" if is_told else told, _TONES[WriteOutcome(told)])
+
+
+_OK = 200
 _OF_REALS = ("REAL", "LREAL")
 _DECIMALS = re.compile(r"[+-]?[0-9]+\.[0-9]+")
 
@@ -83,7 +91,7 @@ WRITES = (
     Measure(Column("new", shortest=8, verbatim=True, values=True), lambda row: _value(row, "new")),
     Measure(
         Column("outcome", shortest=10, importance=11),
-        lambda row: Cell(row["outcome"], _TONES[WriteOutcome(row["outcome"])]),
+        _outcome,
     ),
     Measure(Column("frame", right=True, importance=2), lambda row: Cell(str(row["frame"]))),
 )
