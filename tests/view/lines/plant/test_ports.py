@@ -38,8 +38,8 @@ def watched_row(server: str, port: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def shown(which: str, *ends: tuple[str, int]) -> list[str]:
-    """Return the table of some pairs at 60 columns; each end is a partner and its port."""
+def shown(which: str, *ends: tuple[str, int], width: int = 50) -> list[str]:
+    """Return the table of some pairs; each end is a partner and its port."""
     if which == "sdo":
         measures, rows, _ = parameters.parameters({"sdo": [sdo_row(*one) for one in ends], "nodes": [], "lists": []})
     elif which == "visu":
@@ -47,7 +47,7 @@ def shown(which: str, *ends: tuple[str, int]) -> list[str]:
     else:
         measures, found = transactions.pair_table([watched_row(*one) for one in ends], 0)
         rows = list(found)
-    lines: list[Line] = align([one.column for one in measures], [cells(measures, row) for row in rows], 60)
+    lines: list[Line] = align([one.column for one in measures], [cells(measures, row) for row in rows], width)
     return ["".join(cell.text for cell in line) for line in lines]
 
 
@@ -61,7 +61,7 @@ def test_the_port_stays_where_it_alone_tells_rows_apart(which: str) -> None:
 
 @pytest.mark.parametrize("which", ["sdo", "visu", "watched"])
 def test_the_port_gives_way_where_addresses_tell_rows_apart(which: str) -> None:
-    heading, first, second, *last = shown(which, ("10.0.0.10", 1202), ("10.0.0.11", 1300))
+    heading, first, second, *last = shown(which, ("10.0.0.10", 1202), ("10.0.0.11", 1300), width=34)
     assert "port" not in heading
     assert "10.0.0.10" in first
     assert "10.0.0.11" in second
