@@ -252,8 +252,7 @@ class Visu:
         if asked.write:
             is_done = not answer.refused
             for one in waiting.writes:
-                one.outcome, one.answer = "confirmed" if is_done else "refused", self.number
-                one.status = status
+                one.outcome, one.answer, one.status = "confirmed" if is_done else "refused", self.number, status
             if is_done:
                 self.confirmed |= {
                     (talk.home, entry.address): (self.replies, text_of(entry.value)) for entry in asked.entries
