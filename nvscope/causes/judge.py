@@ -37,6 +37,7 @@ from nvscope.causes.readers import (
     judge_without_program,
 )
 from nvscope.causes.recording import judge_clock_steps, judge_mirroring
+from nvscope.causes.refusals import judge_refusals
 from nvscope.causes.restarts import judge_list_restarts, judge_node_restarts
 from nvscope.causes.scans import judge_scanned_lists
 from nvscope.causes.senders import judge_second_senders
@@ -93,6 +94,7 @@ JUDGES: tuple[Judge, ...] = (
     judge_bursts,
     judge_incomplete_cycles,
     judge_further_readers,
+    judge_refusals,
     judge_others,
 )
 """In the order of causes.md, section 2: an event belongs to the first one that explains it."""

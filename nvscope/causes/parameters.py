@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from dissectors.batch import I64
+from dissectors.netvar import PORT
 from nvscope.causes.case import Case, Draft, Explained
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import span_in_words
 from nvscope.engine.runs import distinct
 from nvscope.findings.kind import FindingKind
 from nvscope.findings.parameter import SDO_ERROR_REPLY, SDO_TIMEOUT, SDO_UNEXPECTED_REPLY
+from nvscope.tracker.parameter.events import Place, place_of
 from nvscope.units import count_of, duration
 
 if TYPE_CHECKING:
@@ -50,35 +52,42 @@ NEXT_WHERE_UNDELIVERABLE = (
 _NAMED = 3
 
 
+class _Served(NamedTuple):
+    """Who is asked, on which port: a controller may serve on one and not on another."""
+
+    partner: str
+    port: int
+
+
 def judge_unanswered_parameters(case: Case) -> Iterator[Explained]:
-    """Explain requests that nobody answered in time, and late replies to them, by partner."""
+    """Explain requests that nobody answered in time, and late replies to them, by partner and port."""
     symptoms = case.symptoms
-    for partner, own in _by_partner(case, SDO_TIMEOUT).items():
-        pairs = _pairs(case, partner)
+    for served, own in _by_served(case, SDO_TIMEOUT).items():
+        pairs = _pairs(case, served)
         since_ns, until_ns = int(symptoms.since_ns[own].min()), case.end_of(symptoms.time_ns[own])
         late = case.free(SDO_UNEXPECTED_REPLY) & np.isin(symptoms.finding, _replies_to(case, own))
         late &= symptoms.time_ns >= since_ns
         asked = sum(one.requests for one in pairs)
-        what = _what(case, own)
+        what = f"{_what(case, own)}{_on(case, served)}"
         requests = f"{count_of(len(own), 'request')} {what}"
         if asked > len(own):
             those = "that" if len(own) == 1 else "those"
             requests = f"{len(own)} of {count_of(asked, 'request')}, {those} {what},"
         when = span_in_words(case, since_ns, until_ns)
         draft = Draft(
-            PARAMETERS_UNANSWERED, f"{_name(case, partner)} did not answer {requests} {when}",
+            PARAMETERS_UNANSWERED, f"{_name(case, served.partner)} did not answer {requests} {when}",
             NEXT_WHERE_UNDELIVERABLE if any(one.undeliverable for one in pairs) else PARAMETERS_UNANSWERED.next_step,
-            list(_checked(case, partner, pairs, int(np.count_nonzero(late)))),
-            nodes=_nodes(case, own, partner), since_ns=since_ns, until_ns=until_ns,
+            list(_checked(case, served.partner, pairs, int(np.count_nonzero(late)))),
+            nodes=_nodes(case, own, served.partner), since_ns=since_ns, until_ns=until_ns,
         )  # fmt: skip
         yield draft, case.only(own) | late
 
 
 def judge_refused_parameters(case: Case) -> Iterator[Explained]:
-    """Explain error replies, by partner."""
+    """Explain error replies, by partner and port."""
     symptoms = case.symptoms
-    for partner, own in _by_partner(case, SDO_ERROR_REPLY).items():
-        pairs = _pairs(case, partner)
+    for served, own in _by_served(case, SDO_ERROR_REPLY).items():
+        pairs = _pairs(case, served)
         since_ns, until_ns = int(symptoms.time_ns[own].min()), case.end_of(symptoms.time_ns[own])
         errors: Counter[str] = Counter()
         for one in pairs:
@@ -88,9 +97,10 @@ def judge_refused_parameters(case: Case) -> Iterator[Explained]:
         checked = [f"{name}: {count_of(count, 'time')}" for name, count in errors.most_common()]
         checked.append(f"it answered {count_of(good, 'other request')}" if good else "it answered nothing else")
         when, refused = span_in_words(case, since_ns, until_ns), count_of(len(own), "request")
+        what = f"{_what(case, own)}{_on(case, served)}"
         draft = Draft(
-            PARAMETERS_REFUSED, f"{_name(case, partner)} refuses {refused} {_what(case, own)} {when}",
-            NEXT_OF_ERRORS.get(most, PARAMETERS_REFUSED.next_step), checked, nodes=_nodes(case, own, partner),
+            PARAMETERS_REFUSED, f"{_name(case, served.partner)} refuses {refused} {what} {when}",
+            NEXT_OF_ERRORS.get(most, PARAMETERS_REFUSED.next_step), checked, nodes=_nodes(case, own, served.partner),
             since_ns=since_ns, until_ns=until_ns,
         )  # fmt: skip
         yield draft, case.only(own)
@@ -112,18 +122,17 @@ def _checked(case: Case, partner: str, pairs: Sequence[PairSummary], late: int) 
     yield "it sends lists" if sends else "it sends no list"
 
 
-def _by_partner(case: Case, kind: FindingKind) -> dict[str, I64]:
-    """Return the symptoms of a kind that nothing has explained, by the address of who was asked."""
-    found: dict[str, list[int]] = defaultdict(list)
+def _by_served(case: Case, kind: FindingKind) -> dict[_Served, I64]:
+    """Return the symptoms of a kind that nothing has explained, by who was asked on which port."""
+    found: dict[_Served, list[int]] = defaultdict(list)
     for row in np.flatnonzero(case.free(kind)).tolist():
-        found[_place(case, row)[0]].append(row)
-    return {partner: np.array(rows, np.int64) for partner, rows in found.items()}
+        place = _place(case, row)
+        found[_Served(place.partner, place.port)].append(row)
+    return {served: np.array(rows, np.int64) for served, rows in found.items()}
 
 
-def _place(case: Case, row: int) -> tuple[str, str]:
-    """Return partner and parameter of a symptom."""
-    _, partner, parameter = case.findings[int(case.symptoms.finding[row])].variable.split("/", 2)
-    return partner, parameter
+def _place(case: Case, row: int) -> Place:
+    return place_of(case.findings[int(case.symptoms.finding[row])].variable)
 
 
 def _replies_to(case: Case, own: I64) -> list[int]:
@@ -152,14 +161,20 @@ def _what(case: Case, own: I64) -> str:
 
 def _called(case: Case, variable: str) -> str:
     """Return the name of a finding's parameter, or without a name Index and SubIndex."""
-    _, partner, place = variable.split("/", 2)
-    index, subindex = place.split(":")
+    place = place_of(variable)
+    index, subindex = place.parameter.split(":")
     known = case.facts.definition and case.facts.definition.parameters
-    return known.name_of(partner, int(index, 16), int(subindex)) if known else place
+    return known.name_of(place.partner, int(index, 16), int(subindex)) if known else place.parameter
 
 
-def _pairs(case: Case, partner: str) -> Sequence[PairSummary]:
-    return [one for one in case.facts.summary.parameters if one.partner == partner]
+def _pairs(case: Case, served: _Served) -> Sequence[PairSummary]:
+    return [one for one in case.facts.summary.parameters if (one.partner, one.port) == served]
+
+
+def _on(case: Case, served: _Served) -> str:
+    """Return on which port a partner was asked, "" where it is the usual one and no other was tried."""
+    ports = {one.port for one in case.facts.summary.parameters if one.partner == served.partner}
+    return "" if {served.port} | ports == {PORT} else f" on port {served.port}"
 
 
 def _number(case: Case, address: str) -> int | None:

@@ -33,7 +33,7 @@ from nvscope.tracker.event_kinds import FRAMES_KEPT, EventKind
 from nvscope.tracker.evidence.event_columns import EventTable
 from nvscope.tracker.evidence.evidence import PARAMETERS, Evidence
 from nvscope.tracker.kept_rows import LOSS_OF_NODE, LOSS_OF_STREAM
-from nvscope.tracker.parameter.events import ParameterEvent, parameter_name
+from nvscope.tracker.parameter.events import ParameterEvent, parameter_name, variable_name
 
 _STEPS = {
     EventKind.GAP: TELEGRAM_GAP,
@@ -236,14 +236,18 @@ def _of_parameters(facts: Facts, findings: Sequence[Finding], evidence: Evidence
     """Yield what went wrong with requests of the Parameter Manager; of those to everybody, nobody is the peer."""
     columns = evidence.columns[PARAMETERS]
     table, kinds = columns.table(), columns.kinds
-    if not len(table.frame):
+    known = facts.state.parameters.known
+    if not len(table.frame) or known is None:
         return
+    ports = known.pairs.words[-1]
     places = {(one.code, one.node, one.variable): number for number, one in enumerate(findings) if one.variable}
-    for (number, node, peer, detail), row in rows_by((table.kind, table.node, table.peer, table.detail)):
+    for (number, node, peer, detail, pair), row in rows_by(
+        (table.kind, table.node, table.peer, table.detail, table.pair)
+    ):  # fmt: skip
         kind = _OF_PARAMETERS.get(kinds[number])
         if kind is None or node < 0 or peer < 0:
             continue
-        variable = f"sdo/{facts.address(peer)}/{parameter_name(detail)}"
+        variable = variable_name(facts.address(peer), int(ports[pair]), parameter_name(detail))
         finding = places.get((kind.code, node, variable))
         if finding is not None:
             own = _where(table, row)

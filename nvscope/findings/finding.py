@@ -44,6 +44,8 @@ class Finding:
     """How far it goes, of kinds in ``nvscope.findings.badness.EXTENTS``."""
     variable: str = ""
     """What of another conversation it is about: ``sdo/192.168.1.20/0x2000:1``."""
+    statuses: tuple[tuple[int, int], ...] = ()
+    """HTTP statuses of replies that refused, and how often each came."""
     misfit: Misfit | None = None
     """How telegrams differ from the only definition of their list, where they do."""
 

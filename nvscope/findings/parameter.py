@@ -70,7 +70,7 @@ SDO_SLOW = FindingKind(
 
 
 def judge_parameters(facts: Facts) -> Iterator[Finding]:
-    """Yield a finding for each parameter of a partner that a node asked for, and of which something is to be said."""
+    """Yield a finding for each parameter of a partner and port that was asked for, if something is to be said of it."""
     known = facts.state.parameters.known
     if known is None:
         return
@@ -92,38 +92,36 @@ def _finding(
     facts: Facts, nodes: Mapping[str, int], event: int, asked: Asked, parts: list[tuple[int, Events]], timeout_ns: int
 ) -> Finding:  # fmt: skip
     from dissectors.netvar import Service
-    from nvscope.tracker.parameter.events import ParameterEvent
+    from nvscope.tracker.parameter.events import ParameterEvent, partner_name, variable_name
 
     together = parts[0][1]
     for _, events in parts[1:]:
         together = together.among(events)
-    timeout = duration(timeout_ns)
+    timeout, partner = duration(timeout_ns), partner_name(asked.partner, asked.port)
     ends = f"{asked.requester} for {_called(facts, asked)}"
     if event == ParameterEvent.TIMEOUT:
         kind = SDO_TIMEOUT
-        message = f"{asked.partner} did not answer {count_of(together.count, 'request')} of {ends} within {timeout}."
+        message = f"{partner} did not answer {count_of(together.count, 'request')} of {ends} within {timeout}."
     elif event == ParameterEvent.ERROR_REPLY:
         kind = SDO_ERROR_REPLY
         counts: Counter[str] = Counter()
         for service, events in sorted(parts, key=lambda part: part[0]):
             counts[Service(service).name] += events.count
         names = ", ".join(f"{name} ({count})" for name, count in counts.items())
-        message = f"{asked.partner} refused {count_of(together.count, 'request')} of {ends}: {names}."
+        message = f"{partner} refused {count_of(together.count, 'request')} of {ends}: {names}."
     elif event == ParameterEvent.SLOW:
         kind = SDO_SLOW
         message = (
-            f"{asked.partner} took more than {duration(timeout_ns // 2)} for "
+            f"{partner} took more than {duration(timeout_ns // 2)} for "
             f"{count_of(together.count, 'reply', 'replies')} to {ends}, half of the timeout."
         )
     else:
         kind = SDO_UNEXPECTED_REPLY
-        message = (
-            f"{count_of(together.count, 'reply', 'replies')} of {asked.partner} to {ends}: no such request was open."
-        )
+        message = f"{count_of(together.count, 'reply', 'replies')} of {partner} to {ends}: no such request was open."
     return Finding(
         kind, message, together.count, together.first_ns, together.last_ns, together.frames,
         node=nodes.get(asked.requester),
-        variable=f"sdo/{asked.partner}/{asked.name}",
+        variable=variable_name(asked.partner, asked.port, asked.name),
     )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from nvscope.findings.finding import Events, Finding, all_events
 from nvscope.findings.kind import FindingKind, Severity
+from nvscope.findings.visu_refusals import NEXT_OF_THE_LIST, Statuses, next_step, refused_reads, refused_writes
 from nvscope.units import count, count_of, duration
 
 if TYPE_CHECKING:
@@ -39,13 +40,20 @@ VISU_ERROR = FindingKind(
     "NV802",
     "visu-error",
     Severity.ERROR,
-    meaning="The controller refused a web visualization request, or could not read a variable that was asked for.",
+    meaning=(
+        "The controller refused to write a variable for a web visualization, or its web server answered a request with "
+        "another HTTP status than 200. Variables that it cannot read (???) are told below the table of WebVisu."
+    ),
     causes=(
         "addresses of an older download: they change with every build",
         "a variable that does not exist, or cannot be written",
         "too many variables in one request, or a malformed one",
+        "a page under another path or address (404, 301, 302), a login (401, 403), a web server in trouble (500, 503)",
     ),
-    next_steps=("Load the controller's current variable list (its XML files) and reload the page.",),
+    next_steps=(
+        NEXT_OF_THE_LIST,
+        "Where an HTTP status is named: check path and address of the page, and look at the web server's own log.",
+    ),
     protocol="visu",
 )
 VISU_PASSWORD_IN_CLEAR = FindingKind(
@@ -168,7 +176,7 @@ _MANY_PERCENT = 10
 def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
     """Yield a finding for each variable that a client wrote, and for each client and server with trouble."""
     from dissectors import address
-    from nvscope.tracker.visu.events import VisuEvent
+    from nvscope.tracker.visu.events import VisuEvent, event_parts
 
     kinds = {
         VisuEvent.WRITTEN: VISU_WRITE, VisuEvent.REFUSED: VISU_ERROR, VisuEvent.STATUS: VISU_ERROR,
@@ -180,9 +188,15 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
     }  # fmt: skip
     subjects = list(counts.subjects)
     found: dict[tuple[FindingKind, Subject], dict[VisuEvent, Events]] = defaultdict(dict)
+    statuses: dict[Subject, list[tuple[int, int]]] = defaultdict(list)
     log = counts.events
-    for event, number, events in zip(log.keys.high.tolist(), log.keys.low.tolist(), all_events(log.rows), strict=True):
-        found[kinds[VisuEvent(event)], subjects[number]][VisuEvent(event)] = events
+    for word, number, events in zip(log.keys.high.tolist(), log.keys.low.tolist(), all_events(log.rows), strict=True):
+        event, status = event_parts(word)
+        parts = found[kinds[event], subjects[number]]
+        before = parts.get(event)
+        parts[event] = events if before is None else before.among(events)
+        if status:
+            statuses[subjects[number]].append((status, events.count))
     nodes = {text: number for number, text in enumerate(facts.summary.addresses)}
     last = {
         (address.text(*one.client), address.text(*one.server), one.variable): one for one in counts.writes.kept
@@ -191,11 +205,14 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
     for (kind, subject), parts in found.items():
         together = parts[VisuEvent.LATE] if kind is VISU_SLOW else _together(parts.values())
         variable = f"visu/{subject.server}/{subject.variable}" if subject.variable else f"visu/{subject.server}"
+        refused = tuple(sorted(statuses[subject])) if kind is VISU_ERROR else ()
         if kind is VISU_NOT_CAPTURED:
             every = messages[subject.client, subject.server]
             if 100 * together.count < _MANY_PERCENT * every:
                 continue
             message = _not_captured(subject, together.count, every)
+        elif kind is VISU_ERROR:
+            message = f"{_refused(subject, refused)}."
         elif kind is VISU_OTHER_NAMES:
             message = _contradicted(subject.server, together.count, counts.other_names[subject])
         elif kind is VISU_UNREAD_LIST:
@@ -204,8 +221,16 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
             message = _sentence(kind, subject, parts, last.get(subject), counts.given_up.get(subject))
         yield Finding(
             kind, message, together.count, together.first_ns, together.last_ns, together.frames,
-            node=nodes.get(subject.client), variable=variable, hint=_next_step(kind, parts),
+            node=nodes.get(subject.client), variable=variable,
+            hint=next_step(refused) if refused else _next_step(kind, parts), statuses=refused,
         )  # fmt: skip
+
+
+def _refused(subject: Subject, statuses: Statuses) -> str:
+    client, server, variable = subject
+    if variable:
+        return refused_writes(client, server, [variable], statuses)
+    return refused_reads(client, server, statuses)
 
 
 def _together(parts: Iterable[Events]) -> Events:
@@ -227,10 +252,6 @@ def _sentence(
     total = sum(counts.values())
     if kind is VISU_WRITE:
         return f"{client} wrote {variable} of {server} {_times(total)}{_over(last, total)}."
-    if kind is VISU_ERROR and variable:
-        return f"{server} refused {count_of(total, 'write')} of {variable} by {client}."
-    if kind is VISU_ERROR:
-        return f"{server} answered {count_of(total, 'read')} of {client} with another HTTP status than 200."
     if kind is VISU_PASSWORD_IN_CLEAR:
         # What is called otherwise lies in the same bytes.
         what, place = (

@@ -12,15 +12,15 @@ from nvscope.simulate.scenario import ParameterRequests
 
 
 def causes_of_parameters(plant: Plant) -> Iterator[PutIn]:
-    """Yield what goes wrong with requests, by partner."""
+    """Yield what goes wrong with requests, by partner and port."""
     scenario = plant.scenario
     for kind, struck in (("parameters-unanswered", _not_answered), ("parameters-refused", _refused)):
-        by_partner: dict[str, list[int]] = {}
+        by_partner: dict[tuple[str, int], list[int]] = {}
         for position, one in enumerate(scenario.parameter):
             at = asked_ns(scenario, position)
             partner = scenario.node[scenario.node_numbers[one.to]].address
-            by_partner.setdefault(partner, []).extend(at[struck(one, len(at))].tolist())
-        for partner, times in by_partner.items():
+            by_partner.setdefault((partner, one.port), []).extend(at[struck(one, len(at))].tolist())
+        for (partner, _), times in by_partner.items():
             if times:
                 yield PutIn(kind, min(times), plant.ended(min(times), max(times), len(times), 0), nodes=(partner,))
 

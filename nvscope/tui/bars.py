@@ -14,6 +14,7 @@ from nvscope.tui.actions import Keymap
 from nvscope.tui.look import Look
 from nvscope.tui.painting import DARK, Palette, strip_of
 from nvscope.view.escape import visible
+from nvscope.view.lines.fit import cut
 from nvscope.view.lines.plant.happenings import is_now, severity_of, symbol
 from nvscope.view.lines.short_names import short_names
 from nvscope.view.lines.table import Cell, Line, Tone
@@ -46,7 +47,7 @@ class Bar(Widget):
     def render_line(self, y: int) -> Strip:
         width = self.size.width
         taken, right = _width(self._left), _width(self._right)
-        line = list(self._left)
+        line = cut(self._left, width) if taken > width else list(self._left)
         if self._right and taken + right + 1 <= width:
             line += [Cell(" " * (width - taken - right)), *self._right]
         return strip_of(line, width, self.palette).apply_style(self.rich_style)

@@ -5,9 +5,12 @@ from __future__ import annotations
 from ipaddress import ip_address
 from pathlib import Path
 
+import pytest
+
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.capture.open import open_sink
 from nvscope.causes.cause import Cause
+from nvscope.tracker.parameter.events import place_of, variable_name
 from tests.causes.told import causes_of
 from tests.oracle.builders import (
     ETHERNET,
@@ -27,17 +30,21 @@ from tests.packets import batch_of
 ASKING, ASKED = "10.0.0.1", "10.0.0.2"
 
 
-def came_back(at_ns: int, payload: bytes) -> Frame:
+def came_back(at_ns: int, payload: bytes, port: int = 1202) -> Frame:
     """Return the message that the asked node does not take a request."""
-    quoted = internet_packet(ip_address(ASKING), ip_address(ASKED), PROTOCOL_UDP, udp(payload, port=1202))
+    quoted = internet_packet(ip_address(ASKING), ip_address(ASKED), PROTOCOL_UDP, udp(payload, port=port))
     return whole(at_ns, ETHERNET, link_frame(unreachable(ip_address(ASKED), quoted[:48])))
 
 
-def cause_of(frames: list[Frame], folder: Path) -> Cause:
+def all_causes_of(frames: list[Frame], folder: Path) -> list[Cause]:
     sink = open_sink(str(folder / "x.pcap"))
     sink.write(batch_of(frames))
     sink.close()
-    (found,) = causes_of(Inquiry([str(folder / "x.pcap")]))[1]
+    return list(causes_of(Inquiry([str(folder / "x.pcap")]))[1])
+
+
+def cause_of(frames: list[Frame], folder: Path) -> Cause:
+    (found,) = all_causes_of(frames, folder)
     return found
 
 
@@ -64,3 +71,52 @@ def test_without_such_messages_nothing_is_said_of_them(tmp_path: Path) -> None:
     assert cause.kind.name == "parameters-unanswered"
     assert cause.next == cause.kind.next_step
     assert not any("ICMP" in line for line in cause.checked)
+
+
+def served(service: int, at_ms: int, counter: int, port: int) -> Frame:
+    """Return a request, or the reply to one, on a port."""
+    ends = (ASKING, ASKED) if service in (1, 3) else (ASKED, ASKING)
+    payload = telegram(service, 0x2000, 1, counter=counter, data=b"")
+    return data_frame(at_ms * MILLISECOND, *ends, payload, port=port, source_port=port)
+
+
+def on_two_ports(*, error: bool = False) -> list[Frame]:
+    """Return requests of one parameter on two ports: on 1202 one of four fails, on 1300 the only one does."""
+    frames = []
+    for number in range(4):
+        frames.append(served(1, number * 1000, number, 1202))
+        if error or number != 1:
+            frames.append(served(23 if number == 1 else 2, number * 1000 + 5, number, 1202))
+    frames.append(served(1, 6000, 9, 1300))
+    if error:
+        frames.append(served(25, 6005, 9, 1300))
+    else:
+        frames.append(came_back(6001 * MILLISECOND, telegram(1, 0x2000, 1, counter=9, data=b""), 1300))
+    return [*frames, served(1, 9000, 20, 1202), served(2, 9005, 20, 1202)]
+
+
+def test_each_port_has_a_cause_of_its_own_and_its_own_next_step(tmp_path: Path) -> None:
+    usual, other = all_causes_of(on_two_ports(), tmp_path)
+    assert "did not answer 1 of 5 requests, that of 10.0.0.1 for 0x2000:1 on port 1202," in usual.title
+    assert usual.next == usual.kind.next_step
+    assert not any("ICMP" in line for line in usual.checked)
+    assert "did not answer 1 request of 10.0.0.1 for 0x2000:1 on port 1300 " in other.title
+    assert other.next.startswith("What the ICMP messages say")
+    assert [one.kind.name for one in (usual, other)] == ["parameters-unanswered"] * 2
+
+
+def test_what_a_port_refuses_is_not_what_another_one_refuses(tmp_path: Path) -> None:
+    usual, other = all_causes_of(on_two_ports(error=True), tmp_path)
+    assert [one.kind.name for one in (usual, other)] == ["parameters-refused"] * 2
+    assert "on port 1202" in usual.title
+    assert usual.checked == ("ODErrorReplyIdx: 1 time", "it answered 4 other requests")
+    assert "on port 1300" in other.title
+    assert other.checked == ("ODErrorReplyLen: 1 time", "it answered nothing else")
+
+
+@pytest.mark.parametrize("partner", ["10.0.0.2", "fe80::1"])
+@pytest.mark.parametrize("port", [1202, 1300])
+def test_what_a_finding_is_about_can_be_taken_apart(partner: str, port: int) -> None:
+    variable = variable_name(partner, port, "0x2000:1")
+    assert place_of(variable) == (partner, port, "0x2000:1")
+    assert (str(port) in variable) is (port != 1202)

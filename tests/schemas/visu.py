@@ -87,5 +87,6 @@ def visu_write() -> Schema:
             "hidden": truth("it is a password, or may be one: old and new are not shown"),
             "outcome": word([outcome.value for outcome in WriteOutcome], "open: nobody has seen what came of it"),
             "answer_frame": maybe(whole("that of the reply", 1)),
+            "status": maybe(whole("the HTTP status of the reply")),
         }
     )  # fmt: skip

@@ -36,7 +36,7 @@ def named(state: TrackerState, columns: EventColumns) -> list[Event]:
     keys = state.keys
     nodes = [address.text(*halves) for halves in zip(keys.nodes.high.tolist(), keys.nodes.low.tolist(), strict=True)]
     return [
-        Event(**row._asdict() | {
+        Event(**{name: value for name, value in row._asdict().items() if name in Event._fields} | {
             "kind": columns.kinds[row.kind].name,
             "list": str(keys.list_key(row.list)) if row.list >= 0 else "",
             "node": nodes[row.node] if row.node >= 0 else "",

@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from dissectors.batch import I64
-from nvscope.engine.events import EventBatch
+from nvscope.engine.events import NOWHERE, EventBatch
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.tracker.evidence.first_and_last import FirstAndLast
 
 MOST_EVENTS = 1 << 18
-"""So many are kept, 63 bytes each, of captures that have an end."""
+"""So many are kept, 67 bytes each, of captures that have an end."""
 
 MOST_EVENTS_LIVE = 1 << 15
 """So many are kept of live sources."""
@@ -36,7 +36,7 @@ class EventTable(NamedTuple):
     """Events by frame, then kind, scope and place; columns as in ``EventBatch``, int64 of shape (n,).
 
     ``kind`` is an ``EventKind``, or one of ``EventColumns.kinds``; ``scope`` a ``nvscope.tracker.counters.Scope``, or
-    ``NO_SCOPE``.
+    ``NO_SCOPE``; ``pair`` is ``NOWHERE`` of what a protocol does not tell apart by it.
     """
 
     kind: I64
@@ -51,10 +51,12 @@ class EventTable(NamedTuple):
     amount: I64
     peer: I64
     detail: I64
+    pair: I64
 
 
-_OF_BATCH = EventTable._fields[2:]
-_WIDTH = {"kind": np.int16, "scope": np.int8} | dict.fromkeys(("list", "node", "subindex", "channel", "peer"), np.int32)
+_OF_BATCH = EventTable._fields[2:-1]
+_NUMBERS = ("list", "node", "subindex", "channel", "peer", "pair")
+_WIDTH = {"kind": np.int16, "scope": np.int8} | dict.fromkeys(_NUMBERS, np.int32)
 _NOTHING = EventTable(*(np.empty(0, _WIDTH.get(name, np.int64)) for name in EventTable._fields))
 
 
@@ -125,7 +127,8 @@ class EventColumns:
         kind = np.repeat([places[_name(part.kind)] for part in self._waiting], length)
         scope = np.repeat([NO_SCOPE if part.scope is None else part.scope for part in self._waiting], length)
         columns = (np.concatenate([getattr(part, name) for part in self._waiting]) for name in _OF_BATCH)
-        stored = zip(self._stored, (kind, scope, *columns), strict=True)
+        pair = [np.full(len(part), NOWHERE) if part.pair is None else part.pair for part in self._waiting]
+        stored = zip(self._stored, (kind, scope, *columns, np.concatenate(pair)), strict=True)
         self._stored = EventTable(
             *(np.concatenate([known, new.astype(known.dtype, copy=False)]) for known, new in stored)
         )
@@ -150,7 +153,7 @@ class EventColumns:
         table = whole._replace(kind=number[kept.kind])
         place = table.subindex, table.node, table.channel, table.list
         # Where one frame ends several waits of a place, they are told by when they began.
-        order = _sorted((table.frame, table.kind, table.scope, *place[::-1], table.since_ns, table.detail))
+        order = _sorted((table.frame, table.kind, table.scope, *place[::-1], table.since_ns, table.detail, table.pair))
         return EventTable(*(column[order] for column in table))
 
 

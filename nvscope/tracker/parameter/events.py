@@ -7,7 +7,9 @@ Index and SubIndex of the parameter (``parameter_of``).
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import NamedTuple
 
+from dissectors.netvar import PORT
 from nvscope import units
 
 
@@ -31,6 +33,33 @@ class ParameterEvent(IntEnum):
 def parameter_name(detail: int) -> str:
     """Return what a parameter is called where nobody has named it, from Index and SubIndex as one."""
     return units.parameter(detail >> 16, detail & 0xFFFF)
+
+
+def partner_name(partner: str, port: int) -> str:
+    """Return what a partner is called, by its address: with the port where that is not the usual one."""
+    return partner if port == PORT else units.endpoint(partner, port)
+
+
+def variable_name(partner: str, port: int, name: str) -> str:
+    """Return what findings call a parameter: ``sdo/192.168.1.20/0x2000:1``, or ``sdo/192.168.1.20:1300/0x2000:1``."""
+    return f"sdo/{partner_name(partner, port)}/{name}"
+
+
+class Place(NamedTuple):
+    """Who is asked, on which port, for which parameter: the parts of ``variable_name``."""
+
+    partner: str
+    port: int
+    parameter: str
+
+
+def place_of(variable: str) -> Place:
+    """Return what ``variable_name`` was made of."""
+    _, partner, parameter = variable.split("/", 2)
+    address, _, port = partner.rpartition(":")
+    if not address or (":" in address and not address.startswith("[")):
+        return Place(partner, PORT, parameter)
+    return Place(address.removeprefix("[").removesuffix("]"), int(port), parameter)
 
 
 USUAL = (ParameterEvent.REPLIED, ParameterEvent.BUSY, ParameterEvent.WRITE_ASKED)

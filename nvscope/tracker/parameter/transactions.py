@@ -84,10 +84,11 @@ class PairColumns(KeyedColumns):
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """A parameter of a partner, on any port, and who asks for it."""
+    """A parameter of a partner, on a port, and who asks for it."""
 
     requester: str
     partner: str
+    port: int
     index: int
     subindex: int
 
@@ -176,9 +177,9 @@ class Transactions:
     def described(self, number: int) -> Asked:
         """Return which parameter of which node a number stands for, and who asks."""
         pair, word = int(self.parameters.high[number]), int(self.parameters.low[number])
-        requester_hi, requester_lo, partner_hi, partner_lo, _ = (int(one[pair]) for one in self.pairs.words)
+        requester_hi, requester_lo, partner_hi, partner_lo, port = (int(one[pair]) for one in self.pairs.words)
         ends = address.text(requester_hi, requester_lo), address.text(partner_hi, partner_lo)
-        return Asked(*ends, word >> 16, word & 0xFFFF)
+        return Asked(*ends, port, word >> 16, word & 0xFFFF)
 
     def _sorted(self, waits: Open) -> Open:
         return waits.take(np.lexsort((waits.frame, waits.last_ns)))

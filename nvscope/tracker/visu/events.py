@@ -11,8 +11,8 @@ class VisuEvent(IntEnum):
     What nobody answered is told of the frame of the request, and of the time at which that was sure. Of ``WRITTEN``,
     ``REFUSED`` and ``PASSWORD_SEEN`` there is one for each variable. ``LATE`` is whatever is slow, unanswered or given
     up: ``GIVEN_UP`` is what is unanswered since the client waits no more. ``OTHER_NAMES``: a list of variables
-    contradicts those known before, ``UNREAD_LIST``: nobody can read one. ``CUT``: bytes of a
-    request or a reply are missing. ``AMBIGUOUS``: texts have separators in them, and nobody knows what belongs to which.
+    contradicts those known before, ``UNREAD_LIST``: nobody can read one. ``CUT``: bytes of a request or a reply are
+    missing. ``AMBIGUOUS``: texts have separators in them, and nobody knows what belongs to which.
     """
 
     WRITTEN = 1
@@ -28,3 +28,19 @@ class VisuEvent(IntEnum):
     CUT = 11
     AMBIGUOUS = 12
     UNREAD_LIST = 13
+
+
+OTHER_STATUS = (1 << 16) - 1
+"""Stands for HTTP statuses of which there were too many to keep them apart."""
+
+_EVENT_BITS = 16
+
+
+def event_word(event: VisuEvent, status: int = 0) -> int:
+    """Return by what events are told apart: their kind, and for what was refused the HTTP status of the reply."""
+    return status << _EVENT_BITS | int(event)
+
+
+def event_parts(word: int) -> tuple[VisuEvent, int]:
+    """Return kind and HTTP status, 0 without one, from ``event_word``."""
+    return VisuEvent(word & ((1 << _EVENT_BITS) - 1)), word >> _EVENT_BITS

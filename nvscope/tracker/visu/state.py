@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from enum import IntEnum
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.told import Told
 from nvscope.tracker.events import EventLog, LeftOutLog
 from nvscope.tracker.latency import Latencies
-from nvscope.tracker.visu.events import VisuEvent
+from nvscope.tracker.visu.events import OTHER_STATUS, VisuEvent, event_word
 from nvscope.tracker.visu.limits import MOST_ENTRIES, Beyond
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages
 from nvscope.tracker.visu.names import Naming, OtherNames, UnreadList, has_password, name_of
@@ -33,6 +32,7 @@ SLOW_NS = 10**9
 _OK = 200
 _WRONG: Mapping[int, VisuEvent] = {Outcome.MISCOUNTED: VisuEvent.MISCOUNTED, Outcome.AMBIGUOUS: VisuEvent.AMBIGUOUS}
 _LATE = (VisuEvent.SLOW, VisuEvent.UNANSWERED, VisuEvent.GIVEN_UP)
+_WITH_STATUS = (VisuEvent.REFUSED, VisuEvent.STATUS)
 _MOST_REMEMBERED = 1 << 14
 _MINUTE_NS = 60 * 10**9
 
@@ -101,7 +101,7 @@ class VisuCounts:
     """The requests of all pages, and what became of them; an accumulator of what ``VisuFollower`` finds.
 
     ``pairs`` number client, server and port, as in ``VisuBatch.pairs``; ``columns``, ``latencies`` and ``pollings`` are
-    by pair. ``events`` are keyed by ``VisuEvent`` and by subject, which ``subjects`` number; ``write_minutes`` are
+    by pair. ``events`` are keyed by ``event_word`` and by subject, which ``subjects`` number; ``write_minutes`` are
     the writes among them by subject and minute since 1970. ``writes`` are who wrote what, ``unchanging`` what never
     changed, ``others`` what is spoken beside by pair and ``WebProtocol``, ``other_names`` the first list that
     contradicts others, by client and server, ``unread_lists`` the first one that nobody can read, and ``given_up`` how
@@ -125,6 +125,7 @@ class VisuCounts:
         self.given_up: dict[Subject, tuple[int, int]] = {}
         self.unread_lists: dict[Subject, UnreadList] = {}
         self._minutes: set[tuple[int, int]] = set()
+        self._statuses: set[tuple[int, int]] = set()
         self._variables: set[tuple[int, str]] = set()
         self._asked: set[tuple[int, Request]] = set()
         self._asked_entries = 0
@@ -200,12 +201,12 @@ class VisuCounts:
                     self.unread_lists.setdefault(subject, flaw)
                 else:
                     self.other_names.setdefault(subject, flaw)
-                happened.append((event, int(told.packets.ts_ns[row]), row + told.first_frame, subject))
+                happened.append((event, 0, int(told.packets.ts_ns[row]), row + told.first_frame, subject))
         self._log(told, happened)
 
     def _note(self, told: Told, part: VisuBatch, pair: I64, messages: VisuMessages) -> None:
         """Note what is a finding, and which variables are asked for."""
-        happened: list[tuple[VisuEvent, int, int, Subject]] = []
+        happened: list[tuple[VisuEvent, int, int, int, Subject]] = []
         rows = self._worth_a_look(part, pair, messages)
         columns = (getattr(messages, name)[rows].tolist() for name in VisuMessages.__match_args__)
         for number, row in zip(pair[rows].tolist(), zip(*columns, strict=True), strict=True):
@@ -253,9 +254,11 @@ class VisuCounts:
                         found.append((VisuEvent.WRITTEN, variable))
                         if has_password(entry, names):
                             found.append((VisuEvent.PASSWORD_SEEN, variable))
-            happened += [(event, time_ns, frame, subject) for event, subject in found]
+            happened += [
+                (event, one.status if event in _WITH_STATUS else 0, time_ns, frame, subject) for event, subject in found
+            ]
             if any(event in _LATE for event, _ in found):
-                happened.append((VisuEvent.LATE, time_ns, frame, whole))
+                happened.append((VisuEvent.LATE, 0, time_ns, frame, whole))
         self._log(told, happened)
 
     def _note_given_up(self, told: Told, subject: Subject, waited_ns: int) -> None:
@@ -322,15 +325,20 @@ class VisuCounts:
             self._variables.add(key)
             self.columns.variables[pair] += 1
 
-    def _log(self, told: Told, happened: Sequence[tuple[VisuEvent, int, int, Subject]]) -> None:
-        for event, time_ns, frame, subject in happened:
+    def _log(self, told: Told, happened: Sequence[tuple[VisuEvent, int, int, int, Subject]]) -> None:
+        for event, status, time_ns, frame, subject in happened:
             number = self.subjects.get(subject)
             if number is None:
                 if len(self.subjects) >= told.max_streams:
                     self.left_out.record(*_one(time_ns, frame, Beyond.FINDING))
                     continue
                 number = self.subjects[subject] = len(self.subjects)
-            times, frames, kind = _one(time_ns, frame, event)
+            if status and (number, status) not in self._statuses:
+                if len(self._statuses) < told.max_streams:
+                    self._statuses.add((number, status))
+                else:
+                    status = OTHER_STATUS  # noqa: PLW2901  # a server may make up many
+            times, frames, kind = _one(time_ns, frame, event_word(event, status))
             self.events.record(times, frames, kind, np.array([number], np.uint64))
             if event is VisuEvent.WRITTEN:
                 self._log_minute(time_ns, frame, number)
@@ -377,5 +385,5 @@ def first_of_each(left: I64, right: I64) -> I64:
     return np.sort(order[first])
 
 
-def _one(time_ns: int, frame: int, key: IntEnum) -> tuple[I64, I64, U64]:
+def _one(time_ns: int, frame: int, key: int) -> tuple[I64, I64, U64]:
     return np.array([time_ns]), np.array([frame]), np.array([int(key)], np.uint64)

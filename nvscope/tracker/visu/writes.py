@@ -46,7 +46,7 @@ class Write:
 
     ``client`` and ``server`` are halves of addresses. ``old`` is what it was before, as it was read or written last;
     None where nobody knows; so is ``new``, of a text of which nobody knows how far it goes. ``answer_frame`` is that of
-    the reply, 0 without one. ``is_secret``: it is a password, or may be one.
+    the reply, ``status`` its HTTP status, 0 without one. ``is_secret``: it is a password, or may be one.
     """
 
     time_ns: int
@@ -61,6 +61,7 @@ class Write:
     is_secret: bool
     outcome: WriteOutcome = WriteOutcome.OPEN
     answer_frame: int = 0
+    status: int = 0
 
 
 class Writes:
@@ -154,7 +155,7 @@ class Writes:
         for write in writes:
             write.outcome = outcome
             if outcome is not WriteOutcome.UNANSWERED:
-                write.answer_frame = frame
+                write.answer_frame, write.status = frame, int(messages.status[step])
             if outcome is WriteOutcome.CONFIRMED:
                 self._values.written(controller_at(*write.server, write.port), write.place, write.new, frame, step)
 

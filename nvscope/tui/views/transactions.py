@@ -18,6 +18,7 @@ from nvscope.tui.views.view import View
 from nvscope.view.escape import visible_document
 from nvscope.view.lines.plant import transactions as lines
 from nvscope.view.lines.table import Cell, Tone, wrap
+from nvscope.view.lines.text_width import display_width
 
 _NARROWEST = 20
 _PAIRS, _SAID = "pairs", "said"
@@ -66,7 +67,7 @@ class TransactionsView(View):
             told = lines.NOTHING_YET if look.scene.at_ns is None else lines.NO_TRANSACTIONS
             self._nothing.show(lines.nothing_lines(told, max(self.size.width - 1, _NARROWEST)))
             self._opened = False
-        measures = lines.pair_measures(look.now_ns)
+        measures = lines.pair_measures(look.now_ns, rows)
         self._pairs.show(
             Table(
                 [measure.column for measure in measures], len(rows),
@@ -100,7 +101,9 @@ class TransactionsView(View):
         self._said = visible_document(transaction_rows(seen, pair)[::-1])
         row = self._rows[self._pairs.row]
         mark = "▸ " if self._pane == _SAID else "  "
-        told = [Cell(f"{mark}{lines.ends(row)}", Tone.STRONG), Cell(f"  {lines.told_of(row)}", Tone.FAINT)]
+        name = f"{mark}{lines.ends(row)}  "
+        room = max(self.size.width, _NARROWEST) - display_width(name)
+        told = [Cell(name, Tone.STRONG), Cell(lines.told_of(row, room), Tone.FAINT)]
         if row["writes"] is None:
             told = [Cell(f"Of more than {MOST_PAIRS} pairs only figures are kept, this is one of the further ones")]
         self._title.tell(told)

@@ -39,6 +39,7 @@ def visu_write_rows(
             "hidden": hidden,
             "outcome": one.outcome.value,
             "answer_frame": one.answer_frame or None,
+            "status": one.status or None,
         }
 
     return Drawn(writes, row_of)

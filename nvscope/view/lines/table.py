@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cache
 from typing import NamedTuple
 
 from nvscope.view.lines.short_names import bare_width, short_names
-from nvscope.view.lines.text_width import beside_escape, display_width, head, shorten
+from nvscope.view.lines.text_width import beside_escape, display_width, head, number_width, shorten_between
 
 GAP = 2
 NOTHING = "-"
@@ -53,7 +53,7 @@ class Column:
     for columns whose cells are not to be cut. ``importance`` orders the columns that may be left out then, the lowest
     first, the rightmost of equals first; a column without one always stays. ``identifier`` marks addresses, keys and
     names: they are cut so that different ones stay different (``short_names``). ``verbatim``: spaces in a cell say
-    something, too.
+    something, too. ``values`` marks what the table is for: it is not cut to less than its numbers take.
     """
 
     title: str
@@ -62,6 +62,7 @@ class Column:
     shortest: int = 0
     identifier: bool = False
     verbatim: bool = False
+    values: bool = False
 
 
 def align(columns: Sequence[Column], rows: Sequence[Sequence[Cell]], width: int | None, indent: int = 0) -> list[Line]:
@@ -127,7 +128,11 @@ def fitting(
             min(natural[place], max(display_width(column.title), bare_width(names[place]))) if place in names else 0
             for place, column in enumerate(columns)
         ]
-        kept, widths = _fit(columns, natural, bare, width - indent)
+        with_room = [
+            replace(column, shortest=max(column.shortest, *(number_width(row[place].text) for row in rows), 0))
+            if column.values else column for place, column in enumerate(columns)
+        ]  # fmt: skip
+        kept, widths = _fit(with_room, natural, bare, width - indent)
         forms = {
             place: short_names(names[place], taken) for place, taken in zip(kept, widths, strict=True) if place in names
         }
@@ -201,7 +206,7 @@ def _line(
     for at, (cell, place, width) in enumerate(zip(cells, kept, widths, strict=True)):
         text, taken = cell.text, display_width(cell.text)
         if taken > width:
-            text = shorten(text, width)
+            text = shorten_between(text, width)
             taken, cell = display_width(text), Cell(text, cell.tone)  # noqa: PLW2901
         if columns[place].right:
             if taken < width:

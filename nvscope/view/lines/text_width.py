@@ -33,6 +33,9 @@ _NUMBER = re.compile(rf"{HEXADECIMAL.pattern}|[0-9]+", re.IGNORECASE)
 _MOST_DIGITS = 24
 """What has more of them is bytes."""
 
+_VALUE = re.compile(rf"{HEXADECIMAL.pattern}|[0-9]+(?:[.,][0-9]+)*(?:e[+-]?[0-9]+)?", re.IGNORECASE)
+"""A number with what stands behind its point."""
+
 
 def shorten(text: str, width: int) -> str:
     """Return ``text``, with an ellipsis in place of its middle where it is wider than ``width`` (at least 1)."""
@@ -40,6 +43,18 @@ def shorten(text: str, width: int) -> str:
         return text
     head_width = width // 2
     return f"{head(text, head_width)}…{tail(text, width - 1 - head_width)}"
+
+
+def shorten_between(text: str, width: int) -> str:
+    """Return the same, but of a number in it all is left, or nothing: 21.5…000 would be another one."""
+    if display_width(text) <= width:
+        return text
+    numbers = [found.span() for found in _VALUE.finditer(text) if len(found[0]) <= _MOST_DIGITS]
+    stop = len(head(text, width // 2))
+    stop = next((begin for begin, end in numbers if begin < stop < end), stop)
+    begin = len(text) - len(tail(text, width - 1 - display_width(text[:stop])))
+    begin = next((end for first, end in numbers if first < begin < end), begin)
+    return f"{text[:stop]}…{text[begin:]}"
 
 
 def head(text: str, width: int) -> str:
@@ -81,3 +96,16 @@ def _held(text: str, width: int) -> int:
         if taken > width:
             return position
     return len(text)
+
+
+_LONGEST_VALUE = 26
+_BYTES = re.compile(r"[0-9a-f]{2}(?: (?:[0-9a-f]{2}|…))*")
+
+
+def number_width(text: str) -> int:
+    """Return how wide a text is that is a number, or a few bytes, and nothing else; 0 of others."""
+    width = len(text)
+    if width > _LONGEST_VALUE:
+        return 0
+    number = text.removeprefix("-").removeprefix("+")
+    return width if _VALUE.fullmatch(number) or _BYTES.fullmatch(text) else 0

@@ -5,6 +5,7 @@ Readings, where the rules leave a choice:
 - a read and a write with the same key are two transactions; an error reply, and busy, is to what was asked for last
 - the port is the request's destination; of a reply it is 1202 where that is one of its two, else the lower one
 - latencies are those of replies; busy has none
+- findings are those of a port: `variable` names it where it is not 1202, as in `sdo/10.0.0.2:1203/0x2000:1`
 - who says that a request is undeliverable need not be the partner; it stays open
 - a request to everybody is one to that address, which answers nothing
 - what is written is in the first request; the old value is what was known of the parameter of that address when it came
@@ -104,7 +105,7 @@ class Parameters:
     def __init__(self, timeout_ns: int) -> None:
         self.timeout_ns = timeout_ns
         self.rows: dict[Pair, Row] = defaultdict(Row)
-        self.findings: dict[tuple[str, Address, Address, int, int], dict[tuple[int, int], Moments]] = defaultdict(
+        self.findings: dict[tuple[str, Address, Address, int, int, int], dict[int, Moments]] = defaultdict(
             lambda: defaultdict(list)
         )
         self.open: dict[tuple[Place, int], Wait] = {}
@@ -190,7 +191,7 @@ class Parameters:
 
     def find(self, code: str, place: Place, time: int, frame: int, service: int = 0) -> None:
         (requester, partner, port), index, subindex, _ = place
-        self.findings[code, requester, partner, index, subindex][port, service].append((time, frame))
+        self.findings[code, requester, partner, port, index, subindex][service].append((time, frame))
 
 
 def value_of(seen: Telegram) -> Value:
@@ -221,12 +222,15 @@ def rows_of(known: Parameters) -> list[dict[str, Any]]:
 
 def findings_of(known: Parameters) -> list[tuple[Any, ...]]:
     findings = []
-    for (code, requester, partner, index, subindex), parts in known.findings.items():
+    for (code, requester, partner, port, index, subindex), parts in known.findings.items():
         moments = [moment for part in parts.values() for moment in part]
-        # Of more, the first ten are those of each port and error by itself; so are the first and the last.
+        # Of more, the first ten are those of each error by itself; so are the first and the last.
         frames_told = sorted(frame for _, frame in moments) if len(moments) <= FRAMES_KEPT else []
         first, last = min(part[0][0] for part in parts.values()), max(part[-1][0] for part in parts.values())
-        variable = f"sdo/{partner}/0x{index:04x}:{subindex}"
+        host = str(partner)
+        if port != LIST_PORT:
+            host = f"[{host}]:{port}" if partner.version == 6 else f"{host}:{port}"
+        variable = f"sdo/{host}/0x{index:04x}:{subindex}"
         findings.append((code, str(requester), variable, len(moments), first, last, frames_told))
     return sorted(findings)
 

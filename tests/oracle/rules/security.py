@@ -173,8 +173,8 @@ class Security:
                     lists[node][key] = time
                 if key.port not in sent_on:
                     ports[node][key.port] = min(ports[node].get(key.port, time), time)
-        for (code, node, *_), by_port in known.findings.items():
-            for (port, _), times in by_port.items():
+        for (code, node, _, port, *_), by_service in known.findings.items():
+            for times in by_service.values():
                 if code == "NV701" and port not in answered:
                     ports[node][port] = min(ports[node].get(port, times[0][0]), times[0][0])
         for node in sorted({*lists, *ports}, key=node_order):

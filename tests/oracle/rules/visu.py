@@ -83,6 +83,7 @@ class Written:
     new: str | None
     outcome: str = "open"
     answer: int | None = None
+    status: int | None = None
 
 
 @dataclass
@@ -262,7 +263,7 @@ class Visu:
         if asked.write:
             is_done = not answer.refused
             for one in waiting.writes:
-                one.outcome, one.answer = "confirmed" if is_done else "refused", self.number
+                one.outcome, one.answer, one.status = "confirmed" if is_done else "refused", self.number, status
             if is_done:
                 self.confirmed |= {
                     (talk.home, entry.address): (self.replies, asked.text(entry)) for entry in asked.entries

@@ -63,7 +63,7 @@ def writes_of(state: TrackerState) -> list[tuple[Any, ...]]:
     return [
         (
             one.time_ns, one.frame, address.text(*one.client), address.text(*one.server), one.port, one.variable,
-            one.old, one.new, one.outcome.value, one.answer_frame or None,
+            one.old, one.new, one.outcome.value, one.answer_frame or None, one.status or None,
         )
         for one in kept
     ]  # fmt: skip
@@ -78,7 +78,7 @@ def writes_by_the_rules(rules: Visu) -> list[tuple[Any, ...]]:
     return [
         (
             one.time, one.frame, str(one.pair[0]), str(one.pair[1]), one.pair[2], one.variable, cut(one.old),
-            cut(one.new), one.outcome, one.answer,
+            cut(one.new), one.outcome, one.answer, one.status,
         )
         for one in rules.writes
     ]  # fmt: skip

@@ -9,10 +9,11 @@ import pytest
 
 from nvscope.engine.run import run
 from nvscope.findings.judge import judge
-from nvscope.protocols.table import accumulators_of
+from nvscope.protocols.table import accumulators_of, judges_of
 from nvscope.protocols.visu import VISU
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.visu import follower
+from nvscope.tracker.visu.events import OTHER_STATUS
 from nvscope.tracker.visu.follower import VisuFollower
 from nvscope.tracker.visu.http_messages import HttpStreams
 from nvscope.tracker.visu.limits import MOST_WAITING
@@ -118,3 +119,15 @@ def test_what_is_not_whole_is_held_up_to_a_limit(monkeypatch: pytest.MonkeyPatch
     assert (rows["10.0.0.1"]["reads"], rows["10.0.0.1"]["replies"]) == (1, 1)
     assert (rows["10.0.0.2"]["reads"], rows["10.0.0.2"]["cut"]) == (0, 1)
     assert "1 HTTP message beyond the 64 MiB held of those that are not whole" in left_out(state)
+
+
+def test_of_statuses_that_a_server_makes_up_the_first_ones_are_kept_apart() -> None:
+    line = Line().open()
+    for status in (501, 502, 503, 504, 501):
+        line.ask(REQUEST).answer(b"HTTP/1.1 %d So\r\nContent-Length: 0\r\n\r\n" % status)
+    state = TrackerState(others=accumulators_of([VISU]))
+    for _ in run(Batches(cut(batch_of(line.frames), 5)), replace(reading(), max_streams=2), [state]):
+        pass
+    (found,) = (one for one in judge(state, judges=judges_of([VISU], state)) if one.code == "NV802")
+    assert (found.count, dict(found.statuses)) == (5, {501: 2, 502: 1, OTHER_STATUS: 2})
+    assert found.message.endswith("with HTTP status 501 (2), one of many others (2), 502 (1).")

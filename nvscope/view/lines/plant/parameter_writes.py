@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from nvscope import units
 from nvscope.tracker.parameter.writes import Outcome
 from nvscope.view.lines.plant.content import Clock, Report, Row, nanoseconds, node_names
-from nvscope.view.lines.plant.tables import Measure, used
+from nvscope.view.lines.plant.tables import Measure, told_apart, used
 from nvscope.view.lines.table import NOTHING, Cell, Column, Tone
 
 TITLE = "Parameter writes"
@@ -40,7 +40,9 @@ def writes(report: Report, clock: Clock, most: int | None = MOST_WRITES) -> tupl
         }
         for row in shown
     ]
-    return used(WRITES, rows), rows, len(found) - len(rows)
+    told = told_apart(WRITES, rows, "port", ("who", "whom"))
+    measures = [one for one in WRITES if told or one.column.title != "port"]
+    return used(measures, rows), rows, len(found) - len(rows)
 
 
 def more(left: int, option: str) -> str:
@@ -66,12 +68,13 @@ WRITES = (
     Measure(Column("time", importance=7), lambda row: Cell(row["at"])),
     Measure(Column("who", shortest=12, identifier=True), lambda row: Cell(row["who"], Tone.STRONG)),
     Measure(Column("whom", shortest=12, identifier=True, importance=9), lambda row: Cell(row["whom"])),
+    Measure(Column("port", right=True), lambda row: Cell(str(row["port"]))),
     Measure(
         Column("parameter", shortest=10, identifier=True),
         lambda row: Cell(row["name"] or units.parameter(row["index"], row["subindex"])),
     ),
-    Measure(Column("old", shortest=8, importance=10, verbatim=True), _old),
-    Measure(Column("new", shortest=8, verbatim=True), lambda row: Cell(row["new_text"])),
-    Measure(Column("outcome", importance=11), _outcome),
+    Measure(Column("old", shortest=8, importance=12, verbatim=True, values=True), _old),
+    Measure(Column("new", shortest=8, verbatim=True, values=True), lambda row: Cell(row["new_text"])),
+    Measure(Column("outcome", shortest=10, importance=11), _outcome),
     Measure(Column("frame", right=True, importance=2), lambda row: Cell(str(row["frame"]))),
 )

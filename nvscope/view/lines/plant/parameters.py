@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from nvscope import units
 from nvscope.view.lines.plant.content import Report, Row, node_names
-from nvscope.view.lines.plant.tables import Measure, count_cell, duration_cell, used
+from nvscope.view.lines.plant.tables import Measure, count_cell, duration_cell, rare_cell, used, with_port
 from nvscope.view.lines.table import NOTHING, Cell, Column, Tone
 
 TITLE = "Parameter Manager"
@@ -34,7 +34,7 @@ def parameters(report: Report, most: int | None = None) -> tuple[list[Measure], 
     if most is not None and len(rows) > most:
         worst = sorted(range(len(rows)), key=lambda place: not _is_wrong(rows[place]))[:most]
         rows = [rows[place] for place in sorted(worst)]
-    return used(PAIRS, rows), rows, len(found) - len(rows)
+    return used(with_port(PAIRS, rows, ENDS), rows), rows, len(found) - len(rows)
 
 
 def _is_wrong(row: Row) -> bool:
@@ -47,10 +47,7 @@ def _refused(row: Row) -> Cell:
     return Cell(told, Tone.ERROR) if told else Cell(NOTHING, Tone.FAINT)
 
 
-def _came_back(row: Row) -> Cell:
-    return count_cell(row["undeliverable"], Tone.ERROR) if row["undeliverable"] else Cell(NOTHING, Tone.FAINT)
-
-
+ENDS = ("asks", "asked")
 PAIRS = (
     Measure(Column("asks", shortest=12, identifier=True), lambda row: Cell(row["asks"], Tone.STRONG)),
     Measure(Column("asked", shortest=12, identifier=True), lambda row: Cell(row["asked"])),
@@ -60,9 +57,9 @@ PAIRS = (
     Measure(Column("p99", right=True, importance=5), lambda row: duration_cell(row["latency_ns"]["p99"])),
     Measure(Column("max", right=True, importance=7), lambda row: duration_cell(row["latency_ns"]["max"])),
     Measure(Column("unanswered", right=True, importance=10), lambda row: count_cell(row["timeouts"], Tone.ERROR)),
-    Measure(Column("came back", right=True, importance=9), _came_back),
-    Measure(Column("repeated", right=True, importance=4), lambda row: count_cell(row["retransmissions"], Tone.WARNING)),
-    Measure(Column("unexpected", right=True, importance=6), lambda row: count_cell(row["unexpected"], Tone.WARNING)),
-    Measure(Column("busy", right=True, importance=3), lambda row: count_cell(row["busy"])),
+    Measure(Column("came back", right=True, importance=9), lambda row: rare_cell(row["undeliverable"], Tone.ERROR)),
+    Measure(Column("repeated", right=True, importance=4), lambda row: rare_cell(row["retransmissions"], Tone.WARNING)),
+    Measure(Column("unexpected", right=True, importance=6), lambda row: rare_cell(row["unexpected"], Tone.WARNING)),
+    Measure(Column("busy", right=True, importance=3), lambda row: rare_cell(row["busy"])),
     Measure(Column("refused", importance=9), _refused),
 )

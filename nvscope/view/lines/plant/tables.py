@@ -5,8 +5,8 @@ Takes parts of the report of schema ``nvscope.report/2``. As in ``content``, not
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -123,6 +123,27 @@ def used(measures: Sequence[Measure], rows: Sequence[Row]) -> list[Measure]:
     return [measure for measure in measures if any(measure.cell(row).text != NOTHING for row in rows)]
 
 
+def told_apart(measures: Sequence[Measure], rows: Sequence[Row], title: str, names: Collection[str]) -> bool:
+    """Tell whether rows are alike in some columns, and a further one is all that tells them apart."""
+    (further,) = (measure for measure in measures if measure.column.title == title)
+    others = [measure for measure in measures if measure.column.title in names]
+    seen: dict[tuple[str, ...], str] = {}
+    return any(
+        seen.setdefault(tuple(measure.cell(row).text for measure in others), text) != text
+        for row in rows if (text := further.cell(row).text)
+    )  # fmt: skip
+
+
+def with_port(measures: Sequence[Measure], rows: Sequence[Row], names: Collection[str]) -> Sequence[Measure]:
+    """Return columns of pairs, of which ``port`` stays however little room there is, if all else names them alike."""
+    if not told_apart(measures, rows, "port", names):
+        return measures
+    return [
+        replace(measure, column=replace(measure.column, importance=None)) if measure.column.title == "port" else measure
+        for measure in measures
+    ]  # fmt: skip
+
+
 UNKNOWN = Cell("?", Tone.FAINT)
 """What stands for a figure that there is, and that nobody knows."""
 
@@ -150,6 +171,11 @@ def _count_cell(number: int | None, tone: Tone, _separator: str) -> Cell:
     if number is None:
         return Cell(NOTHING, Tone.FAINT)
     return Cell(units.count(number), tone if number > 0 else Tone.PLAIN if number else Tone.FAINT)
+
+
+def rare_cell(number: int | None, tone: Tone = Tone.PLAIN) -> Cell:
+    """Return a counter of what hardly ever happens: where it never did, nothing stands there."""
+    return count_cell(number, tone) if number else Cell(NOTHING, Tone.FAINT)
 
 
 def duration_cell(duration_ns: int | None, tone: Tone = Tone.PLAIN) -> Cell:

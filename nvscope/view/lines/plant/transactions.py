@@ -12,8 +12,9 @@ from nvscope import units
 from nvscope.findings.kind import Severity
 from nvscope.view.lines.plant.content import Clock, Row
 from nvscope.view.lines.plant.happenings import symbol
-from nvscope.view.lines.plant.tables import Measure, count_cell, duration_cell, used
+from nvscope.view.lines.plant.tables import Measure, count_cell, duration_cell, used, with_port
 from nvscope.view.lines.table import NOTHING, Cell, Column, Line, Tone, wrap
+from nvscope.view.lines.text_width import display_width
 
 NOTHING_YET = "Nothing was read yet."
 NO_TRANSACTIONS = "No Parameter Manager and no WebVisu was heard: nobody asks a controller for anything."
@@ -42,9 +43,9 @@ def severity_of_pair(row: Row) -> Severity | None:
     return Severity.WARNING if any(row[name] for name in _TROUBLE) else None
 
 
-def pair_measures(now_ns: int) -> Sequence[Measure]:
-    """Return the columns of the table of pairs, as of a time."""
-    return (
+def pair_measures(now_ns: int, rows: Sequence[Row] = ()) -> Sequence[Measure]:
+    """Return the columns of the table of pairs, as of a time; some rows tell whether that of ports has to stay."""
+    measures = (
         Measure(Column(""), lambda row: symbol(severity_of_pair(row))),
         Measure(Column("via", importance=9), lambda row: Cell(row["protocol"], Tone.FAINT)),
         Measure(Column("asks", shortest=10, identifier=True), lambda row: Cell(_client(row), Tone.STRONG)),
@@ -64,11 +65,12 @@ def pair_measures(now_ns: int) -> Sequence[Measure]:
         Measure(Column("last write", shortest=24, importance=7, verbatim=True), _last_write),
         Measure(Column("ago", right=True, importance=5), lambda row: _ago(row, now_ns)),
     )  # fmt: skip
+    return with_port(measures, rows, ("via", "asks", "asked"))
 
 
 def pair_table(rows: Sequence[Row], now_ns: int) -> tuple[list[Measure], Sequence[Row]]:
     """Return the table of pairs where nobody sorts it: the worst first; without the columns that say nothing."""
-    return used(pair_measures(now_ns), rows), sorted(rows, key=lambda row: -(severity_of_pair(row) or 0))
+    return used(pair_measures(now_ns, rows), rows), sorted(rows, key=lambda row: -(severity_of_pair(row) or 0))
 
 
 def transaction_measures(clock: Clock) -> Sequence[Measure]:
@@ -126,14 +128,15 @@ def ends(row: Row) -> str:
     return f"{_client(row)} → {units.endpoint(_server(row), row['port'])}"
 
 
-def told_of(row: Row) -> str:
-    """Return what the replies of a pair come to."""
-    took = row["latency_ns"]
-    parts = [units.count_of(row["replies"], "reply", "replies")]
-    if took["count"]:
-        known = (f"{name} {units.duration(took[name])}" for name in ("p50", "p99", "max") if took[name] is not None)
-        parts.append(", ".join(known))
-    return "  ".join(parts)
+def told_of(row: Row, room: int) -> str:
+    """Return what the replies of a pair come to, in so many columns: figures are left out whole."""
+    took, replies = row["latency_ns"], units.count_of(row["replies"], "reply", "replies")
+    for names in (("p50", "p99", "max"), ("p50", "max"), ("max",)):
+        known = [f"{name} {units.duration(took[name])}" for name in names if took["count"] and took[name] is not None]
+        told = "  ".join([replies, ", ".join(known)] if known else [replies])
+        if display_width(told) <= room:
+            return told
+    return replies if display_width(replies) <= room else ""
 
 
 def what(row: Row) -> str:

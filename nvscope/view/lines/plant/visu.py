@@ -9,8 +9,8 @@ from collections.abc import Sequence
 
 from nvscope import units
 from nvscope.view.lines.plant.content import Report, Row, node_names
-from nvscope.view.lines.plant.tables import Measure, count_cell, duration_cell, used
-from nvscope.view.lines.table import NOTHING, Cell, Column, Tone
+from nvscope.view.lines.plant.tables import Measure, count_cell, duration_cell, rare_cell, used, with_port
+from nvscope.view.lines.table import Cell, Column, Tone
 
 TITLE = "WebVisu"
 MOST_PAIRS = 50
@@ -35,7 +35,7 @@ def visu(report: Report, most: int | None = None) -> tuple[list[Measure], list[R
     if most is not None and len(rows) > most:
         worst = sorted(range(len(rows)), key=lambda place: not any(rows[place][name] for name in _WRONG))[:most]
         rows = [rows[place] for place in sorted(worst)]
-    return used(PAIRS, rows), rows, len(found) - len(rows)
+    return used(with_port(PAIRS, rows, ENDS), rows), rows, len(found) - len(rows)
 
 
 def remarks(report: Report) -> Sequence[str]:
@@ -56,10 +56,7 @@ def _polled(row: Row) -> Cell:
     return duration_cell(row["polling_ns"]["p50"])
 
 
-def _missing(row: Row) -> Cell:
-    return count_cell(row["gap_bytes"], Tone.WARNING) if row["gap_bytes"] else Cell(NOTHING, Tone.FAINT)
-
-
+ENDS = ("asks", "asked")
 PAIRS = (
     Measure(Column("asks", shortest=12, identifier=True), lambda row: Cell(row["asks"], Tone.STRONG)),
     Measure(Column("asked", shortest=12, identifier=True), lambda row: Cell(row["asked"])),
@@ -73,9 +70,9 @@ PAIRS = (
     Measure(Column("p99", right=True, importance=4), lambda row: duration_cell(row["latency_ns"]["p99"])),
     Measure(Column("max", right=True, importance=5), lambda row: duration_cell(row["latency_ns"]["max"])),
     Measure(Column("unanswered", right=True, importance=9), lambda row: count_cell(row["unanswered"], Tone.ERROR)),
-    Measure(Column("miscounted", right=True, importance=7), lambda row: count_cell(row["miscounted"], Tone.WARNING)),
-    Measure(Column("ambiguous", right=True, importance=6), lambda row: count_cell(row["ambiguous"], Tone.WARNING)),
-    Measure(Column("cut", right=True, importance=5), lambda row: count_cell(row["cut"], Tone.WARNING)),
-    Measure(Column("bytes missing", right=True, importance=4), _missing),
+    Measure(Column("miscounted", right=True, importance=7), lambda row: rare_cell(row["miscounted"], Tone.WARNING)),
+    Measure(Column("ambiguous", right=True, importance=6), lambda row: rare_cell(row["ambiguous"], Tone.WARNING)),
+    Measure(Column("cut", right=True, importance=5), lambda row: rare_cell(row["cut"], Tone.WARNING)),
+    Measure(Column("bytes missing", right=True, importance=4), lambda row: rare_cell(row["gap_bytes"], Tone.WARNING)),
     Measure(Column("connections", right=True, importance=1), lambda row: count_cell(row["connections"])),
 )

@@ -5,13 +5,14 @@ Takes the rows of the report of schema ``nvscope.report/2``. As in ``content``, 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from nvscope import units
 from nvscope.tracker.readings.form import HIDDEN
 from nvscope.tracker.visu.writes import WriteOutcome
 from nvscope.view.lines.plant.content import Clock, Report, Row, nanoseconds, node_names
-from nvscope.view.lines.plant.tables import Measure, used
+from nvscope.view.lines.plant.tables import Measure, told_apart, used
 from nvscope.view.lines.table import NOTHING, Cell, Column, Tone
 
 TITLE = "WebVisu writes"
@@ -41,7 +42,9 @@ def writes(report: Report, clock: Clock, most: int | None = MOST_WRITES) -> tupl
         }
         for row in shown
     ]
-    return used(WRITES, rows), rows, len(found) - len(rows)
+    told = told_apart(WRITES, rows, "port", ("who", "whom"))
+    measures = [one for one in WRITES if told or one.column.title != "port"]
+    return used(measures, rows), rows, len(found) - len(rows)
 
 
 def more(left: int, option: str) -> str:
@@ -55,18 +58,40 @@ def _changes_nothing(row: Row) -> bool:
 
 
 def _value(row: Row, name: str) -> Cell:
+    """Return a value as it was sent; of a REAL without the zeros that its page puts behind it."""
+    text = row[name]
     if row["hidden"]:
         return Cell(HIDDEN, Tone.FAINT)
-    return Cell(NOTHING, Tone.FAINT) if row[name] is None else Cell(row[name])
+    if text is None:
+        return Cell(NOTHING, Tone.FAINT)
+    if row["type"] in _OF_REALS and _DECIMALS.fullmatch(text):
+        text = text.rstrip("0").removesuffix(".")
+    return Cell(text)
+
+
+def _outcome(row: Row) -> Cell:
+    """Return what became of a write; of one that was refused the HTTP status that says so."""
+    told, status = row["outcome"], row["status"]
+    is_told = told == WriteOutcome.REFUSED and status not in (None, _OK)
+    return Cell(f"{told}: HTTP {status}" if is_told else told, _TONES[WriteOutcome(told)])
+
+
+_OK = 200
+_OF_REALS = ("REAL", "LREAL")
+_DECIMALS = re.compile(r"[+-]?[0-9]+\.[0-9]+")
 
 
 WRITES = (
     Measure(Column("time", importance=7), lambda row: Cell(row["at"])),
     Measure(Column("who", shortest=12, identifier=True), lambda row: Cell(row["who"], Tone.STRONG)),
     Measure(Column("whom", shortest=12, identifier=True, importance=9), lambda row: Cell(row["whom"])),
+    Measure(Column("port", right=True), lambda row: Cell(str(row["port"]))),
     Measure(Column("variable", shortest=10, identifier=True), lambda row: Cell(row["variable"])),
-    Measure(Column("old", shortest=8, importance=10, verbatim=True), lambda row: _value(row, "old")),
-    Measure(Column("new", shortest=8, verbatim=True), lambda row: _value(row, "new")),
-    Measure(Column("outcome", importance=11), lambda row: Cell(row["outcome"], _TONES[WriteOutcome(row["outcome"])])),
+    Measure(Column("old", shortest=8, importance=12, verbatim=True, values=True), lambda row: _value(row, "old")),
+    Measure(Column("new", shortest=8, verbatim=True, values=True), lambda row: _value(row, "new")),
+    Measure(
+        Column("outcome", shortest=10, importance=11),
+        _outcome,
+    ),
     Measure(Column("frame", right=True, importance=2), lambda row: Cell(str(row["frame"]))),
 )
