@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.findings.kind import Severity
 from nvscope.view.lines.plant.happenings import concerns, headline
@@ -36,3 +38,10 @@ def test_a_list_that_its_reader_did_not_answer_while_it_started_anew_says_so(tmp
         assert headline(report)[1].endswith("2 lists, all affected")
 
     on_screen(Inquiry([str(path)]), look)
+
+
+@pytest.mark.parametrize(("unanswered", "told"), [(0, "all is well"), (9, "9 requests unanswered")])
+def test_where_requests_of_pages_stay_unanswered_not_all_is_well(unanswered: int, told: str) -> None:
+    capture = {"start_ns": None, "end_ns": None, "until_ns": None, "telegrams": 0}
+    report = {"causes": [], "lists": [], "capture": capture, "visu": [{"server": "a", "unanswered": unanswered}]}
+    assert headline(report)[1] == f"no list, 1 node asked by web visualization, {told}"
