@@ -27,7 +27,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Collection
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from tests.oracle.frame import Address as Node
@@ -37,7 +37,7 @@ from tests.oracle.rules.http import Lost, Message, Reader
 from tests.oracle.rules.keys import node_order
 from tests.oracle.rules.streams import Connection, Delivery, End, Streams
 from tests.oracle.rules.visu_body import Answered, Asked
-from tests.oracle.rules.visu_figures import lacks_many, percentiles
+from tests.oracle.rules.visu_figures import Row, lacks_many, percentiles
 from tests.oracle.rules.visu_leaving import given_up
 
 SECOND = 1_000_000_000
@@ -58,17 +58,6 @@ class Told(NamedTuple):
     destination: End
     kind: str
     body: bytes
-
-
-@dataclass
-class Row:
-    """What became of the requests of one pair."""
-
-    counts: Counter[str] = field(default_factory=Counter)
-    variables: set[visu_body.Address] = field(default_factory=set)
-    latencies: list[int] = field(default_factory=list)
-    pollings: list[int] = field(default_factory=list)
-    last_reads: dict[bytes, int] = field(default_factory=dict)
 
 
 @dataclass

@@ -4,10 +4,23 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from tests.oracle.frame import Address
+from tests.oracle.rules import visu_body
 from tests.oracle.rules.timing import nearest_rank
+
+
+@dataclass
+class Row:
+    """What became of the requests of one pair."""
+
+    counts: Counter[str] = field(default_factory=Counter)
+    variables: set[visu_body.Address] = field(default_factory=set)
+    latencies: list[int] = field(default_factory=list)
+    pollings: list[int] = field(default_factory=list)
+    last_reads: dict[bytes, int] = field(default_factory=dict)
 
 
 def percentiles(ordered: list[int]) -> dict[str, int | None]:

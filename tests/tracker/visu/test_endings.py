@@ -158,7 +158,7 @@ def test_a_reply_that_cannot_be_read_is_one_and_its_coding_is_named(coding: byte
         line = Line().open().ask(asked).answer(coded).close(False).close(True)
         assert figures(line.frames) == (1, 0, 0)
         assert said(line.frames)[-1] == f"reply not read, Content-Encoding {coding.decode()} (1.0 ms)"
-        assert all(outcome == "open" for *_, outcome, _ in writes_of(followed([batch_of(line.frames)])))
+        assert all(outcome == "open" for *_, outcome, _, _ in writes_of(followed([batch_of(line.frames)])))
 
 
 def said(frames: list[Frame]) -> list[str]:
