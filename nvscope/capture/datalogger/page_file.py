@@ -22,6 +22,8 @@ MARGIN_BYTES = 4096
 _ENCODINGS = {1: "utf-8", 2: "utf-16-le", 3: "utf-16-be"}
 _LEAST_PAGE_BYTES, _MOST_PAGE_BYTES = 512, 1 << 16
 _LEAST_USABLE_BYTES = 480
+_NEWEST_VERSION, _NEWEST_SCHEMA = 2, 4
+_FRACTIONS = bytes((64, 32, 32))
 
 
 class NotADatabase(Exception):
@@ -34,13 +36,17 @@ class NotADatabase(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """What a database says of itself; ``pages`` is None where whoever wrote it last did not count them."""
+    """What a database says of itself; ``pages`` is None where whoever wrote it last did not count them.
+
+    ``flaw`` is why SQLite does not open it though its pages can be found, '' where it does.
+    """
 
     page_bytes: int
     reserved_bytes: int
     encoding: str
     pages: int | None
     wal: bool
+    flaw: str = ""
 
     @property
     def usable_bytes(self) -> int:
@@ -63,7 +69,18 @@ class Header:
         (encoding,) = struct.unpack_from(">L", head, 56)
         (counted_at,) = struct.unpack_from(">L", head, 92)
         known = pages if pages and changes == counted_at else None
-        return cls(page_bytes, reserved_bytes, _ENCODINGS.get(encoding, "utf-8"), known, head[18] == 2)
+        return cls(page_bytes, reserved_bytes, _ENCODINGS.get(encoding & 3, "utf-8"), known, head[18] == 2, _flaw(head))
+
+
+def _flaw(head: bytes) -> str:
+    """Return what of a header SQLite refuses, '' where it is one that a version of it can read."""
+    if head[19] > _NEWEST_VERSION:
+        return f"its header wants version {head[19]} of the format, and {_NEWEST_VERSION} is the newest one"
+    if head[21:24] != _FRACTIONS:
+        return f"its header has {head[21:24].hex(' ')} at offset 21, where each database has {_FRACTIONS.hex(' ')}"
+    if head[47] > _NEWEST_SCHEMA:  # SQLite looks at the last of the four bytes alone
+        return f"its header wants schema format {head[47]}, and {_NEWEST_SCHEMA} is the newest one"
+    return ""
 
 
 class PageFile:

@@ -106,7 +106,12 @@ class LogReader(Reader):
 
     def _tell_state(self, database: LogDatabase, path: str) -> None:
         """Tell what state the file is in: what is missing of it, or else what people may want to know."""
-        lost = [*filter(None, [database.doubt.rstrip(".")]), *self._told(database.damages, database.file)]
+        lost = [
+            *filter(None, [database.doubt.rstrip("."), database.file.header.flaw]),
+            *self._told(database.damages, database.file),
+        ]
+        if database.file.header.flaw:
+            self._first_at = 0
         if database.file.pages_missing or (database.path == path and sqlite_file.left_beside(path)):
             lost[:0] = database.notes
         else:

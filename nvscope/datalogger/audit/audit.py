@@ -39,6 +39,7 @@ class AuditedFile:
     next_step: str = ""
     notes: list[str] = field(default_factory=list)
     pages_missing: int = 0
+    flaw: str = ""
     damages: list[Damage] = field(default_factory=list)
     faults: int = 0
     rows: int = 0
@@ -195,7 +196,8 @@ class _Reading:
             told.damages += damages
             faults += damages.count
         told.faults, told.pages_missing = faults, database.file.pages_missing
-        if faults or database.file.pages_missing:
+        told.flaw = database.file.header.flaw
+        if faults or database.file.pages_missing or told.flaw:
             told.status = "damaged"
             told.faults = max(faults, 1)
 
@@ -239,6 +241,8 @@ def _damaged(told: AuditedFile) -> Finding:
 
 def _in_words(told: AuditedFile) -> str:
     parts = [next((note for note in told.notes if note.startswith("cut short")), "damaged")]
+    if told.flaw:
+        parts.append(f"{told.flaw}; SQLite refuses the file")
     if told.damages:
         parts.append(told.damages[0].told(told.pages_missing))
     named = told.damages[0].pages if told.damages else 0
