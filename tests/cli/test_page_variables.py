@@ -221,5 +221,5 @@ def test_the_tables_of_a_plant_without_lists_have_the_names_of_its_nodes(tmp_pat
     (tmp_path / "names.toml").write_text('[nodes]\n"10.78.0.10" = { name = "press" }\n')
     done = nvscope("report", PANEL, "--project", str(tmp_path / "names.toml"), "--wide")
     assert "\n10.78.0.20  press  8080 " in done.stdout
-    assert "  10.78.0.20  press  PLC_PRG.rSetpoint  21.500000 " in done.stdout
+    assert "  10.78.0.20  press  PLC_PRG.rSetpoint  21.5 " in done.stdout
     assert "\npress: 3 of 110 variables never changed" in done.stdout

@@ -20,8 +20,8 @@ NEEDS_A_DEFINITION = {"NV405", "NV406", "NV407", "NV601", "NV605"}
 NEEDS_A_FILE = {"NV901", "NV903", "NV904"}
 NEEDS_MANY = {"NV906"}
 LIVE_ONLY = {"NV907"}
-WILD = {"NV963", "NV964"}
-"""Where two have one address, or one Counter, the truth about counters is not exact."""
+WILD = {"NV808", "NV963", "NV964"}
+"""Where two have one address, or one Counter, or pages are cut, the truth about counters is not exact."""
 
 
 def found(findings: list[dict[str, Any]]) -> dict[str, set[str]]:
@@ -90,6 +90,6 @@ def test_every_finding_and_every_counter_occurs() -> None:
         counters |= {name for entry in (expect.counters or {}).values() for name in entry}
     of_visu = {kind.code for kind in VISU.findings()}
     judged = {code for code, kind in CATALOGUE.items() if kind.judged and not kind.protocol}
-    assert codes == of_visu | judged - NEEDS_A_DEFINITION - NEEDS_A_FILE - NEEDS_MANY - LIVE_ONLY - WILD
+    assert codes == (of_visu | judged) - NEEDS_A_DEFINITION - NEEDS_A_FILE - NEEDS_MANY - LIVE_ONLY - WILD
     # What counters claim that are not believed, a scenario cannot say: it does not put it in.
     assert counters == {counter.name for counter in LIST_COUNTERS} - {"lost_claimed"}
