@@ -201,7 +201,7 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
     last = {
         (address.text(*one.client), address.text(*one.server), one.variable): one for one in counts.writes.kept
     }  # fmt: skip
-    messages = counts.messages()
+    messages = counts.messages() if any(kind is VISU_NOT_CAPTURED for kind, _ in found) else {}
     for (kind, subject), parts in found.items():
         together = parts[VisuEvent.LATE] if kind is VISU_SLOW else _together(parts.values())
         variable = f"visu/{subject.server}/{subject.variable}" if subject.variable else f"visu/{subject.server}"

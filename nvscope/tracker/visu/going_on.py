@@ -7,6 +7,8 @@ same server, ``PATIENCE_NS`` or longer after it closed its side of this one. Of 
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from dissectors.batch import I64, PacketBatch
@@ -26,22 +28,32 @@ NEVER = int(np.iinfo(np.int64).max)
 
 
 class GoingOn:
-    """The segments of a batch, by which it is known that clients go on; its row 0 is frame ``first_frame``."""
+    """The segments of a batch, by which it is known that clients go on; its row 0 is frame ``first_frame``.
+
+    Most batches are never asked: then nothing of them is looked through.
+    """
 
     def __init__(
         self, connections: Connections, packets: PacketBatch, segments: SegmentBatch, first_frame: int
     ) -> None:  # fmt: skip
         self._connections = connections
-        self._segments = segments
-        self._time_ns = packets.ts_ns[segments.row]
-        self._order = (segments.row + first_frame) << ORDER_BITS | int(Order.ACKNOWLEDGED)
-        self._rises = bool((self._time_ns[1:] >= self._time_ns[:-1]).all())
-        self._opening: tuple[KeyTable, I64, I64] | None = None
+        self._packets, self._segments, self._first_frame = packets, segments, first_frame
+
+    @cached_property
+    def _time_ns(self) -> I64:
+        return self._packets.ts_ns[self._segments.row]
+
+    @cached_property
+    def _order(self) -> I64:
+        return (self._segments.row + self._first_frame) << ORDER_BITS | int(Order.ACKNOWLEDGED)
+
+    @cached_property
+    def _rises(self) -> bool:
+        return bool((self._time_ns[1:] >= self._time_ns[:-1]).all())
 
     def since(self, connection: int, order: int, time_ns: int) -> int:
         """Return the order with which it is sure of a client that closed its side with an order, at a time."""
-        every = np.arange(len(self._order))
-        first = self._first_of(every, order, time_ns + LONGEST_NS)
+        first = self._first_of(self._every, order, time_ns + LONGEST_NS)
         return min(first, self._first_of(self._opened_like(connection), order, time_ns + PATIENCE_NS))
 
     def _first_of(self, places: I64, order: int, time_ns: int) -> int:
@@ -56,15 +68,18 @@ class GoingOn:
 
     def _opened_like(self, connection: int) -> I64:
         """Return the segments with which its client opens connections to the same server."""
-        if self._opening is None:
-            self._opening = self._opened()
-        pairs, number, places = self._opening
+        pairs, number, places = self._opened
         ends = self._connections.ends_of(np.array([connection]))
         own = int(pairs.find(*ends.client, *ends.server, ends.server_port)[0])
         if own < 0:
             return places[:0]
         return places[np.searchsorted(number, own) : np.searchsorted(number, own, side="right")]
 
+    @cached_property
+    def _every(self) -> I64:
+        return np.arange(len(self._order))
+
+    @cached_property
     def _opened(self) -> tuple[KeyTable, I64, I64]:
         """Return between which pairs connections are opened, and, by pair, its number and the segments that do so."""
         segments, pairs = self._segments, KeyTable(5)
