@@ -183,12 +183,11 @@ def datalog(
     inputs = {identity for path in read_from if (identity := identity_of(path))}
     check_files(planned, lambda path: identity_of(path) in inputs, append=append, force=force)
     _check_ending(write)
-    aside = set_aside(planned) if force else None
-    stays: list[str] = []
+    aside = set_aside(planned if force else ())
     try:
         log = _logged(inquiry, source, planned, quiet=quiet, append=append, document_style=document_style)
     finally:
-        stays = aside.settle() if aside else []
+        stays = aside.settle()
     if not quiet:
         _tell(log)
     for path in stays:

@@ -4,26 +4,23 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Mapping
-from contextlib import closing
-from pathlib import Path
 
 from dissectors.datalogger.tables import LogTable, quoted, recognise
+from nvscope.capture.datalogger.database import opened
+from nvscope.errors import UnreadableInput
 
 _SHOWN = 60
-_SQLITE = b"SQLite format 3\0"
 
 
 def is_of_logger(path: str) -> bool:
-    """Tell whether a file is a database that has tables of a DataLogger, and no other ones."""
+    """Tell whether a file is a whole database that has tables of a DataLogger, and no other ones; it stays as it is."""
     try:
-        with open(path, "rb") as file:
-            if file.read(len(_SQLITE)) != _SQLITE:
-                return False
-        with closing(sqlite3.connect(f"{Path(path).absolute().as_uri()}?mode=ro", uri=True)) as connection:
-            found = tables_in(connection)
-    except (OSError, sqlite3.Error):
+        with opened(path) as database:
+            schema, file = database.schema, database.file
+            is_whole = not (len(database.damages) or file.pages_missing or file.header.flaw)
+            return is_whole and not (schema.others or schema.left_out)
+    except UnreadableInput:
         return False
-    return bool(found) and None not in found.values()
 
 
 def tables_in(connection: sqlite3.Connection) -> dict[str, LogTable | None]:
