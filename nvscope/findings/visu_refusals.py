@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-from nvscope.tracker.visu.events import OTHER_STATUS
+from nvscope.tracker.visu.events import OK, OTHER_STATUS
 from nvscope.units import count, count_of
 
 NEXT_OF_THE_LIST = "Load the controller's current variable list (its XML files) and reload the page."
@@ -16,7 +16,6 @@ NEXT_OF_THE_WAY = (
 )
 NEXT_OF_THE_SERVER = "Look at the server's own log: an HTTP status alone does not say what is wrong."
 
-_OK = 200
 _MOST_STATUSES, _MOST_NAMED = 8, 3
 
 Statuses = Sequence[tuple[int, int]]
@@ -34,7 +33,7 @@ def refused_writes(client: str, server: str, variables: Sequence[str], statuses:
     times = sum(number for _, number in statuses)
     names = "; ".join(variables[:_MOST_NAMED])
     more = f" and {count(len(variables) - _MOST_NAMED)} more" if len(variables) > _MOST_NAMED else ""
-    why = [one for one in statuses if one[0] != _OK]
+    why = [one for one in statuses if one[0] != OK]
     told = f": HTTP status {_listed(why, of=times)}" if why else ""
     return f"{server} refused {count_of(times, 'write')} of {names}{more} by {client}{told}"
 
@@ -54,7 +53,7 @@ def _step_of(status: int) -> str:
         return NEXT_OF_THE_LOGIN
     if 300 <= status < 400:
         return NEXT_OF_THE_WAY
-    return NEXT_OF_THE_LIST if status == _OK else NEXT_OF_THE_SERVER
+    return NEXT_OF_THE_LIST if status == OK else NEXT_OF_THE_SERVER
 
 
 def together(several: Sequence[Statuses]) -> Statuses:

@@ -25,6 +25,7 @@ from nvscope.analysis.transactions.transaction import (
 )
 from nvscope.engine.told import Told
 from nvscope.tracker.visu.controllers import own_port
+from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.on_demand import NAME
 
 if TYPE_CHECKING:  # most plants have none
@@ -37,7 +38,6 @@ MOST_REMEMBERED = 100_000
 """So many values are remembered, to be told as old ones where they are written over."""
 
 _MOST_OPEN = 10_000
-_OK = 200
 _UNREADABLE = "???"  # ``dissectors.webvisu.UNREADABLE``, which is not imported before there is any
 _NUMBER = re.compile(r"-?[0-9]{1,15}(\.[0-9]{1,15})?\Z")
 _OLD = tuple[str | None, ...]
@@ -140,7 +140,7 @@ class VisuTransactions:
             pair, time_ns, asked_frame if kind is Kind.UNANSWERED else known_frame, known_frame, asked_frame,
             request.writes, outcome, said, max(len(variables) - most, 0),
             latency_ns=int(messages.latency_ns[row]) if kind is Kind.REPLY else None,
-            detail=f"HTTP status {status}" if kind is Kind.REPLY and status != _OK else "",
+            detail=f"HTTP status {status}" if kind is Kind.REPLY and status != OK else "",
         )  # fmt: skip
 
     def _old_values(self, pair: Pair, number: int, asked_frame: int, kind: int, request: Request) -> _OLD:

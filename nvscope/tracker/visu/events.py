@@ -30,6 +30,9 @@ class VisuEvent(IntEnum):
     UNREAD_LIST = 13
 
 
+OK = 200
+"""The HTTP status of what was not refused."""
+
 OTHER_STATUS = (1 << 16) - 1
 """Stands for HTTP statuses of which there were too many to keep them apart."""
 

@@ -20,13 +20,14 @@ from nvscope.tracker.pieces import ORDER_BITS
 from nvscope.tracker.visu.asking import NOTHING, Ask, Asking
 from nvscope.tracker.visu.controllers import controller_of
 from nvscope.tracker.visu.conversation import Conversation
+from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.going_on import GoingOn
 from nvscope.tracker.visu.http_forms import What
 from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.limits import MOST_PAIRS, MOST_POLLED, Beyond
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages, no_messages
 from nvscope.tracker.visu.names import ListFlaw, Names
-from nvscope.tracker.visu.outcomes import OK, outcomes
+from nvscope.tracker.visu.outcomes import outcomes
 from nvscope.tracker.visu.pairing import Pairing
 from nvscope.tracker.visu.plain_exchanges import AskedFor, Said, plain_rows
 from nvscope.tracker.visu.whole_connections import take_whole

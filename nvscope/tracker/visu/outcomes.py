@@ -8,9 +8,9 @@ import numpy as np
 
 from dissectors.batch import I64
 from dissectors.webvisu import Answer, Request, fields_in_reply, read_reply
+from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.messages import Kind, Outcome
 
-OK = 200
 _SEPARATOR = ord("|")
 _OUTCOMES = {
     Answer.DONE: Outcome.DONE, Answer.MISCOUNTED: Outcome.MISCOUNTED, Answer.AMBIGUOUS: Outcome.AMBIGUOUS,

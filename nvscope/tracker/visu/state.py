@@ -16,7 +16,7 @@ from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.told import Told
 from nvscope.tracker.events import EventLog, LeftOutLog
 from nvscope.tracker.latency import Latencies
-from nvscope.tracker.visu.events import OTHER_STATUS, VisuEvent, event_word
+from nvscope.tracker.visu.events import OK, OTHER_STATUS, VisuEvent, event_word
 from nvscope.tracker.visu.limits import MOST_ENTRIES, Beyond
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages
 from nvscope.tracker.visu.names import Naming, OtherNames, UnreadList, has_password, name_of
@@ -29,7 +29,6 @@ MOST_WRITE_MINUTES = 10_000
 SLOW_NS = 10**9
 """A reply that takes longer is worth a note."""
 
-_OK = 200
 _WRONG: Mapping[int, VisuEvent] = {Outcome.MISCOUNTED: VisuEvent.MISCOUNTED, Outcome.AMBIGUOUS: VisuEvent.AMBIGUOUS}
 _LATE = (VisuEvent.SLOW, VisuEvent.UNANSWERED, VisuEvent.GIVEN_UP)
 _WITH_STATUS = (VisuEvent.REFUSED, VisuEvent.STATUS)
@@ -236,7 +235,7 @@ class VisuCounts:
                 elif one.outcome == Outcome.STATUS:
                     found.append((VisuEvent.STATUS, whole))
                 secret = self._secret(request, one.naming, names)
-                if secret and one.status == _OK and one.outcome != Outcome.UNREAD and not request.writes:
+                if secret and one.status == OK and one.outcome != Outcome.UNREAD and not request.writes:
                     values = read_reply(request, part.data[one.start : one.stop]).values
                     found += [
                         (VisuEvent.PASSWORD_SEEN, variable)

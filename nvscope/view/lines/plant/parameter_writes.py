@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from nvscope import units
 from nvscope.tracker.parameter.writes import Outcome
 from nvscope.view.lines.plant.content import Clock, Report, Row, nanoseconds, node_names
-from nvscope.view.lines.plant.tables import Measure, told_apart, used
+from nvscope.view.lines.plant.tables import Measure, used, without_idle_port
 from nvscope.view.lines.table import NOTHING, Cell, Column, Tone
 
 TITLE = "Parameter writes"
@@ -40,9 +40,7 @@ def writes(report: Report, clock: Clock, most: int | None = MOST_WRITES) -> tupl
         }
         for row in shown
     ]
-    told = told_apart(WRITES, rows, "port", ("who", "whom"))
-    measures = [one for one in WRITES if told or one.column.title != "port"]
-    return used(measures, rows), rows, len(found) - len(rows)
+    return used(without_idle_port(WRITES, rows, ("who", "whom")), rows), rows, len(found) - len(rows)
 
 
 def more(left: int, option: str) -> str:

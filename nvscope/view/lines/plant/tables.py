@@ -144,6 +144,13 @@ def with_port(measures: Sequence[Measure], rows: Sequence[Row], names: Collectio
     ]  # fmt: skip
 
 
+def without_idle_port(measures: Sequence[Measure], rows: Sequence[Row], names: Collection[str]) -> Sequence[Measure]:
+    """Return columns without ``port``, but where it is all that tells rows apart."""
+    if told_apart(measures, rows, "port", names):
+        return measures
+    return [measure for measure in measures if measure.column.title != "port"]
+
+
 UNKNOWN = Cell("?", Tone.FAINT)
 """What stands for a figure that there is, and that nobody knows."""
 

@@ -10,9 +10,10 @@ from collections.abc import Sequence
 
 from nvscope import units
 from nvscope.tracker.readings.form import HIDDEN
+from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.writes import WriteOutcome
 from nvscope.view.lines.plant.content import Clock, Report, Row, nanoseconds, node_names
-from nvscope.view.lines.plant.tables import Measure, told_apart, used
+from nvscope.view.lines.plant.tables import Measure, used, without_idle_port
 from nvscope.view.lines.table import NOTHING, Cell, Column, Tone
 
 TITLE = "WebVisu writes"
@@ -42,9 +43,7 @@ def writes(report: Report, clock: Clock, most: int | None = MOST_WRITES) -> tupl
         }
         for row in shown
     ]
-    told = told_apart(WRITES, rows, "port", ("who", "whom"))
-    measures = [one for one in WRITES if told or one.column.title != "port"]
-    return used(measures, rows), rows, len(found) - len(rows)
+    return used(without_idle_port(WRITES, rows, ("who", "whom")), rows), rows, len(found) - len(rows)
 
 
 def more(left: int, option: str) -> str:
@@ -72,11 +71,10 @@ def _value(row: Row, name: str) -> Cell:
 def _outcome(row: Row) -> Cell:
     """Return what became of a write; of one that was refused the HTTP status that says so."""
     told, status = row["outcome"], row["status"]
-    is_told = told == WriteOutcome.REFUSED and status not in (None, _OK)
+    is_told = told == WriteOutcome.REFUSED and status not in (None, OK)
     return Cell(f"{told}: HTTP {status}" if is_told else told, _TONES[WriteOutcome(told)])
 
 
-_OK = 200
 _OF_REALS = ("REAL", "LREAL")
 _DECIMALS = re.compile(r"[+-]?[0-9]+\.[0-9]+")
 
@@ -89,9 +87,6 @@ WRITES = (
     Measure(Column("variable", shortest=10, identifier=True), lambda row: Cell(row["variable"])),
     Measure(Column("old", shortest=8, importance=12, verbatim=True, values=True), lambda row: _value(row, "old")),
     Measure(Column("new", shortest=8, verbatim=True, values=True), lambda row: _value(row, "new")),
-    Measure(
-        Column("outcome", shortest=10, importance=11),
-        _outcome,
-    ),
+    Measure(Column("outcome", shortest=10, importance=11), _outcome),
     Measure(Column("frame", right=True, importance=2), lambda row: Cell(str(row["frame"]))),
 )
