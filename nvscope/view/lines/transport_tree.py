@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from dissectors.transport import SegmentBatch, TransportBatch
 from nvscope.view.lines.layers import Layer, layers_of_datagram, layers_of_segment
 from nvscope.view.lines.shown import Spans
@@ -20,8 +22,10 @@ class TransportTree:
     def __init__(self, rows: FrameRows, name: str, header_bytes: int) -> None:
         found = rows.parts[name]
         self._over: TransportBatch = found.part.segment if hasattr(found.part, "segment") else found.part.datagram
-        self._packet_at = rows.packets.offset[rows.row[found.positions(len(rows))]]
-        self._start = self._over.payload - self._packet_at
+        row = rows.row[found.positions(len(rows))]
+        self._packet_at = rows.packets.offset[row]
+        # Where a capture ends within the options of a segment, its data would begin behind what there is.
+        self._start = np.minimum(self._over.payload - self._packet_at, rows.packets.captured[row])
         self._header_bytes = header_bytes
 
     def spans(self, place: int) -> Spans:
