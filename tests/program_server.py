@@ -24,12 +24,16 @@ _MOST_AT_ONCE = 1 << 16
 _SUCCESS, _FAILURE, _NOT_FLUSHED = 0, 1, 120  # the exit codes of Python itself
 # Whoever imports these imports polars, which starts threads: of threads, nothing is left after a fork but their locks.
 _NOT_BEFORE_A_FORK = ("nvscope.export", "nvscope.notebook", "nvscope.__main__")
+# What many runs would each import for themselves, as they come to it.
+_LATE = ("numpy.ma", "numpy.random")
 
 
 def import_program() -> None:
     for module in pkgutil.walk_packages(nvscope.__path__, "nvscope."):
         if not module.name.startswith(_NOT_BEFORE_A_FORK):
             importlib.import_module(module.name)
+    for name in _LATE:
+        importlib.import_module(name)
     assert "polars" not in sys.modules, "a module imports polars that is not kept out of the server"
     gc.freeze()  # what is there now is not to be copied by looking through it
 
