@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from importlib import import_module
 from typing import Any
 
@@ -36,6 +37,8 @@ VERBS = {
 }
 """Verbs in the order of ``--help``, and where each is: a function, or a program of verbs of its own."""
 
+_VERSION = "--version"
+
 _HELP = """Analyze CODESYS network variables: who sends what, what is lost, who does not answer, and what to check.
 
 `nvscope FILE` is `nvscope report FILE`; `nvscope help VERB` tells more about a verb. Options may stand in front of the
@@ -43,7 +46,7 @@ verb or behind it."""
 
 
 def program(wanted: str | None = None) -> typer.Typer:
-    """Return the program with all its verbs; with that one alone if a verb is ``wanted``.
+    """Return the program with all its verbs; with that one alone if a verb is ``wanted``, with none for the version.
 
     To import and to describe the others takes as long as a small report.
     """
@@ -56,7 +59,8 @@ def program(wanted: str | None = None) -> typer.Typer:
         cls=_Program,
     )
     app.callback(help=_HELP)(_options)
-    for name in (wanted,) if wanted in VERBS else VERBS:
+    verbs: Iterable[str] = (wanted,) if wanted in VERBS else () if wanted == _VERSION else VERBS
+    for name in verbs:
         module, _, attribute = VERBS[name].partition(":")
         verb = getattr(import_module(module), attribute)
         if isinstance(verb, typer.Typer):
@@ -80,6 +84,6 @@ def _show_version(wanted: bool) -> None:
 
 
 def _options(
-    version: bool = typer.Option(False, "--version", callback=_show_version, is_eager=True, help="Show the version."),
+    version: bool = typer.Option(False, _VERSION, callback=_show_version, is_eager=True, help="Show the version."),
 ) -> None:
     """Take the options in front of the verb; what they do is done when they are read."""

@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 from nvscope.cli.interrupts import comes_of_an_interrupt
 from nvscope.cli.program import VERBS, program
 from nvscope.errors import ExitCode
+from nvscope.version import __version__
 from tests.program import COMMAND, run
 
 ROOT = Path(__file__).parent.parent.parent
@@ -156,6 +157,18 @@ def test_a_code_is_explained_without_what_findings_and_causes_are_judged_from(co
     )
     done = subprocess.run([sys.executable, "-c", words], capture_output=True, check=True, text=True)
     assert done.stdout == "set()\n"
+
+
+def test_the_version_is_told_without_what_reads_captures() -> None:
+    words = (
+        "import sys\n"
+        "from nvscope.cli.main import main\n"
+        "sys.argv[1:] = ['--version']\n"
+        "try: main()\n"
+        "finally: print({'numpy', 'nvscope.cli.report'} & set(sys.modules))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", words], capture_output=True, check=True, text=True)
+    assert done.stdout.splitlines() == [f"nvscope {__version__}", "set()"]
 
 
 def test_explain_tells_of_a_finding_and_lists_all() -> None:
