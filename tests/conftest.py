@@ -27,7 +27,9 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "long: takes seconds in one piece, and is begun before what takes less")
     # How long anything takes depends on who else works here, and is no law.
     untimed = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
-    settings.register_profile("quick", untimed, max_examples=QUICK_EXAMPLES)
+    # The same examples wherever they are tried: what fails on a build server fails here.
+    quick = settings(untimed, max_examples=QUICK_EXAMPLES, derandomize=True, database=None, print_blob=True)
+    settings.register_profile("quick", quick)
     settings.register_profile("full", untimed, max_examples=FULL_EXAMPLES, derandomize=False, print_blob=True)
     settings.load_profile("full" if config.getoption("full") else "quick")
 
