@@ -113,12 +113,15 @@ _BOTH_AGAIN = "Copy the database again together with what lies beside it, while 
 _Key = tuple[str, tuple[str, ...]]
 """A table by its name and columns."""
 
+_KnownNs = dict[_Key, dict[int, int]]
+"""Intervals by the table and the number of a variable."""
+
 
 class _Reading:
     """Reads one series."""
 
     def __init__(
-        self, series: Series, asked_ns: int | None, progress: Progress | None, known_ns: dict[_Key, int] | None = None
+        self, series: Series, asked_ns: int | None, progress: Progress | None, known_ns: _KnownNs | None = None
     ) -> None:
         self._series, self._asked_ns, self._progress = series, asked_ns, progress
         self._known_ns = known_ns or {}

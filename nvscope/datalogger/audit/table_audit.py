@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -35,7 +36,10 @@ _FORMS = {Stamp.ISO: "iso", Stamp.RAW_UTC: "raw", Stamp.RAW_UNSPECIFIED: "raw", 
 
 @dataclass(slots=True)
 class _Task:
-    """What is known of the rows of one task: its intervals, how many rows, and the last of them."""
+    """What is known of the rows of one task: its intervals, how many rows, and the last of them.
+
+    ``losses`` are those that the rows of all tasks had told up to that one: data that is lost is lost to each of them.
+    """
 
     intervals: Intervals
     rows: int = 0
@@ -44,16 +48,20 @@ class _Task:
     stretch: int = -1
     local: bool = False
     file: int = -1
+    losses: int = 0
     set_back: list[SetBack] = field(default_factory=list)
 
 
 class TableAudit:
     """Audits the rows of one table, of one file of a series after the other.
 
-    ``asked_ns`` is the interval by the configuration; ``known_ns`` are those of tasks, from an audit of the same rows.
+    ``asked_ns`` is the interval by the configuration; ``known_ns`` are those by the number of each variable, from an
+    audit of the same rows.
     """
 
-    def __init__(self, table: LogTable, encoding: str, asked_ns: int | None, known_ns: int | None = None) -> None:
+    def __init__(
+        self, table: LogTable, encoding: str, asked_ns: int | None, known_ns: Mapping[int, int] | None = None
+    ) -> None:
         self.table = table
         self.names = tuple(one.name for one in table.variables)
         self.rows = self.untimed = self.told = self.untold = self.unread = self.restarts = 0
@@ -73,7 +81,7 @@ class TableAudit:
         self.overlaps: dict[int, int] = {}
         """By how much a file, by its number here, begins before the one before it ends."""
         self._begun = False
-        self._marked = self._untimed_before = 0
+        self._marked = self._untimed_before = self._losses = 0
 
     def begin_file(self, path: str, encoding: str) -> None:
         """Say which file the next rows are of."""
@@ -163,15 +171,19 @@ class TableAudit:
         return task.intervals.median_ns if task.intervals.is_regular else None
 
     @property
-    def needs_another_look(self) -> int | None:
-        """The interval to audit the same rows by again, where that became known too late; None where all is well."""
+    def needs_another_look(self) -> dict[int, int] | None:
+        """The intervals to audit the same rows by again, by the number of each variable, where one of them became known
+        too late; None where all is well."""
         if self._judge is not None or self._known_ns is not None:
             return None
-        for task in self._of_task.values():
-            interval_ns = self._interval_ns(task)
-            if interval_ns is not None and task.intervals.is_incomplete(interval_ns):
-                return interval_ns
-        return None
+        found = {
+            group: interval_ns
+            for group, task in self._of_task.items() if (interval_ns := self._interval_ns(task)) is not None
+        }  # fmt: skip
+        if not any(self._of_task[group].intervals.is_incomplete(interval_ns) for group, interval_ns in found.items()):
+            return None
+        groups = ((number, self.tasks.of(number)) for number in range(len(self.names)))
+        return {number: found[group] for number, group in groups if group in found}
 
     @property
     def covered(self) -> float | None:
@@ -219,14 +231,20 @@ class TableAudit:
         if not timed.all():
             stretch += np.cumsum(~timed) * _UNTIMED
             self._untimed_before = self.untimed
+        losses = self._losses + np.cumsum(chunk.lost)
+        self._losses = int(losses[-1])
         for group, rows in groups:
-            task = self._of_task.setdefault(group, _Task(self._new_intervals()))
+            if group not in self._of_task:
+                self._of_task[group] = _Task(self._new_intervals(group))
+            task = self._of_task[group]
             task.rows += len(chunk) if rows is None else len(rows)
             own = np.flatnonzero(timed) if rows is None else rows[timed[rows]]
             if len(own):
-                self._look_at_task(task, chunk, own, stretch, notes)
+                self._look_at_task(task, chunk, own, stretch, losses[own], notes)
 
-    def _look_at_task(self, task: _Task, chunk: Chunk, rows: I64, stretch: I64, notes: Notes) -> None:
+    def _look_at_task(
+        self, task: _Task, chunk: Chunk, rows: I64, stretch: I64, losses: I64, notes: Notes
+    ) -> None:  # fmt: skip
         time_ns, of_stretch = chunk.time_ns[rows], stretch[rows]
         before_ns = np.concatenate([[task.time_ns], time_ns[:-1]])
         follows = of_stretch == np.concatenate([[task.stretch], of_stretch[:-1]])
@@ -255,7 +273,8 @@ class TableAudit:
         if self._judge is None:
             forward = follows & (length_ns > 0)
             number = first + np.arange(len(rows))
-            gaps = Gaps(length_ns, before_ns, chunk.rowid[rows], number, np.full(len(rows), current), chunk.lost[rows])
+            told = np.diff(losses, prepend=task.losses) > 0
+            gaps = Gaps(length_ns, before_ns, chunk.rowid[rows], number, np.full(len(rows), current), told)
             task.intervals.take(gaps if forward.all() else gaps.take(forward))
             if task.intervals.is_full:
                 self._decide(task, fix=True)
@@ -268,7 +287,7 @@ class TableAudit:
             self.missing_ns += total(length_ns[unread])
             self._mark(Mark.UNREAD, before_ns[unread], time_ns[unread])
         task.time_ns, task.stretch = int(time_ns[-1]), int(of_stretch[-1])
-        task.local, task.file = bool(local[-1]), current
+        task.local, task.file, task.losses = bool(local[-1]), current, int(losses[-1])
 
     def _note_uncovered(self, chunk: Chunk, rows: I64, before_ns: I64, follows: Bool) -> None:
         """Count what is not covered in a table of changes: only what the logger says is known there."""
@@ -292,10 +311,10 @@ class TableAudit:
         if len(rows):
             notes.of(topics.LOST).add(chunk.rowid[rows], chunk.time_ns[rows], timed[rows])
 
-    def _new_intervals(self) -> Intervals:
+    def _new_intervals(self, group: int) -> Intervals:
         intervals = Intervals(self._asked_ns)
-        if self._known_ns is not None:
-            intervals.fix(self._known_ns)
+        if self._known_ns is not None and group in self._known_ns:
+            intervals.fix(self._known_ns[group])
         return intervals
 
     def _interval_ns(self, task: _Task) -> int | None:
@@ -333,13 +352,14 @@ class TableAudit:
         task = self._of_task.pop(gone, None)
         if task is None:
             return
-        kept = self._of_task.setdefault(other, _Task(self._new_intervals()))
+        kept = self._of_task.setdefault(other, _Task(self._new_intervals(other)))
         kept.intervals.join(task.intervals)
         kept.rows += task.rows
         kept.timed_rows += task.timed_rows
         kept.set_back += task.set_back
         if (task.file, task.time_ns) > (kept.file, kept.time_ns):
             kept.time_ns, kept.stretch, kept.local, kept.file = task.time_ns, task.stretch, task.local, task.file
+            kept.losses = task.losses
 
     def _look_at_values(self, chunk: Chunk) -> None:
         """Take the values of a table that stores all of them."""
