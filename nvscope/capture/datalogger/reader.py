@@ -115,10 +115,12 @@ class LogReader(Reader):
             lost.insert(0, self.place.missing)
         if database.file.header.flaw or self.place.missing:
             self._first_at = 0
+        notes = list(filter(None, [database.beside]))
         if database.file.pages_missing or (database.path == path and sqlite_file.left_beside(path)):
             lost[:0] = database.notes
         else:
-            self.progress.notes = database.notes
+            notes[:0] = database.notes
+        self.progress.notes = tuple(notes)
         self._lost += lost
 
     def _told(self, damages: Iterable[Damage], file: PageFile) -> Iterator[str]:

@@ -153,7 +153,7 @@ class _Reading:
         try:
             told.size_bytes = os.path.getsize(member.path)
             with opened(member.path) as database:
-                told.notes += database.notes
+                told.notes += filter(None, [*database.notes, database.beside])
                 if database.doubt:
                     self._of_files.append(
                         Finding(SERIES_BROKEN, Severity.WARNING, database.doubt, told.path, hint=_BOTH_AGAIN)
@@ -229,6 +229,7 @@ class _Reading:
             begins = False
             if self._progress is not None:
                 self._progress(len(rows.data))
+        table.audit.end_file(damaged=damages.count > 0)
         if waiting or damages.breaks:
             self._stretches[key] += 1
 

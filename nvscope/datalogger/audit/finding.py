@@ -105,6 +105,14 @@ class Notes:
             self._noted[key] = Noted()
         return self._noted[key]
 
+    def has(self, topic: Topic) -> bool:
+        """Return whether something was noted of a topic."""
+        return any(own is topic and noted.count for (own, _), noted in self._noted.items())
+
+    def drop(self, topic: Topic) -> None:
+        """Forget what was noted of a table."""
+        self._noted.pop((topic, None), None)
+
     def findings(self, file: str, table: str, names: tuple[str, ...]) -> list[Finding]:
         """Return findings in the order of their codes and variables, and forget what was noted."""
         found = [

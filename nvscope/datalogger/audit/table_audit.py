@@ -17,9 +17,11 @@ from nvscope.datalogger.audit.chunk import Chunk
 from nvscope.datalogger.audit.finding import Finding, Notes
 from nvscope.datalogger.audit.intervals import Gaps, Intervals, SetBack, without_clock_sets
 from nvscope.datalogger.audit.restarts import ZeroRow
+from nvscope.datalogger.audit.row_ids import RowIds
 from nvscope.datalogger.audit.sums import total
 from nvscope.datalogger.audit.tasks import Tasks
 from nvscope.datalogger.audit.time_strip import Mark, TimeStrip
+from nvscope.datalogger.audit.unknown_rows import count_unknown, lacking_rows
 from nvscope.datalogger.audit.values import Figures, Values
 from nvscope.findings.datalogger import SERIES_BROKEN
 from nvscope.units import duration
@@ -49,6 +51,7 @@ class _Task:
     local: bool = False
     file: int = -1
     losses: int = 0
+    cycle_ns: int | None = None
     set_back: list[SetBack] = field(default_factory=list)
 
 
@@ -70,6 +73,7 @@ class TableAudit:
         self.last_ns: int | None = None
         self.strip = TimeStrip()
         self.tasks = Tasks(table)
+        self._ids = RowIds()
         self._values = Values(len(table.variables), encoding)
         self._judge = ChangeJudge(table, self._values) if table.only_changes else None
         self._asked_ns, self._known_ns = asked_ns, known_ns
@@ -92,6 +96,11 @@ class TableAudit:
         self._notes.append(Notes())
         self._values.use(encoding)
 
+    def end_file(self, *, damaged: bool) -> None:
+        """Say that all rows of a file were read that can be; those of a damaged one may lack for that."""
+        if damaged:
+            self._notes[-1].drop(topics.DELETED)
+
     def take(self, chunk: Chunk) -> None:
         """Judge some rows."""
         notes = self._notes[-1]
@@ -100,6 +109,10 @@ class TableAudit:
         known = self._values.stretches.copy()
         self._look_at_times(chunk, timed, notes)
         self._look_at_intervals(chunk, timed, notes)
+        self._ids.take(chunk, notes)
+        if len(chunk.unsaid):
+            rows = chunk.unsaid
+            notes.of(topics.UNSAID).add(chunk.rowid[rows], chunk.time_ns[rows], timed[rows])
         if chunk.begins_file and len(self._files) - 1 in self.overlaps and self._judge is not None:
             # What a file repeats of the one before is no change.
             self._judge.forget()
@@ -117,7 +130,8 @@ class TableAudit:
             lost = chunk.lost.copy()
             lost[0] &= self._begun and not chunk.begins_file
             self._note_lost(chunk, np.flatnonzero(lost), timed, notes)
-        self._count_unknown(chunk, known)
+        if self._judge is not None:
+            count_unknown(self.table, chunk, known, self._values.figures)
         self._begun = True
 
     def end(self) -> list[Finding]:
@@ -128,11 +142,15 @@ class TableAudit:
             for task in self._of_task.values():
                 self._decide(task)
         for figures, number in zip(self._values.figures, range(len(self.names)), strict=True):
+            figures.rows = self.rows
             if self._judge is None:
                 own = self._of_task.get(self.tasks.of(number))
-                figures.unknown = (own.rows if own else self.rows) - figures.stored
+                figures.rows = own.rows if own else self.rows
+                figures.unknown = figures.rows - figures.stored
         found: list[Finding] = []
         for path, notes in zip(self._files, self._notes, strict=True):
+            if notes.has(topics.GAP) or notes.has(topics.MISSED):
+                notes.drop(topics.DELETED)  # that rows are missing is said, and for how long
             found += notes.findings(path, self.table.name, self.names)
         found += [
             Finding(
@@ -237,10 +255,21 @@ class TableAudit:
             if group not in self._of_task:
                 self._of_task[group] = _Task(self._new_intervals(group))
             task = self._of_task[group]
-            task.rows += len(chunk) if rows is None else len(rows)
+            task.rows += self._rows_of(task, chunk, rows)
             own = np.flatnonzero(timed) if rows is None else rows[timed[rows]]
             if len(own):
                 self._look_at_task(task, chunk, own, stretch, losses[own], notes)
+
+    def _rows_of(self, task: _Task, chunk: Chunk, rows: I64 | None) -> int:
+        """Return how many of some rows are those of a task; of rows without a value, those that it lacks."""
+        blank = self.tasks.blank
+        if rows is None or blank is None:
+            return len(chunk) if rows is None else len(rows)
+        own, others = rows[~blank[rows]], rows[blank[rows]]
+        if not (chunk.times.valid.all() and chunk.is_one_stretch):
+            return len(rows)
+        lacking, task.cycle_ns = lacking_rows(chunk.time_ns, own, others, task.cycle_ns)
+        return len(own) + lacking
 
     def _look_at_task(
         self, task: _Task, chunk: Chunk, rows: I64, stretch: I64, losses: I64, notes: Notes
@@ -369,20 +398,3 @@ class TableAudit:
             filled = chunk.rows.filled(variable.column)
             rows = None if filled.all() else np.flatnonzero(filled)
             self._values.take(number, chunk, rows, chunk.rows.cells(variable.column, rows))
-
-    def _count_unknown(self, chunk: Chunk, known: I64) -> None:
-        """Count, in a table of changes, the rows in front of the first value by which a variable is known.
-
-        ``known`` are the stretches in which values were known before.
-        """
-        if self._judge is None or (chunk.stretch[0] == chunk.stretch[-1] and (known == chunk.stretch[0]).all()):
-            return
-        bounds = np.flatnonzero(np.diff(chunk.stretch, prepend=chunk.stretch[0] - 1)).tolist()
-        for number, variable in enumerate(self.table.variables):
-            filled = np.flatnonzero(chunk.rows.filled(variable.column))
-            for first, behind in zip(bounds, [*bounds[1:], len(chunk)], strict=True):
-                if known[number] == chunk.stretch[first]:
-                    continue
-                place = int(np.searchsorted(filled, first))
-                value = int(filled[place]) if place < len(filled) else behind
-                self._values.figures[number].unknown += min(value, behind) - first

@@ -231,3 +231,4 @@ def test_tables_of_several_sessions_are_told_apart(tmp_path: Path) -> None:
     audit = audited([str(tmp_path / "both.db")])
     assert [table.audit.table.name for table in audit.tables] == ["log_1", "log_changes_1"]
     assert told(audit) == []
+    assert audit.files[0].notes == ["1 table in it is none of a DataLogger: notes"]

@@ -12,6 +12,7 @@ from nvscope.capture.datalogger import table_rows
 from nvscope.datalogger.audit.audit import Audit, audited
 from tests.datalogger.audit.built import DECLARED, Row, later, write
 from tests.datalogger.audit.test_planted import Told, told
+from tests.program import run_text
 
 MS = 1_000_000
 Lost = Callable[[str, int], bool]
@@ -99,3 +100,38 @@ def test_rows_and_times_are_those_of_the_first_and_last_whichever_task_they_are_
     assert finding.last_ns is not None
     span_ms = rows[behind[-1] - 1].at_ms - rows[behind[0] - 1].at_ms
     assert finding.last_ns - finding.first_ns == span_ms * MS
+
+
+def shares(audit: Audit) -> list[tuple[int, int]]:
+    """Return of each variable that was stored in how many rows nobody knows it, of how many."""
+    (table,) = audit.tables
+    return [(one.unknown, one.rows) for one in table.audit.figures if one.stored]
+
+
+def test_a_variable_is_known_or_not_in_rows_of_its_own_task(tmp_path: Path) -> None:
+    rows = tasks({"a": 50, "b": 200}, 10_000)
+    assert shares(audit_of(tmp_path, rows)) == [(0, 200), (0, 50)]
+    rows = [Row(row.at_ms, {"c": 1, **row.values} if "b" in row.values else row.values) for row in rows]
+    for number in (7, 8, 30):
+        rows[row_of(rows, "b", number) - 1].values["c"] = None
+    assert shares(audit_of(tmp_path, rows)) == [(0, 200), (0, 50), (3, 50)]
+    told_of_c = next(line for line in run_text("audit", tmp_path / "x.db").stdout.splitlines() if "  c " in line)
+    assert told_of_c.split()[3:5] == ["6.0", "%"]
+
+
+@pytest.mark.parametrize("name", ["a", "b"])
+@pytest.mark.parametrize("at_a_time", [16_000, 100])
+@pytest.mark.parametrize("cycles", [{"a": 50, "b": 50}, {"a": 50, "b": 200}])
+def test_rows_without_any_value_are_those_of_the_task_that_lacks_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cycles: dict[str, int], at_a_time: int, name: str
+) -> None:
+    rows = tasks(cycles, 20_000)
+    blank = [*range(2, 9), 11, *range(20, 40), 99]
+    for number in blank:
+        rows[row_of(rows, name, number) - 1].values[name] = None
+    monkeypatch.setattr(table_rows, "_ROWS", at_a_time)
+    count = {one: 20_000 // cycle for one, cycle in cycles.items()}
+    expected = [(len(blank) if one == name else 0, count[one]) for one in cycles]
+    audit = audit_of(tmp_path, rows)
+    assert shares(audit) == expected
+    assert told(audit) == []
