@@ -212,6 +212,9 @@ class _Reading:
             self._stretches[key] = 0
         table = self.tables[key]
         begins = told.path not in table.files
+        if begins and table.files and (table.audit.overlaps_now or table.files[-1] != self.files[-2].path):
+            # What a file that overlaps another one, or has no such table, should hold is not known.
+            self._stretches[key] += 1
         table.files.append(told.path)
         encoding = database.encoding if stored.by_pages else "utf-8"
         table.audit.begin_file(told.path, encoding)

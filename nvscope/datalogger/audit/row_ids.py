@@ -33,7 +33,8 @@ class RowIds:
         # Ids rise: what is further than can be told wraps around.
         steps[steps < 0] = _MOST
         follows = np.diff(chunk.stretch, prepend=chunk.stretch[0]) == 0
-        places = np.flatnonzero((steps > 1) & follows)
+        # That data was lost before a row says enough.
+        places = np.flatnonzero((steps > 1) & follows & ~chunk.lost)
         if len(places):
             timed = chunk.times.valid[places]
             notes.of(topics.DELETED).add(rowid[places], chunk.time_ns[places], timed, steps[places] - 1)

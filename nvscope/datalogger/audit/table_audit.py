@@ -18,6 +18,7 @@ from nvscope.datalogger.audit.finding import Finding, Notes
 from nvscope.datalogger.audit.intervals import Gaps, Intervals, SetBack, without_clock_sets
 from nvscope.datalogger.audit.restarts import ZeroRow
 from nvscope.datalogger.audit.row_ids import RowIds
+from nvscope.datalogger.audit.stamps import Stamps
 from nvscope.datalogger.audit.sums import total
 from nvscope.datalogger.audit.tasks import Tasks
 from nvscope.datalogger.audit.time_strip import Mark, TimeStrip
@@ -32,8 +33,6 @@ _MOST_MARKED = 10_000
 
 _UNTIMED = 1 << 32
 """Added to the number of a stretch for each row in front that has no time."""
-
-_FORMS = {Stamp.ISO: "iso", Stamp.RAW_UTC: "raw", Stamp.RAW_UNSPECIFIED: "raw", Stamp.RAW_LOCAL: "raw"}
 
 
 @dataclass(slots=True)
@@ -67,7 +66,7 @@ class TableAudit:
     ) -> None:
         self.table = table
         self.names = tuple(one.name for one in table.variables)
-        self.rows = self.untimed = self.told = self.untold = self.unread = self.restarts = 0
+        self.rows = self.told = self.untold = self.unread = self.restarts = 0
         self.missing_ns = self.off_ns = 0
         self.first_ns: int | None = None
         self.last_ns: int | None = None
@@ -80,8 +79,7 @@ class TableAudit:
         self._of_task: dict[int, _Task] = {}
         self._notes: list[Notes] = []
         self._files: list[str] = []
-        self._form: str | None = None
-        self.forms: set[str] = set()
+        self._stamps = Stamps()
         self.overlaps: dict[int, int] = {}
         """By how much a file, by its number here, begins before the one before it ends."""
         self._begun = False
@@ -113,7 +111,7 @@ class TableAudit:
         if len(chunk.unsaid):
             rows = chunk.unsaid
             notes.of(topics.UNSAID).add(chunk.rowid[rows], chunk.time_ns[rows], timed[rows])
-        if chunk.begins_file and len(self._files) - 1 in self.overlaps and self._judge is not None:
+        if chunk.begins_file and self.overlaps_now and self._judge is not None:
             # What a file repeats of the one before is no change.
             self._judge.forget()
             self._values.forget()
@@ -168,6 +166,16 @@ class TableAudit:
         return self._values.figures
 
     @property
+    def forms(self) -> set[str]:
+        """The forms of its timestamps: ``iso``, ``raw``."""
+        return self._stamps.forms
+
+    @property
+    def untimed(self) -> int:
+        """How many rows have no time that can be told."""
+        return self._stamps.untimed
+
+    @property
     def task_count(self) -> int:
         """How many tasks there are rows of, as far as can be told."""
         return max(len(self._of_task), 1) if self.rows else 0
@@ -204,6 +212,11 @@ class TableAudit:
         return {number: found[group] for number, group in groups if group in found}
 
     @property
+    def overlaps_now(self) -> bool:
+        """Whether the file whose rows came last begins before the one in front of it ends."""
+        return len(self._files) - 1 in self.overlaps
+
+    @property
     def covered(self) -> float | None:
         """The share of the time from the first row to the last in which nothing is missing, None where that is none."""
         if self.first_ns is None or self.last_ns is None or self.last_ns <= self.first_ns:
@@ -212,33 +225,12 @@ class TableAudit:
         return min(max(0.0, 1 - self.missing_ns / span_ns), 1.0)
 
     def _look_at_times(self, chunk: Chunk, timed: Bool, notes: Notes) -> None:
-        stamp = chunk.times.stamp
         known = chunk.time_ns if timed.all() else chunk.time_ns[timed]
         if len(known):
             self.first_ns = int(known[0]) if self.first_ns is None else self.first_ns
             self.last_ns = int(known.max()) if self.last_ns is None else max(self.last_ns, int(known.max()))
             self.strip.take(known)
-        low, high = int(stamp.min()), int(stamp.max())
-        if low == Stamp.NONE:
-            rows = np.flatnonzero(~timed)
-            self.untimed += len(rows)
-            notes.of(topics.NO_TIME).add(chunk.rowid[rows], chunk.time_ns[rows], timed[rows])
-        present = (
-            {int(one) for one in {low, high}} if high - low < 2 else set(np.flatnonzero(np.bincount(stamp)).tolist())
-        )
-        present.discard(Stamp.NONE)
-        if not present:
-            return
-        self.forms |= {_FORMS[Stamp(one)] for one in present}
-        if self._form is None:
-            self._form = _FORMS[Stamp(int(stamp[timed][0]))]
-        if any(_FORMS[Stamp(one)] != self._form for one in present):
-            others = np.array([one in _FORMS and one != Stamp.RAW_LOCAL and _FORMS[one] != self._form for one in Stamp])
-            rows = np.flatnonzero(others[stamp])
-            notes.of(topics.OTHER_FORM).add(chunk.rowid[rows], chunk.time_ns[rows], timed[rows])
-        if Stamp.RAW_LOCAL in present:
-            rows = np.flatnonzero(stamp == Stamp.RAW_LOCAL)
-            notes.of(topics.LOCAL).add(chunk.rowid[rows], chunk.time_ns[rows], timed[rows])
+        self._stamps.take(chunk, timed, notes)
 
     def _look_at_intervals(self, chunk: Chunk, timed: Bool, notes: Notes) -> None:
         groups = list(self.tasks.rows(chunk))

@@ -54,7 +54,9 @@ def spoiled(draw: st.DrawFn, changes: bool) -> Rows:
         elif changes and kind == "zero":
             rows[at] = replace(row, counts=dict.fromkeys(row.counts, 0))
         elif changes and kind == "count":
-            rows[at] = replace(row, counts={**row.counts, name: draw(st.sampled_from([-1, 0, 1, 2, 30, 1 << 40]))})
+            rows[at] = replace(
+                row, counts={**row.counts, name: draw(st.sampled_from([-1, 0, 1, 2, 30, 1 << 40, "x", 0.5]))}
+            )
         elif changes and kind == "alone":
             rows[at] = replace(row, counts={**row.counts, name: None})
         elif changes and kind == "null":
