@@ -41,6 +41,7 @@ LOSS_NOT_TOLD = FindingKind(
         "rows were deleted, or several databases put together, by hand",
         "the clock of the controller was set forward",
         "samples were dropped where the logger does not notice it",
+        "in the first row of x.db: the newest closed file was not copied, and no number tells that it is missing",
     ),
     next_steps=(
         "Compare the times with the controller's log of starts and downloads, and with its clock.",
@@ -62,6 +63,7 @@ CHANGES_MISSED = FindingKind(
     causes=(
         "rows were lost between the ring buffer and the file",
         "rows were deleted, or several databases put together, by hand",
+        "in the first row of x.db: the newest closed file was not copied, and no number tells that it is missing",
     ),
     next_steps=(
         "Do not count or time changes of this variable around these rows.",

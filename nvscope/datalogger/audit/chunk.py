@@ -62,7 +62,8 @@ def chunk_of(rows: AnyRows, encoding: str, breaks: I64, stretch: int, begins_fil
     consistent = rows.cells(_CONSISTENT)
     whole = consistent.form == Form.INTEGER
     lost = whole & (consistent.bits == _LOST)
-    unsaid = np.flatnonzero(~whole | (consistent.bits > _NOTHING_LOST))
+    said = whole.all() and int(consistent.bits.max(initial=0)) <= _NOTHING_LOST
+    unsaid = np.flatnonzero(() if said else ~whole | (consistent.bits > _NOTHING_LOST))
     stretches = np.full(len(rows), stretch, np.int64)
     if len(breaks):
         steps = np.bincount(np.searchsorted(rows.rowid, breaks, "right"), minlength=len(rows) + 1)

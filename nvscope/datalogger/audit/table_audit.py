@@ -241,8 +241,8 @@ class TableAudit:
         if not timed.all():
             stretch += np.cumsum(~timed) * _UNTIMED
             self._untimed_before = self.untimed
-        losses = self._losses + np.cumsum(chunk.lost)
-        self._losses = int(losses[-1])
+        losses = self._losses + np.cumsum(chunk.lost) if chunk.lost.any() else None
+        self._losses = self._losses if losses is None else int(losses[-1])
         for group, rows in groups:
             if group not in self._of_task:
                 self._of_task[group] = _Task(self._new_intervals(group))
@@ -250,7 +250,7 @@ class TableAudit:
             task.rows += self._rows_of(task, chunk, rows)
             own = np.flatnonzero(timed) if rows is None else rows[timed[rows]]
             if len(own):
-                self._look_at_task(task, chunk, own, stretch, losses[own], notes)
+                self._look_at_task(task, chunk, own, stretch, None if losses is None else losses[own], notes)
 
     def _rows_of(self, task: _Task, chunk: Chunk, rows: I64 | None) -> int:
         """Return how many of some rows are those of a task; of rows without a value, those that it lacks."""
@@ -264,7 +264,7 @@ class TableAudit:
         return len(own) + lacking
 
     def _look_at_task(
-        self, task: _Task, chunk: Chunk, rows: I64, stretch: I64, losses: I64, notes: Notes
+        self, task: _Task, chunk: Chunk, rows: I64, stretch: I64, losses: I64 | None, notes: Notes
     ) -> None:  # fmt: skip
         time_ns, of_stretch = chunk.time_ns[rows], stretch[rows]
         before_ns = np.concatenate([[task.time_ns], time_ns[:-1]])
@@ -294,7 +294,11 @@ class TableAudit:
         if self._judge is None:
             forward = follows & (length_ns > 0)
             number = first + np.arange(len(rows))
-            told = np.diff(losses, prepend=task.losses) > 0
+            if losses is None:
+                told = np.zeros(len(rows), np.bool_)
+                told[0] = self._losses > task.losses
+            else:
+                told = np.diff(losses, prepend=task.losses) > 0
             gaps = Gaps(length_ns, before_ns, chunk.rowid[rows], number, np.full(len(rows), current), told)
             task.intervals.take(gaps if forward.all() else gaps.take(forward))
             if task.intervals.is_full:
@@ -308,7 +312,8 @@ class TableAudit:
             self.missing_ns += total(length_ns[unread])
             self._mark(Mark.UNREAD, before_ns[unread], time_ns[unread])
         task.time_ns, task.stretch = int(time_ns[-1]), int(of_stretch[-1])
-        task.local, task.file, task.losses = bool(local[-1]), current, int(losses[-1])
+        task.local, task.file = bool(local[-1]), current
+        task.losses = self._losses if losses is None else int(losses[-1])
 
     def _note_uncovered(self, chunk: Chunk, rows: I64, before_ns: I64, follows: Bool) -> None:
         """Count what is not covered in a table of changes: only what the logger says is known there."""
