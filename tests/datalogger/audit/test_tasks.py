@@ -50,13 +50,15 @@ def test_rows_of_a_task_are_missed_by_its_own_cycle(tmp_path: Path, name: str, a
     assert told(audit_of(tmp_path, tasks({"a": 50, "b": 100, "c": 200}, 10_000), asked_ms)) == []
 
 
-def test_rows_that_come_on_events_are_judged_by_what_was_asked_for(tmp_path: Path) -> None:
-    times = accumulate([100, 220, 400, 700, 1_200] * 9)
+def test_rows_that_come_on_events_among_other_tasks_are_not_judged(tmp_path: Path) -> None:
+    times = [*accumulate([100, 220, 400, 700, 1_200] * 9)]
     events = [Row(at + 1, {"b": n}) for n, at in enumerate(times)]
     rows = sorted([*tasks({"a": 50}, 24_000), *events], key=lambda row: row.at_ms)
-    assert told(audit_of(tmp_path, rows)) == []
-    assert told(audit_of(tmp_path, rows, 1_000)) == []
-    (finding,) = audit_of(tmp_path, rows, 500).findings
+    for asked_ms in (None, 50, 500, 1_000):
+        assert told(audit_of(tmp_path, rows, asked_ms)) == []
+    # Alone, they are all that the configuration speaks of.
+    assert told(audit_of(tmp_path, events)) == []
+    (finding,) = audit_of(tmp_path, events, 500).findings
     assert (finding.kind.code, finding.count) == ("NV952", 9)
 
 
