@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import accumulate
 from pathlib import Path
 
@@ -137,3 +139,34 @@ def test_rows_without_any_value_are_those_of_the_task_that_lacks_them(
     audit = audit_of(tmp_path, rows)
     assert shares(audit) == expected
     assert told(audit) == []
+
+
+def missed(rows: list[Row], cycles: dict[str, int]) -> list[int]:
+    """Return the ids of rows in front of which rows of their task lack, and none says so: by the rules, row by row."""
+    found, losses = [], 0
+    before: dict[str, tuple[float, int]] = {}
+    for rowid, row in enumerate(rows, 1):
+        losses += row.consistent == 0
+        for name in row.values:
+            at_ms, known = before.get(name, (row.at_ms, losses))
+            if row.at_ms - at_ms > 1.5 * cycles[name] and known == losses:
+                found.append(rowid)
+            before[name] = row.at_ms, losses
+    return found
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_what_each_task_misses_is_what_the_rules_say(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int
+) -> None:
+    chance = random.Random(seed)
+    cycles = {name: chance.choice([10, 20, 50, 100, 200, 500]) for name in chance.sample("abc", chance.choice([2, 3]))}
+    lost = {name: {chance.randrange(1, 5_000 // cycle) for _ in range(2)} for name, cycle in cycles.items()}
+    rows = tasks(cycles, 5_000, lambda name, number: number in lost[name])
+    for place in chance.sample(range(len(rows)), chance.choice([0, 1, 3])):
+        rows[place] = replace(rows[place], consistent=0)
+    monkeypatch.setattr(table_rows, "_ROWS", chance.choice([16_000, 100]))
+    audit = audit_of(tmp_path, rows, chance.choice([None, 10, 200]))
+    found = [(one.count, list(one.rows)) for one in audit.findings if one.kind.code == "NV952"]
+    expected = missed(rows, cycles)
+    assert found == ([(len(expected), expected[:10])] if expected else [])
