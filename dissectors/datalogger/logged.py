@@ -22,7 +22,8 @@ NO_TABLE = -1
 class RowTable:
     """A table of a database: whose rows they are (``series``, files that follow each other are one), as people call it.
 
-    ``real`` are the numbers of columns that hold real numbers; texts are in ``encoding``.
+    ``real`` are the numbers of columns that hold real numbers; texts are in ``encoding``. Between rows of one ``part``
+    of a series no file is missing.
     """
 
     series: str
@@ -30,6 +31,7 @@ class RowTable:
     log: LogTable
     real: tuple[int, ...] = ()
     encoding: str = "utf-8"
+    part: int = 0
 
 
 @dataclass(frozen=True, slots=True)

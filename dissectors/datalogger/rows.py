@@ -59,3 +59,10 @@ def consistent(records: Records) -> Bool:
     cells = records.cells(CONSISTENT)
     told: Bool = (cells.form != Form.INTEGER) | (cells.bits != 0)
     return told
+
+
+def says_whether(records: Records) -> Bool:
+    """Tell which rows say whether anything was lost before them: those that hold 0 or 1."""
+    cells = records.cells(CONSISTENT)
+    said: Bool = (cells.form == Form.INTEGER) & (cells.bits <= 1)
+    return said

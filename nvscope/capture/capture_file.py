@@ -13,7 +13,7 @@ from nvscope.capture.between import Between
 from nvscope.capture.byte_window import CHUNK_BYTES, SMALL_FILE_BYTES
 from nvscope.capture.content import STDIN, Content, ContentSizes
 from nvscope.capture.pieces import Stopped
-from nvscope.capture.reader import Progress, Reader, ReadingSizes, WindowReader, reader_of
+from nvscope.capture.reader import Place, Progress, Reader, ReadingSizes, WindowReader, reader_of
 from nvscope.capture.source import Attachment, SourceInfo
 from nvscope.capture.stoppable import StoppableBatches
 from nvscope.capture.time_span import TimeSpan
@@ -45,8 +45,9 @@ class CaptureFile:
     """The packets of one file; "-" is stdin.
 
     The file is told by its first bytes at once, and read when iterated; a regular file can be iterated again.
-    Raises UnreadableInput where it cannot be opened or is no capture file. ``small_file_bytes`` and ``chunk_bytes`` are
-    those of MappedWindow and StreamWindow.
+    Raises UnreadableInput where it cannot be opened or is no capture file. ``place`` is the one that it has in a
+    series, to be set before it is read. ``small_file_bytes`` and ``chunk_bytes`` are those of MappedWindow and
+    StreamWindow.
     """
 
     def __init__(
@@ -58,6 +59,7 @@ class CaptureFile:
         chunk_bytes: int = CHUNK_BYTES,
     ) -> None:
         self.path = path
+        self.place = Place()
         self._sizes = sizes or ReadingSizes()
         self._content_sizes = ContentSizes(small_file_bytes, chunk_bytes)
         self._position = 0
@@ -228,6 +230,7 @@ class CaptureFile:
             raise
         try:
             name, reader = reader_of(content, sizes)
+            reader.place = self.place
             return _Opened(name, content, reader)
         except BaseException:
             content.close()

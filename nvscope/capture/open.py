@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 from nvscope.capture.capture_file import CaptureFile
 from nvscope.capture.content import STDIN
-from nvscope.capture.formats import READABLE, NoCapture, suffixes_that, written_as
+from nvscope.capture.formats import DATABASES, READABLE, NoCapture, suffixes_that, written_as
 from nvscope.capture.output import STDOUT
 from nvscope.capture.reader import ReadingSizes
 from nvscope.capture.source import FileSource, Sink
@@ -39,9 +39,20 @@ def open_source(
             files += _open_directory(path, sizes)
         else:
             files.append(CaptureFile(path, sizes=sizes))
+    _place(files)
     if len(files) == 1 and not renamed:
         return files[0]
     return Timeline(files, batch_packets=batch_packets, renamed=renamed)
+
+
+def _place(files: Sequence[CaptureFile]) -> None:
+    """Tell databases which of them follow each other: those of a series of which none lacks between them."""
+    databases = [file for file in files if file.info.format in DATABASES]
+    if len(databases) > 1:
+        from nvscope.capture.datalogger.series import places_of  # noqa: PLC0415  # most captures are no databases
+
+        for file, place in zip(databases, places_of([file.path for file in databases]), strict=True):
+            file.place = place
 
 
 def files_of(paths: Sequence[str]) -> list[str]:

@@ -30,6 +30,17 @@ class ReadingSizes:
     ahead_bytes: int = 128 << 20
 
 
+@dataclass(frozen=True, slots=True)
+class Place:
+    """The place of a file in a series of them: those of one ``part`` follow each other without one between them.
+
+    ``missing`` says what should come before it and cannot be read, '' where nothing speaks for that.
+    """
+
+    part: int = 0
+    missing: str = ""
+
+
 @dataclass(slots=True)
 class Progress:
     """What a reader has found so far: only it writes here, and whoever wants to know reads, at any time.
@@ -58,13 +69,14 @@ class Reader(ABC):
 
     ``position`` is how far the content has been read. ``channels`` are the names of the packets' channels, by number,
     as far as the file tells them; ``attachments`` what it brings with it, each of which can be read at any time.
-    ``finished``: it wants to see no more, whatever may still be written. Raises UnreadableInput when it is made where
-    nothing can be read at all; what is wrong later goes to ``progress``.
+    ``finished``: it wants to see no more, whatever may still be written. ``place`` is that of its file in a series.
+    Raises UnreadableInput when it is made where nothing can be read at all; what is wrong later goes to ``progress``.
     """
 
     attachments: Sequence[Attachment] = ()
     follows: ClassVar[bool] = False
     finished = False
+    place = Place()
 
     def __init__(self, content: Content, sizes: ReadingSizes) -> None:
         self.content = content

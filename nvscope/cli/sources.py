@@ -239,13 +239,22 @@ def _tell_of_closed_files(infos: Sequence[SourceInfo]) -> None:
     databases = [info.path for info in infos if info.format in DATABASES and not info.is_live]
     if not databases:
         return
+    from nvscope.capture.datalogger.names import number_of, series_of
     from nvscope.datalogger.database import closed_files
     from nvscope.units import count_of
     from nvscope.view.escape import visible
 
     read = {os.path.realpath(path) for path in databases}
-    for path in databases:
-        beside = [other for _, other in closed_files(path) if os.path.realpath(other) not in read]
+    for series in dict.fromkeys(map(series_of, databases)):
+        own = [(number_of(path), path) for path in databases if series_of(path) == series]
+        numbers = [number for number, _ in own if number is not None]
+        path = next((path for number, path in own if number is None), own[-1][1])
+        beside = [
+            other
+            for number, other in closed_files(series)
+            # Closed ones alone are a part of the series: it lacks what is between them.
+            if os.path.realpath(other) not in read and (len(numbers) < len(own) or min(numbers) < number < max(numbers))
+        ]
         if beside:
             told = f"{count_of(len(beside), 'closed file')} of its series beside it, such as {visible(beside[-1])}"
             what = "was not named, and is not read" if len(beside) == 1 else "were not named, and are not read"

@@ -16,7 +16,7 @@ from dissectors.batch import I64, Bool
 from dissectors.datalogger.logged import RowTable
 from dissectors.datalogger.records import Form as Stored
 from dissectors.datalogger.records import Records
-from dissectors.datalogger.rows import RowBatch, consistent
+from dissectors.datalogger.rows import RowBatch, consistent, says_whether
 from nvscope.engine.limit import MAX_STREAMS
 from nvscope.engine.told import Told
 from nvscope.export.arrays import MOMENT, array_of, bits_of, spans_of, spread_parts, with_nulls
@@ -95,13 +95,13 @@ class DatabaseRows:
             columns = self._columns_of(table)
             if not columns.wanted:
                 continue
-            own, told_whole = np.arange(len(rows)), consistent(records)
+            own, told_whole, said = np.arange(len(rows)), consistent(records), says_whether(records)
             if told.chosen is not None:
                 own = own[told.chosen[part.row[rows]]]
             most = max(_MOST_CELLS // len(columns.wanted), 1)
             for start in range(0, len(own), most):
                 some = own[start : start + most]
-                made = self._table(told, part, rows[some], records, some, columns, told_whole[some])
+                made = self._table(told, part, rows[some], records, some, columns, told_whole[some], said[some])
                 self._hold(self._parts.of(table), made, open_part)
 
     def tables(self, schema: Any) -> Iterator[Any]:
@@ -126,18 +126,18 @@ class DatabaseRows:
 
     def _table(
         self, told: Told, part: RowBatch, places: I64, records: Records, some: I64, columns: _Columns,
-        told_whole: Bool,
+        told_whole: Bool, said: Bool,
     ) -> Any:  # fmt: skip
         """Return rows at some places of the batch, which are ``some`` of their table's ``records``.
 
-        ``told_whole``: nothing was lost before them, as they say.
+        ``told_whole``: nothing was lost before them, as they say; ``said``: they say whether anything was.
         """
         packet = part.row[places]
         arrays = [
             array_of(told.packets.ts_ns[packet], MOMENT),
             array_of(packet + told.first_frame, pa.int64()),
             array_of(part.logged.rowid[places], pa.int64()),
-            with_nulls(told_whole, None, pa.bool_()),
+            with_nulls(told_whole, None if said.all() else bits_of(said), pa.bool_()),
             *(self._array(records, column, form, some, columns.encoding) for column, form in columns.wanted),
         ]
         return pa.table(arrays, schema=columns.schema)

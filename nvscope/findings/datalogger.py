@@ -10,12 +10,14 @@ LOSS_TOLD = FindingKind(
     Severity.NOTE,
     meaning=(
         "A row behind the first has ConsistentDataSeries 0: the logger itself says that data was lost before it. What "
-        "is there is right; what happened in between is not known."
+        "is there is right; what happened in between is not known. A row in which it is neither 0 nor 1, as loggers do "
+        "not write it, says nothing of that; it is told under the same code as a warning."
     ),
     causes=(
         "the ring buffer was full before its rows were written: the SD card is too slow, or writeInterval too small",
         "deleting the oldest rows of a large file took too long (deleteRatio)",
         "of a recording from the network: telegrams were lost, or their list stopped",
+        "neither 0 nor 1: the row was edited, or a program wrote it",
     ),
     next_steps=(
         "Raise bufferCapacity or writeInterval, or log fewer variables, less often.",
@@ -31,13 +33,15 @@ LOSS_NOT_TOLD = FindingKind(
     meaning=(
         "Every value should be stored (storeChangesOnly is false), yet more than one and a half intervals lie between "
         "a row and the one before, and ConsistentDataSeries does not say so. Whoever takes the series for complete "
-        "counts, averages and integrates wrongly."
+        "counts, averages and integrates wrongly. Of any table: where nothing but the row ids says that rows are "
+        "missing, that is told under the same code as a warning."
     ),
     causes=(
         "the logger or the controller was stopped and started again: the series goes on in the same file",
         "rows were deleted, or several databases put together, by hand",
         "the clock of the controller was set forward",
         "samples were dropped where the logger does not notice it",
+        "in the first row of x.db: the newest closed file was not copied, and no number tells that it is missing",
     ),
     next_steps=(
         "Compare the times with the controller's log of starts and downloads, and with its clock.",
@@ -59,6 +63,7 @@ CHANGES_MISSED = FindingKind(
     causes=(
         "rows were lost between the ring buffer and the file",
         "rows were deleted, or several databases put together, by hand",
+        "in the first row of x.db: the newest closed file was not copied, and no number tells that it is missing",
     ),
     next_steps=(
         "Do not count or time changes of this variable around these rows.",

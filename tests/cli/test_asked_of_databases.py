@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import shutil
+import sqlite3
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -95,6 +97,22 @@ def test_closed_files_that_nobody_named_are_told(tmp_path: Path) -> None:
     told = f"2 closed files of its series beside it, such as {newest}.1, were not named, and are not read."
     assert done.stderr == f"nvscope: {newest}: {told}\n"
     assert run_text("vars", newest, f"{newest}.0", f"{newest}.1").stderr == ""
+
+
+def test_tables_that_are_none_of_a_datalogger_are_told(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "x.db", [("a", "INT")], [Row(0, (1,))])
+    with closing(sqlite3.connect(path)) as database:
+        for name in ("remarks", "b", "c", "d\x1b"):
+            database.execute(f'CREATE TABLE "{name}"(text)')
+        database.commit()
+    told = "4 tables in it are none of a DataLogger: remarks, b, c and 1 more"
+    for verb in ("vars", "report"):
+        done = run_text(verb, path)
+        assert (done.returncode, done.stderr) == (0, f"nvscope: {path}: {told}.\n")
+    done = run_text("audit", path, environment={"COLUMNS": "200"})
+    assert done.stdout.splitlines()[:2] == [
+        "● To be trusted: nothing is missing that is not told", f"  {path}: {told}",
+    ]  # fmt: skip
 
 
 def test_when_a_variable_changed_is_told_with_its_day(tmp_path: Path) -> None:

@@ -104,6 +104,12 @@ def test_a_table_without_rows_has_its_columns(tmp_path: Path) -> None:
     assert exported(path).columns[4:] == ["a"]
 
 
+def test_what_says_neither_that_data_was_lost_nor_that_none_was_is_null(tmp_path: Path) -> None:
+    told = [1, 0, None, 5, 1]
+    path = write_log(tmp_path / "x.db", [("a", "INT")], [Row(1000 * at, (at,), one) for at, one in enumerate(told)])
+    assert exported(path)["db.consistent"].to_list() == [True, False, None, None, True]
+
+
 def test_a_filter_and_a_part_in_time_choose_among_rows(tmp_path: Path) -> None:
     path = write_log(tmp_path / "x.db", [("a", "INT")], [Row(1000 * at, (at,), at != 3) for at in range(6)])
     assert exported(path, "-Y", "db.consistent == 0")["a"].to_list() == [3]

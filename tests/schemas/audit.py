@@ -48,7 +48,8 @@ def audit() -> Schema:
     variable = {
         "name": text(), "declared": text("the type of its column"), "stored": whole("values, NULL aside"),
         "changes": whole("values that differ from the one before"),
-        "unknown_rows": whole("rows in which nobody knows it"), "first": _VALUE, "last": _VALUE,
+        "rows": whole("that could have it: those of its task; of all tasks where only changes are stored"),
+        "unknown_rows": whole("those of these in which nobody knows it"), "first": _VALUE, "last": _VALUE,
         "least": _VALUE, "greatest": _VALUE,
     }  # fmt: skip
     table = {

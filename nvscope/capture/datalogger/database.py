@@ -21,6 +21,7 @@ AnyRows = Rows | SqlRows
 """Rows as they were read: by pages, or by SQLite."""
 
 _NO_DATABASE = "name a database, which begins with 'SQLite format 3'; if this should be one, copy it again"
+_MOST_NAMED, _LONGEST_NAME = 3, 60
 _COPY_AGAIN = "copy it again from the controller"
 
 
@@ -44,6 +45,17 @@ class LogDatabase:
     def tables(self) -> tuple[StoredTable, ...]:
         """Its tables of DataLoggers, in the order of the file."""
         return self.schema.tables
+
+    @property
+    def beside(self) -> str:
+        """A sentence on tables in it that are none of a DataLogger, '' where there are none."""
+        others = self.schema.others
+        if not others:
+            return ""
+        names = ", ".join(name[:_LONGEST_NAME] for name in others[:_MOST_NAMED])
+        more = f" and {len(others) - _MOST_NAMED} more" if len(others) > _MOST_NAMED else ""
+        what = "1 table in it is" if len(others) == 1 else f"{len(others)} tables in it are"
+        return f"{what} none of a DataLogger: {names}{more}"
 
     @property
     def encoding(self) -> str:

@@ -59,9 +59,9 @@ def tables_in(path: str) -> tuple[RowTable, ...]:
         return ()
 
 
-def _row_table(path: str, database: LogDatabase, table: StoredTable) -> RowTable:
+def _row_table(path: str, database: LogDatabase, table: StoredTable, part: int = 0) -> RowTable:
     encoding = database.encoding if table.by_pages else "utf-8"
-    return RowTable(series_of(path), title_of(path), table.log, table.real, encoding)
+    return RowTable(series_of(path), title_of(path), table.log, table.real, encoding, part)
 
 
 class LogReader(Reader):
@@ -80,7 +80,8 @@ class LogReader(Reader):
             before = sqlite_file.state(path)
             with databases.opened(path) as database:
                 self._tell_state(database, path)
-                tracks = [_Table(self.content.path, database, table, self.sizes) for table in database.tables]
+                named, part = self.content.path, self.place.part
+                tracks = [_Table(named, database, table, self.sizes, part) for table in database.tables]
                 several = Timeline(tracks, batch_packets=self.sizes.batch_packets) if len(tracks) > 1 else tracks[0]
                 for batch in several:
                     if len(batch):
@@ -110,12 +111,16 @@ class LogReader(Reader):
             *filter(None, [database.doubt.rstrip("."), database.file.header.flaw]),
             *self._told(database.damages, database.file),
         ]
-        if database.file.header.flaw:
+        if self.place.missing:
+            lost.insert(0, self.place.missing)
+        if database.file.header.flaw or self.place.missing:
             self._first_at = 0
+        notes = list(filter(None, [database.beside]))
         if database.file.pages_missing or (database.path == path and sqlite_file.left_beside(path)):
             lost[:0] = database.notes
         else:
-            self.progress.notes = database.notes
+            notes[:0] = database.notes
+        self.progress.notes = tuple(notes)
         self._lost += lost
 
     def _told(self, damages: Iterable[Damage], file: PageFile) -> Iterator[str]:
@@ -145,7 +150,9 @@ class _Table:
     attachments: Sequence[Attachment] = ()
     infos: Sequence[SourceInfo] = ()
 
-    def __init__(self, path: str, database: LogDatabase, table: StoredTable, sizes: ReadingSizes) -> None:
+    def __init__(
+        self, path: str, database: LogDatabase, table: StoredTable, sizes: ReadingSizes, part: int
+    ) -> None:  # fmt: skip
         self.path = path
         self.table = table
         self.damages = Damages()
@@ -153,7 +160,7 @@ class _Table:
         self.untimed_rows: list[int] = []
         self._database = database
         self._sizes = sizes
-        self._told = _row_table(path, database, table)
+        self._told = _row_table(path, database, table, part)
 
     def __iter__(self) -> Iterator[PacketBatch]:
         return self.read(1, TimeSpan())

@@ -50,31 +50,32 @@ class StoredTable:
 
 @dataclass(frozen=True, slots=True)
 class Schema:
-    """The tables of DataLoggers, in the order of the file; how many others there are; how many were not looked at."""
+    """The tables of DataLoggers, in the order of the file; the names of others; how many were not looked at."""
 
     tables: tuple[StoredTable, ...]
-    others: int
+    others: tuple[str, ...]
     left_out: int
 
 
 def read_schema(file: PageFile, damages: Damages) -> Schema:
     """Return the tables of a database; what cannot be read of their definitions goes to ``damages``."""
     found: list[StoredTable] = []
-    others = left_out = 0
+    others: list[str] = []
+    left_out = 0
     encoding = file.header.encoding
     for rows in table_rows(file, Tree(file, 1, damages), 5, ()):
         for name, root, sql in _definitions(rows, encoding):
             if name.startswith("sqlite_"):
                 continue
-            if len(found) + others >= MOST_TABLES:
+            if len(found) + len(others) >= MOST_TABLES:
                 left_out += 1
                 continue
             table = _table(name, root, sql, file)
             if table is None:
-                others += 1
+                others.append(name)
             else:
                 found.append(table)
-    return Schema(tuple(found), others, left_out)
+    return Schema(tuple(found), tuple(others), left_out)
 
 
 def _definitions(rows: Rows, encoding: str) -> Iterator[tuple[str, int, str]]:

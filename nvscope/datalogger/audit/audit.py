@@ -113,12 +113,15 @@ _BOTH_AGAIN = "Copy the database again together with what lies beside it, while 
 _Key = tuple[str, tuple[str, ...]]
 """A table by its name and columns."""
 
+_KnownNs = dict[_Key, dict[int, int]]
+"""Intervals by the table and the number of a variable."""
+
 
 class _Reading:
     """Reads one series."""
 
     def __init__(
-        self, series: Series, asked_ns: int | None, progress: Progress | None, known_ns: dict[_Key, int] | None = None
+        self, series: Series, asked_ns: int | None, progress: Progress | None, known_ns: _KnownNs | None = None
     ) -> None:
         self._series, self._asked_ns, self._progress = series, asked_ns, progress
         self._known_ns = known_ns or {}
@@ -150,7 +153,7 @@ class _Reading:
         try:
             told.size_bytes = os.path.getsize(member.path)
             with opened(member.path) as database:
-                told.notes += database.notes
+                told.notes += filter(None, [*database.notes, database.beside])
                 if database.doubt:
                     self._of_files.append(
                         Finding(SERIES_BROKEN, Severity.WARNING, database.doubt, told.path, hint=_BOTH_AGAIN)
@@ -209,6 +212,9 @@ class _Reading:
             self._stretches[key] = 0
         table = self.tables[key]
         begins = told.path not in table.files
+        if begins and table.files and (table.audit.overlaps_now or table.files[-1] != self.files[-2].path):
+            # What a file that overlaps another one, or has no such table, should hold is not known.
+            self._stretches[key] += 1
         table.files.append(told.path)
         encoding = database.encoding if stored.by_pages else "utf-8"
         table.audit.begin_file(told.path, encoding)
@@ -226,6 +232,7 @@ class _Reading:
             begins = False
             if self._progress is not None:
                 self._progress(len(rows.data))
+        table.audit.end_file(damaged=damages.count > 0)
         if waiting or damages.breaks:
             self._stretches[key] += 1
 

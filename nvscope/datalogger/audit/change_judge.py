@@ -31,7 +31,7 @@ class _Stored:
     counts: I64
     valued: Bool
     alone: Bool
-    """Where there is a value without a counter."""
+    """Where there is a value without a counter, or with one that is no count."""
 
 
 class ChangeJudge:
@@ -45,6 +45,8 @@ class ChangeJudge:
         self._stretch = np.full(count, _UNKNOWN, np.int64)
         self._losses = np.zeros(count, np.int64)
         self._alone = np.zeros(count, np.int64)
+        self._back = np.zeros(count, np.bool_)
+        self._before_back = np.zeros(count, np.int64)
         self._in_file = np.zeros(count, np.bool_)
         self._ever = np.zeros(count, np.bool_)
         self._lost = 0
@@ -125,13 +127,14 @@ class ChangeJudge:
         valued = chunk.rows.filled(variable.column)
         rows = np.flatnonzero(counted)
         counts, good = counts_of(chunk.rows.cells(variable.counter, rows), chunk.rows.data)
+        alone = valued & ~counted
+        if alone.any():
+            _note(notes, topics.HALF, number, chunk, np.flatnonzero(alone))
         if not good.all():
             bad = rows[~good]
             _note(notes, topics.NO_COUNT, number, chunk, bad)
             rows, counts = rows[good], counts[good]
-        alone = valued & ~counted
-        if alone.any():
-            _note(notes, topics.HALF, number, chunk, np.flatnonzero(alone))
+            alone[bad] = True
         return _Stored(rows, counts, valued, alone)
 
     def _judge(
@@ -158,12 +161,13 @@ class ChangeJudge:
         usual = known & ~at_zero
         explained = losses[rows] > lost_before
         if usual.any():
+            back = usual & (steps < 0)
             jumped = usual & (steps > 1)
             if jumped.any():
-                amount = steps - 1
+                amount = self._missed(number, steps, counts, before, back)
+                jumped &= amount > 0
                 _note(notes, topics.MISSED, number, chunk, rows[jumped & ~explained], amount[jumped & ~explained])
                 notes.of(topics.LOST).total += total(amount[jumped & explained])
-            back = usual & (steps < 0)
             if back.any():
                 _note(notes, topics.BACK, number, chunk, rows[back])
             # A file may begin with what was known already.
@@ -176,6 +180,7 @@ class ChangeJudge:
             equal = same & ((usual & (steps == 1)) | stood)
             if equal.any():
                 _note(notes, topics.EQUAL, number, chunk, rows[equal])
+        self._back[number], self._before_back[number] = usual[-1] and steps[-1] < 0, before[-1]
         negative = ~known & (counts < 0)
         if negative.any():
             _note(notes, topics.NO_COUNT, number, chunk, rows[negative])
@@ -201,6 +206,13 @@ class ChangeJudge:
         self._count[number], self._stretch[number] = counts[-1], stretch[-1]
         self._losses[number] = losses[rows[-1]]
         self._in_file[number] = True
+
+    def _missed(self, number: int, steps: I64, counts: I64, before: I64, back: Bool) -> I64:
+        """Return how many changes lack in front of each count; one that went back is none to count from."""
+        was_back = np.concatenate([self._back[number : number + 1], back[:-1]])
+        since = np.concatenate([self._before_back[number : number + 1], before[:-1]])
+        # Over two steps: that to the count which went back, and that away from it.
+        return np.where(was_back, np.minimum(steps - 1, steps_of(counts, since) - 2), steps - 1)
 
     def _values_at(
         self, number: int, variable: LoggedVariable, own: _Stored, chunk: Chunk, steps: I64, known: Bool

@@ -12,6 +12,11 @@ from dissectors.datalogger.row_times import RowTimes, row_times
 from nvscope.capture.datalogger.database import AnyRows
 
 _CONSISTENT = 1
+"""The number of the column ConsistentDataSeries."""
+
+_LOST, _NOTHING_LOST = 0, 1
+"""What it holds where data was lost before a row, and where none was."""
+
 _WORD_BYTES = 8
 _MULTIPLIER = np.uint64(0x9E3779B97F4A7C15)
 
@@ -20,13 +25,15 @@ _MULTIPLIER = np.uint64(0x9E3779B97F4A7C15)
 class Chunk:
     """Rows with their times, what they say of losses, and which of them follow each other.
 
-    ``stretch`` is a number that all rows share between two places where rows cannot be read: what is known of a
-    variable does not go on from one stretch to the next. ``begins_file``: the first row is that of a file.
+    ``unsaid`` are the rows that say neither that data was lost before them nor that none was. ``stretch`` is a number
+    that all rows share between two places where rows cannot be read: what is known of a variable does not go on from
+    one stretch to the next. ``begins_file``: the first row is that of a file.
     """
 
     rows: AnyRows
     times: RowTimes
     lost: Bool
+    unsaid: I64
     stretch: I64
     begins_file: bool
 
@@ -53,12 +60,15 @@ def chunk_of(rows: AnyRows, encoding: str, breaks: I64, stretch: int, begins_fil
     """Return rows as a chunk; ``breaks`` are ids behind which rows are missing, ``stretch`` the number so far."""
     times = row_times(rows.cells(0), rows.data, encoding)
     consistent = rows.cells(_CONSISTENT)
-    lost = (consistent.form == Form.INTEGER) & (consistent.integers == 0)
+    whole = consistent.form == Form.INTEGER
+    lost = whole & (consistent.bits == _LOST)
+    said = whole.all() and int(consistent.bits.max(initial=0)) <= _NOTHING_LOST
+    unsaid = np.flatnonzero(() if said else ~whole | (consistent.bits > _NOTHING_LOST))
     stretches = np.full(len(rows), stretch, np.int64)
     if len(breaks):
         steps = np.bincount(np.searchsorted(rows.rowid, breaks, "right"), minlength=len(rows) + 1)
         stretches += np.cumsum(steps)[: len(rows)]
-    return Chunk(rows, times, lost, stretches, begins_file)
+    return Chunk(rows, times, lost, unsaid, stretches, begins_file)
 
 
 def keys(cells: Cells, data: U8) -> U64:

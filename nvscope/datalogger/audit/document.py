@@ -87,6 +87,7 @@ def _variable(name: str, declared: str, figures: Figures) -> dict[str, Any]:
         "declared": visible(declared),
         "stored": figures.stored,
         "changes": figures.changes,
+        "rows": figures.rows,
         "unknown_rows": figures.unknown,
         "first": _value(figures.first),
         "last": _value(figures.last),

@@ -49,23 +49,31 @@ class Noted:
     ``total`` and ``most`` are of an amount that comes with each, such as changes that were missed.
     """
 
-    __slots__ = ("count", "first_ns", "last_ns", "most", "rows", "total")
+    __slots__ = ("_first_row", "_last_row", "count", "first_ns", "last_ns", "most", "rows", "total")
 
     def __init__(self) -> None:
         self.count = self.total = self.most = 0
         self.rows: list[int] = []
         self.first_ns: int | None = None
         self.last_ns: int | None = None
+        self._first_row = self._last_row = 0
 
     def add(self, rowid: I64, time_ns: I64, timed: Bool, amount: I64 | None = None) -> None:
-        """Take some more, in the order of their rows; ``timed`` are those of which the time is known."""
+        """Take some more, of rising rows; ``timed`` are those of which the time is known.
+
+        What is taken later may be of rows before: those of several tasks are judged one task after the other.
+        """
         self.count += len(rowid)
-        if len(self.rows) < MOST_ROWS:
-            self.rows += rowid[: MOST_ROWS - len(self.rows)].tolist()
-        known = time_ns if timed.all() else time_ns[timed]
-        if len(known):
-            self.first_ns = int(known[0]) if self.first_ns is None else self.first_ns
-            self.last_ns = int(known[-1])
+        if len(self.rows) < MOST_ROWS or (len(rowid) and int(rowid[0]) < self.rows[-1]):
+            self.rows = sorted([*self.rows, *rowid[:MOST_ROWS].tolist()])[:MOST_ROWS]
+        if not timed.all():
+            rowid, time_ns = rowid[timed], time_ns[timed]
+        if len(rowid):
+            first, last = int(rowid[0]), int(rowid[-1])
+            if self.first_ns is None or first < self._first_row:
+                self.first_ns, self._first_row = int(time_ns[0]), first
+            if self.last_ns is None or last > self._last_row:
+                self.last_ns, self._last_row = int(time_ns[-1]), last
         if amount is not None and len(amount):
             self.total += total(amount)
             self.most = max(self.most, int(amount.max()))
@@ -96,6 +104,14 @@ class Notes:
         if key not in self._noted:
             self._noted[key] = Noted()
         return self._noted[key]
+
+    def has(self, topic: Topic) -> bool:
+        """Return whether something was noted of a topic."""
+        return any(own is topic and noted.count for (own, _), noted in self._noted.items())
+
+    def drop(self, topic: Topic) -> None:
+        """Forget what was noted of a table."""
+        self._noted.pop((topic, None), None)
 
     def findings(self, file: str, table: str, names: tuple[str, ...]) -> list[Finding]:
         """Return findings in the order of their codes and variables, and forget what was noted."""

@@ -135,15 +135,19 @@ class Intervals:
     def interval_ns(self, alone: bool) -> int | None:
         """Return the interval that rows are judged by; ``alone``: the table has no other task.
 
-        The configuration does not say how long the cycle of each task is: of several, none is sampled more often.
-        Without a configuration, rows that come irregularly are not judged.
+        The configuration does not say how long the cycle of each task is: of several, rows that come more often, or
+        less often, than it asks for are judged by how they come. Rows that come irregularly are judged where it is
+        theirs alone.
         """
         if self._fixed_ns is not None:
             return self._fixed_ns
         median_ns = self.median_ns
-        if self._asked_ns is None or median_ns is None:
-            return median_ns if self.is_regular else None
-        return self._asked_ns if alone else max(self._asked_ns, median_ns)
+        if alone and self._asked_ns is not None and median_ns is not None:
+            return self._asked_ns
+        if median_ns is None or not self.is_regular:
+            return None
+        asked_ns = self._asked_ns or 0
+        return median_ns if limit_ns(median_ns) < asked_ns else max(asked_ns, median_ns)
 
     def gaps(self, interval_ns: int) -> Gaps:
         """Return what turned out to be a gap, and forget it."""

@@ -84,7 +84,7 @@ def _table(table: AuditedTable, names: Names, width: int, *, wide: bool, every: 
             Cell(visible(variable.name)),
             Cell(units.count(figures.stored)),
             Cell(units.count(figures.changes)),
-            Cell(units.percent(figures.unknown, table.audit.rows) if figures.unknown else "0"),
+            Cell(units.percent(figures.unknown, figures.rows) if figures.unknown else "0"),
             *(Cell(visible(shown_value(value)) or "-") for value in _values(figures)),
         ]
         for variable, figures in shown

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,9 +17,12 @@ from nvscope.datalogger.audit.chunk import Chunk
 from nvscope.datalogger.audit.finding import Finding, Notes
 from nvscope.datalogger.audit.intervals import Gaps, Intervals, SetBack, without_clock_sets
 from nvscope.datalogger.audit.restarts import ZeroRow
+from nvscope.datalogger.audit.row_ids import RowIds
+from nvscope.datalogger.audit.stamps import Stamps
 from nvscope.datalogger.audit.sums import total
 from nvscope.datalogger.audit.tasks import Tasks
 from nvscope.datalogger.audit.time_strip import Mark, TimeStrip
+from nvscope.datalogger.audit.unknown_rows import count_unknown, lacking_rows
 from nvscope.datalogger.audit.values import Figures, Values
 from nvscope.findings.datalogger import SERIES_BROKEN
 from nvscope.units import duration
@@ -30,12 +34,13 @@ _MOST_MARKED = 10_000
 _UNTIMED = 1 << 32
 """Added to the number of a stretch for each row in front that has no time."""
 
-_FORMS = {Stamp.ISO: "iso", Stamp.RAW_UTC: "raw", Stamp.RAW_UNSPECIFIED: "raw", Stamp.RAW_LOCAL: "raw"}
-
 
 @dataclass(slots=True)
 class _Task:
-    """What is known of the rows of one task: its intervals, how many rows, and the last of them."""
+    """What is known of the rows of one task: its intervals, how many rows, and the last of them.
+
+    ``losses`` are those that the rows of all tasks had told up to that one: data that is lost is lost to each of them.
+    """
 
     intervals: Intervals
     rows: int = 0
@@ -44,36 +49,41 @@ class _Task:
     stretch: int = -1
     local: bool = False
     file: int = -1
+    losses: int = 0
+    cycle_ns: int | None = None
     set_back: list[SetBack] = field(default_factory=list)
 
 
 class TableAudit:
     """Audits the rows of one table, of one file of a series after the other.
 
-    ``asked_ns`` is the interval by the configuration; ``known_ns`` are those of tasks, from an audit of the same rows.
+    ``asked_ns`` is the interval by the configuration; ``known_ns`` are those by the number of each variable, from an
+    audit of the same rows.
     """
 
-    def __init__(self, table: LogTable, encoding: str, asked_ns: int | None, known_ns: int | None = None) -> None:
+    def __init__(
+        self, table: LogTable, encoding: str, asked_ns: int | None, known_ns: Mapping[int, int] | None = None
+    ) -> None:
         self.table = table
         self.names = tuple(one.name for one in table.variables)
-        self.rows = self.untimed = self.told = self.untold = self.unread = self.restarts = 0
+        self.rows = self.told = self.untold = self.unread = self.restarts = 0
         self.missing_ns = self.off_ns = 0
         self.first_ns: int | None = None
         self.last_ns: int | None = None
         self.strip = TimeStrip()
         self.tasks = Tasks(table)
+        self._ids = RowIds()
         self._values = Values(len(table.variables), encoding)
         self._judge = ChangeJudge(table, self._values) if table.only_changes else None
         self._asked_ns, self._known_ns = asked_ns, known_ns
         self._of_task: dict[int, _Task] = {}
         self._notes: list[Notes] = []
         self._files: list[str] = []
-        self._form: str | None = None
-        self.forms: set[str] = set()
+        self._stamps = Stamps()
         self.overlaps: dict[int, int] = {}
         """By how much a file, by its number here, begins before the one before it ends."""
         self._begun = False
-        self._marked = self._untimed_before = 0
+        self._marked = self._untimed_before = self._losses = 0
 
     def begin_file(self, path: str, encoding: str) -> None:
         """Say which file the next rows are of."""
@@ -84,6 +94,11 @@ class TableAudit:
         self._notes.append(Notes())
         self._values.use(encoding)
 
+    def end_file(self, *, damaged: bool) -> None:
+        """Say that all rows of a file were read that can be; those of a damaged one may lack for that."""
+        if damaged:
+            self._notes[-1].drop(topics.DELETED)
+
     def take(self, chunk: Chunk) -> None:
         """Judge some rows."""
         notes = self._notes[-1]
@@ -92,7 +107,11 @@ class TableAudit:
         known = self._values.stretches.copy()
         self._look_at_times(chunk, timed, notes)
         self._look_at_intervals(chunk, timed, notes)
-        if chunk.begins_file and len(self._files) - 1 in self.overlaps and self._judge is not None:
+        self._ids.take(chunk, notes)
+        if len(chunk.unsaid):
+            rows = chunk.unsaid
+            notes.of(topics.UNSAID).add(chunk.rowid[rows], chunk.time_ns[rows], timed[rows])
+        if chunk.begins_file and self.overlaps_now and self._judge is not None:
             # What a file repeats of the one before is no change.
             self._judge.forget()
             self._values.forget()
@@ -109,7 +128,8 @@ class TableAudit:
             lost = chunk.lost.copy()
             lost[0] &= self._begun and not chunk.begins_file
             self._note_lost(chunk, np.flatnonzero(lost), timed, notes)
-        self._count_unknown(chunk, known)
+        if self._judge is not None:
+            count_unknown(self.table, chunk, known, self._values.figures)
         self._begun = True
 
     def end(self) -> list[Finding]:
@@ -120,11 +140,15 @@ class TableAudit:
             for task in self._of_task.values():
                 self._decide(task)
         for figures, number in zip(self._values.figures, range(len(self.names)), strict=True):
+            figures.rows = self.rows
             if self._judge is None:
                 own = self._of_task.get(self.tasks.of(number))
-                figures.unknown = (own.rows if own else self.rows) - figures.stored
+                figures.rows = own.rows if own else self.rows
+                figures.unknown = figures.rows - figures.stored
         found: list[Finding] = []
         for path, notes in zip(self._files, self._notes, strict=True):
+            if notes.has(topics.GAP) or notes.has(topics.MISSED):
+                notes.drop(topics.DELETED)  # that rows are missing is said, and for how long
             found += notes.findings(path, self.table.name, self.names)
         found += [
             Finding(
@@ -140,6 +164,16 @@ class TableAudit:
     def figures(self) -> list[Figures]:
         """The figures of each variable, in the order of the table."""
         return self._values.figures
+
+    @property
+    def forms(self) -> set[str]:
+        """The forms of its timestamps: ``iso``, ``raw``."""
+        return self._stamps.forms
+
+    @property
+    def untimed(self) -> int:
+        """How many rows have no time that can be told."""
+        return self._stamps.untimed
 
     @property
     def task_count(self) -> int:
@@ -163,15 +197,24 @@ class TableAudit:
         return task.intervals.median_ns if task.intervals.is_regular else None
 
     @property
-    def needs_another_look(self) -> int | None:
-        """The interval to audit the same rows by again, where that became known too late; None where all is well."""
+    def needs_another_look(self) -> dict[int, int] | None:
+        """The intervals to audit the same rows by again, by the number of each variable, where one of them became known
+        too late; None where all is well."""
         if self._judge is not None or self._known_ns is not None:
             return None
-        for task in self._of_task.values():
-            interval_ns = self._interval_ns(task)
-            if interval_ns is not None and task.intervals.is_incomplete(interval_ns):
-                return interval_ns
-        return None
+        found = {
+            group: interval_ns
+            for group, task in self._of_task.items() if (interval_ns := self._interval_ns(task)) is not None
+        }  # fmt: skip
+        if not any(self._of_task[group].intervals.is_incomplete(interval_ns) for group, interval_ns in found.items()):
+            return None
+        groups = ((number, self.tasks.of(number)) for number in range(len(self.names)))
+        return {number: found[group] for number, group in groups if group in found}
+
+    @property
+    def overlaps_now(self) -> bool:
+        """Whether the file whose rows came last begins before the one in front of it ends."""
+        return len(self._files) - 1 in self.overlaps
 
     @property
     def covered(self) -> float | None:
@@ -182,33 +225,12 @@ class TableAudit:
         return min(max(0.0, 1 - self.missing_ns / span_ns), 1.0)
 
     def _look_at_times(self, chunk: Chunk, timed: Bool, notes: Notes) -> None:
-        stamp = chunk.times.stamp
         known = chunk.time_ns if timed.all() else chunk.time_ns[timed]
         if len(known):
             self.first_ns = int(known[0]) if self.first_ns is None else self.first_ns
             self.last_ns = int(known.max()) if self.last_ns is None else max(self.last_ns, int(known.max()))
             self.strip.take(known)
-        low, high = int(stamp.min()), int(stamp.max())
-        if low == Stamp.NONE:
-            rows = np.flatnonzero(~timed)
-            self.untimed += len(rows)
-            notes.of(topics.NO_TIME).add(chunk.rowid[rows], chunk.time_ns[rows], timed[rows])
-        present = (
-            {int(one) for one in {low, high}} if high - low < 2 else set(np.flatnonzero(np.bincount(stamp)).tolist())
-        )
-        present.discard(Stamp.NONE)
-        if not present:
-            return
-        self.forms |= {_FORMS[Stamp(one)] for one in present}
-        if self._form is None:
-            self._form = _FORMS[Stamp(int(stamp[timed][0]))]
-        if any(_FORMS[Stamp(one)] != self._form for one in present):
-            others = np.array([one in _FORMS and one != Stamp.RAW_LOCAL and _FORMS[one] != self._form for one in Stamp])
-            rows = np.flatnonzero(others[stamp])
-            notes.of(topics.OTHER_FORM).add(chunk.rowid[rows], chunk.time_ns[rows], timed[rows])
-        if Stamp.RAW_LOCAL in present:
-            rows = np.flatnonzero(stamp == Stamp.RAW_LOCAL)
-            notes.of(topics.LOCAL).add(chunk.rowid[rows], chunk.time_ns[rows], timed[rows])
+        self._stamps.take(chunk, timed, notes)
 
     def _look_at_intervals(self, chunk: Chunk, timed: Bool, notes: Notes) -> None:
         groups = list(self.tasks.rows(chunk))
@@ -219,14 +241,31 @@ class TableAudit:
         if not timed.all():
             stretch += np.cumsum(~timed) * _UNTIMED
             self._untimed_before = self.untimed
+        losses = self._losses + np.cumsum(chunk.lost) if chunk.lost.any() else None
+        self._losses = self._losses if losses is None else int(losses[-1])
         for group, rows in groups:
-            task = self._of_task.setdefault(group, _Task(self._new_intervals()))
-            task.rows += len(chunk) if rows is None else len(rows)
+            if group not in self._of_task:
+                self._of_task[group] = _Task(self._new_intervals(group))
+            task = self._of_task[group]
+            task.rows += self._rows_of(task, chunk, rows)
             own = np.flatnonzero(timed) if rows is None else rows[timed[rows]]
             if len(own):
-                self._look_at_task(task, chunk, own, stretch, notes)
+                self._look_at_task(task, chunk, own, stretch, None if losses is None else losses[own], notes)
 
-    def _look_at_task(self, task: _Task, chunk: Chunk, rows: I64, stretch: I64, notes: Notes) -> None:
+    def _rows_of(self, task: _Task, chunk: Chunk, rows: I64 | None) -> int:
+        """Return how many of some rows are those of a task; of rows without a value, those that it lacks."""
+        blank = self.tasks.blank
+        if rows is None or blank is None:
+            return len(chunk) if rows is None else len(rows)
+        own, others = rows[~blank[rows]], rows[blank[rows]]
+        if not (chunk.times.valid.all() and chunk.is_one_stretch):
+            return len(rows)
+        lacking, task.cycle_ns = lacking_rows(chunk.time_ns, own, others, task.cycle_ns)
+        return len(own) + lacking
+
+    def _look_at_task(
+        self, task: _Task, chunk: Chunk, rows: I64, stretch: I64, losses: I64 | None, notes: Notes
+    ) -> None:  # fmt: skip
         time_ns, of_stretch = chunk.time_ns[rows], stretch[rows]
         before_ns = np.concatenate([[task.time_ns], time_ns[:-1]])
         follows = of_stretch == np.concatenate([[task.stretch], of_stretch[:-1]])
@@ -255,7 +294,12 @@ class TableAudit:
         if self._judge is None:
             forward = follows & (length_ns > 0)
             number = first + np.arange(len(rows))
-            gaps = Gaps(length_ns, before_ns, chunk.rowid[rows], number, np.full(len(rows), current), chunk.lost[rows])
+            if losses is None:
+                told = np.zeros(len(rows), np.bool_)
+                told[0] = self._losses > task.losses
+            else:
+                told = np.diff(losses, prepend=task.losses) > 0
+            gaps = Gaps(length_ns, before_ns, chunk.rowid[rows], number, np.full(len(rows), current), told)
             task.intervals.take(gaps if forward.all() else gaps.take(forward))
             if task.intervals.is_full:
                 self._decide(task, fix=True)
@@ -269,6 +313,7 @@ class TableAudit:
             self._mark(Mark.UNREAD, before_ns[unread], time_ns[unread])
         task.time_ns, task.stretch = int(time_ns[-1]), int(of_stretch[-1])
         task.local, task.file = bool(local[-1]), current
+        task.losses = self._losses if losses is None else int(losses[-1])
 
     def _note_uncovered(self, chunk: Chunk, rows: I64, before_ns: I64, follows: Bool) -> None:
         """Count what is not covered in a table of changes: only what the logger says is known there."""
@@ -292,10 +337,10 @@ class TableAudit:
         if len(rows):
             notes.of(topics.LOST).add(chunk.rowid[rows], chunk.time_ns[rows], timed[rows])
 
-    def _new_intervals(self) -> Intervals:
+    def _new_intervals(self, group: int) -> Intervals:
         intervals = Intervals(self._asked_ns)
-        if self._known_ns is not None:
-            intervals.fix(self._known_ns)
+        if self._known_ns is not None and group in self._known_ns:
+            intervals.fix(self._known_ns[group])
         return intervals
 
     def _interval_ns(self, task: _Task) -> int | None:
@@ -333,13 +378,14 @@ class TableAudit:
         task = self._of_task.pop(gone, None)
         if task is None:
             return
-        kept = self._of_task.setdefault(other, _Task(self._new_intervals()))
+        kept = self._of_task.setdefault(other, _Task(self._new_intervals(other)))
         kept.intervals.join(task.intervals)
         kept.rows += task.rows
         kept.timed_rows += task.timed_rows
         kept.set_back += task.set_back
         if (task.file, task.time_ns) > (kept.file, kept.time_ns):
             kept.time_ns, kept.stretch, kept.local, kept.file = task.time_ns, task.stretch, task.local, task.file
+            kept.losses = task.losses
 
     def _look_at_values(self, chunk: Chunk) -> None:
         """Take the values of a table that stores all of them."""
@@ -349,20 +395,3 @@ class TableAudit:
             filled = chunk.rows.filled(variable.column)
             rows = None if filled.all() else np.flatnonzero(filled)
             self._values.take(number, chunk, rows, chunk.rows.cells(variable.column, rows))
-
-    def _count_unknown(self, chunk: Chunk, known: I64) -> None:
-        """Count, in a table of changes, the rows in front of the first value by which a variable is known.
-
-        ``known`` are the stretches in which values were known before.
-        """
-        if self._judge is None or (chunk.stretch[0] == chunk.stretch[-1] and (known == chunk.stretch[0]).all()):
-            return
-        bounds = np.flatnonzero(np.diff(chunk.stretch, prepend=chunk.stretch[0] - 1)).tolist()
-        for number, variable in enumerate(self.table.variables):
-            filled = np.flatnonzero(chunk.rows.filled(variable.column))
-            for first, behind in zip(bounds, [*bounds[1:], len(chunk)], strict=True):
-                if known[number] == chunk.stretch[first]:
-                    continue
-                place = int(np.searchsorted(filled, first))
-                value = int(filled[place]) if place < len(filled) else behind
-                self._values.figures[number].unknown += min(value, behind) - first

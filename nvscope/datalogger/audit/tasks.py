@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dissectors.batch import I64, U64
+from dissectors.batch import I64, U64, Bool
 from dissectors.datalogger.tables import LogTable
 from nvscope.datalogger.audit.chunk import Chunk
 
@@ -32,6 +32,8 @@ class Tasks:
         self._weights: U64 = np.random.default_rng(0).integers(1, 1 << 63, len(self._columns)).astype(np.uint64)
         self.merged: list[tuple[int, int]] = []
         """Groups that turned out to be one, since ``rows`` was called last: the one that is no more, and the other."""
+        self.blank: Bool | None = None
+        """Which rows of that chunk have no value at all, and may be of several groups; None where none may."""
 
     @property
     def groups(self) -> set[int]:
@@ -46,16 +48,19 @@ class Tasks:
         return variable
 
     def rows(self, chunk: Chunk) -> Iterator[tuple[int, I64 | None]]:
-        """Yield each group that rows of a chunk are of, with these rows, None for all."""
-        self.merged = []
+        """Yield each group that rows of a chunk are of, with these rows, None for all.
+
+        Of a row without any value nobody knows whose it is: it may be a sample of each, and is in ``blank`` then.
+        """
+        self.merged, self.blank = [], None
         filled = [number for number, column in enumerate(self._columns) if not chunk.rows.is_empty(column)]
-        if not self._columns or not filled:
-            yield (next(iter(self.groups)) if len(self.groups) == 1 else 0), None
+        if not filled:
+            yield from self._of_one(min(self.groups, default=0), filled, chunk)
             return
         for row in {0, len(chunk) - 1}:
             self._join([number for number in filled if chunk.rows.filled(self._columns[number])[row]])
         if self._is_one(filled):
-            yield self.of(filled[0]), None
+            yield from self._of_one(self.of(filled[0]), filled, chunk)
             return
         shape = np.zeros(len(chunk), np.uint64)
         for number in filled:
@@ -77,11 +82,28 @@ class Tasks:
         of_row = groups[which]
         present = [group for group in dict.fromkeys(groups.tolist()) if group >= 0]
         if len(present) <= 1:
-            yield (present[0] if present else 0), None
+            yield from self._of_one(present[0] if present else min(self.groups, default=0), filled, chunk)
             return
-        # Of a row without any value nobody knows whose it is: it may be a sample of each.
+        blank = of_row < 0
+        self.blank = blank if blank.any() else None
         for group in present:
-            yield group, np.flatnonzero((of_row == group) | (of_row < 0))
+            yield group, np.flatnonzero((of_row == group) | blank)
+
+    def _of_one(self, group: int, filled: list[int], chunk: Chunk) -> Iterator[tuple[int, I64 | None]]:
+        """Yield rows of which all that have a value are of one group."""
+        others = self.groups - {group}
+        blank = np.ones(len(chunk), np.bool_)
+        for number in filled if others else ():
+            blank &= ~chunk.rows.filled(self._columns[number])
+            if not blank.any():
+                break
+        if not others or not blank.any():
+            yield group, None
+            return
+        self.blank = blank
+        yield group, np.arange(len(chunk))
+        for other in sorted(others):
+            yield other, np.flatnonzero(blank)
 
     def _is_one(self, filled: list[int]) -> bool:
         return self._seen.issuperset(filled) and len({self.of(number) for number in filled}) == 1

@@ -27,6 +27,17 @@ def _told(noted: Noted) -> str:
     return f"The logger says {_times(noted)} that data was lost before a row{missed}."
 
 
+def _unsaid(noted: Noted) -> str:
+    rows, them = count_of(noted.count, "row"), "it" if noted.count == 1 else "them"
+    return f"ConsistentDataSeries is neither 0 nor 1 in {rows}: whether data was lost before {them} nobody knows."
+
+
+def _deleted(noted: Noted) -> str:
+    ids = "The id of 1 row is" if noted.total == 1 else f"The ids of {count_of(noted.total, 'row')} are"
+    places = "" if noted.count == 1 else f" in {noted.count} places"
+    return f"{ids} missing{places}: loggers number rows one by one, so somebody deleted them."
+
+
 def _not_told(noted: Noted) -> str:
     longest = f"{duration(noted.most)} passed" if noted.count == 1 else f"up to {duration(noted.most)} passed"
     return f"Rows are missing {_times(noted)}, and none says so: {longest} between two rows."
@@ -44,6 +55,13 @@ def _run_back(noted: Noted) -> str:
 
 
 LOST = Topic(LOSS_TOLD, _told)
+UNSAID = Topic(
+    LOSS_TOLD, _unsaid, Severity.WARNING, "Compare with the original file on the controller: loggers write 0 or 1."
+)
+DELETED = Topic(
+    LOSS_NOT_TOLD, _deleted, Severity.WARNING,
+    "Compare with the original file on the controller; ask who edits such files.",
+)  # fmt: skip
 GAP = Topic(LOSS_NOT_TOLD, _not_told)
 MISSED = Topic(CHANGES_MISSED, _missed)
 BACK = Topic(COUNTER_CORRUPT, lambda noted: f"The counter goes back {_times(noted)}, and the row is no restart.")

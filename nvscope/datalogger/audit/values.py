@@ -21,11 +21,15 @@ _UNKNOWN = -1
 @dataclass(slots=True)
 class Figures:
     """What an audit tells of one variable: how often it was stored, how often that was another value than before, in
-    how many rows nobody knows it, and the first, last, least and greatest value."""
+    how many of the ``rows`` that could tell it nobody knows it, and the first, last, least and greatest value.
+
+    Of a table that stores every value, these are the rows of its task.
+    """
 
     stored: int = 0
     changes: int = 0
     unknown: int = 0
+    rows: int = 0
     first: Value = None
     last: Value = None
     least: int | float | None = None

@@ -2,8 +2,8 @@
 
 NULL is no value: where only changes are stored, it was what it had been; else nobody knows it. ConsistentDataSeries 0
 says that data was lost before a row, all counters at 0 that the logger began anew, and a row id that is not the next
-one that rows are missing, as where a page is damaged: changes may be missing there, and how long a value lasted is not
-known.
+one that rows are missing, as where a page is damaged; a file of a series may be missing, too: changes may be missing
+there, and how long a value lasted is not known.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from dissectors.datalogger.logged import RowTable
 from dissectors.datalogger.records import Cells, Records
 from dissectors.datalogger.records import Form as Stored
 from dissectors.datalogger.rows import RowBatch, consistent
+from dissectors.datalogger.tables import LogTable
 from nvscope.engine.told import Told
 from nvscope.tracker.datalogger.late_rows import LATE_PERCENT
 from nvscope.tracker.datalogger.variables import DatabaseVariable, DatabaseVariables
@@ -47,6 +48,7 @@ class ReadRows:
         self._meant_of: dict[RowTable, I64] = {}
         self._stretch: dict[str, int] = {}
         self._last_row: dict[RowTable, int] = {}
+        self._parts: dict[tuple[str, LogTable], int] = {}
         self.missed = 0
         self._came: list[tuple[I64, I64, I64]] = []
 
@@ -103,6 +105,9 @@ class ReadRows:
         # Loggers number rows one by one, and delete the oldest alone: others that are missing cannot be read any more.
         lost |= np.diff(rowid, prepend=self._last_row.get(table, int(rowid[0]) - 1)) > 1
         self._last_row[table] = int(rowid[-1])
+        if self._parts.setdefault((table.series, table.log), table.part) != table.part:
+            self._parts[table.series, table.log] = table.part
+            lost[0] = True
         number = self._stretch.get(table.series, 0) + np.cumsum(lost)
         self._stretch[table.series] = int(number[-1])
         return number

@@ -23,7 +23,8 @@ Form = Literal["iso", "raw", "local"]
 class Row:
     """A row: when, in milliseconds behind the start, what the logger says, and values by variable.
 
-    In a table of changes, ``counts`` are the counters. ``form`` overrides how its time is written.
+    In a table of changes, ``counts`` are the counters. ``form`` overrides how its time is written; ``skipped`` row ids
+    lack before it.
     """
 
     at_ms: float
@@ -32,6 +33,7 @@ class Row:
     consistent: Any = 1
     form: Form | None = None
     stamp: Any = None
+    skipped: int = 0
 
 
 def stamp_of(at_ms: float, form: Form) -> str | int:
@@ -63,7 +65,9 @@ def write(
         database.execute(statement(table))
         marks = ", ".join("?" * (table.columns + 1))
         columns = ", ".join(f'"{one[1]}"' for one in database.execute(f"PRAGMA table_info({table.name})"))
-        for rowid, row in enumerate(rows, first_rowid):
+        rowid = first_rowid - 1
+        for row in rows:
+            rowid += 1 + row.skipped
             stamp = row.stamp if row.stamp is not None else stamp_of(row.at_ms, row.form or form)
             cells: list[Any] = []
             for one in declared:

@@ -35,7 +35,9 @@ def spoiled(draw: st.DrawFn, changes: bool) -> Rows:
         row = rows[at]
         name = draw(st.sampled_from("abc"))
         kind = draw(
-            st.sampled_from(["drop", "time", "lost", "count", "value", "null", "alone", "same", "zero", "again"])
+            st.sampled_from(
+                ["drop", "time", "lost", "unsaid", "ids", "count", "value", "null", "alone", "same", "zero", "again"]
+            )
         )
         if kind == "drop" and len(rows) > 1:
             del rows[at]
@@ -43,12 +45,18 @@ def spoiled(draw: st.DrawFn, changes: bool) -> Rows:
             rows[at] = replace(row, at_ms=row.at_ms + draw(st.sampled_from([-9_000, -300, -1, 100, 400, 9_000])))
         elif kind == "lost":
             rows[at] = replace(row, consistent=0)
+        elif kind == "unsaid":
+            rows[at] = replace(row, consistent=draw(st.sampled_from([None, -1, 2, 0.5, "yes", 1 << 62])))
+        elif kind == "ids":
+            rows[at] = replace(row, skipped=draw(st.sampled_from([1, 30, 1 << 40])))
         elif kind == "again":
             rows.insert(at, replace(row))
         elif changes and kind == "zero":
             rows[at] = replace(row, counts=dict.fromkeys(row.counts, 0))
         elif changes and kind == "count":
-            rows[at] = replace(row, counts={**row.counts, name: draw(st.sampled_from([-1, 0, 1, 2, 30, 1 << 40]))})
+            rows[at] = replace(
+                row, counts={**row.counts, name: draw(st.sampled_from([-1, 0, 1, 2, 30, 1 << 40, "x", 0.5]))}
+            )
         elif changes and kind == "alone":
             rows[at] = replace(row, counts={**row.counts, name: None})
         elif changes and kind == "null":

@@ -106,6 +106,30 @@ def test_files_that_overlap_are_told(tmp_path: Path, changes: bool) -> None:
     assert found(tmp_path / "x.db") == [("NV959", "x.db")]
 
 
+@pytest.mark.parametrize("changes", [False, True])
+@pytest.mark.parametrize("repeated", [False, True])
+def test_nothing_is_concluded_behind_files_that_are_not_those_of_their_numbers(
+    tmp_path: Path, repeated: bool, changes: bool
+) -> None:
+    rolled(tmp_path, ["x.db.0", "x.db.1", "x.db.2", "x.db"], changes=changes)
+    if repeated:
+        shutil.copy(tmp_path / "x.db.0", tmp_path / "x.db.1")
+    else:
+        (tmp_path / "x.db.0").rename(tmp_path / "other")
+        (tmp_path / "x.db.1").rename(tmp_path / "x.db.0")
+        (tmp_path / "other").rename(tmp_path / "x.db.1")
+    assert found(tmp_path / "x.db") == [("NV959", "x.db.1")]
+
+
+@pytest.mark.parametrize("changes", [False, True])
+def test_nothing_is_concluded_across_a_file_of_another_session(tmp_path: Path, changes: bool) -> None:
+    rolled(tmp_path, ["x.db.0", "x.db.1", "x.db.2", "x.db"], changes=changes)
+    with closing(sqlite3.connect(tmp_path / "x.db.1")) as database:
+        ((table,),) = database.execute("SELECT name FROM sqlite_master").fetchall()
+        database.execute(f"ALTER TABLE {table} RENAME TO log_of_others")
+    assert found(tmp_path / "x.db") == []
+
+
 def test_a_file_may_begin_with_every_value_or_go_on(tmp_path: Path) -> None:
     rows = only_changes(60)
     write(tmp_path / "x.db.0", rows[:30], DECLARED, changes=True)
@@ -231,3 +255,4 @@ def test_tables_of_several_sessions_are_told_apart(tmp_path: Path) -> None:
     audit = audited([str(tmp_path / "both.db")])
     assert [table.audit.table.name for table in audit.tables] == ["log_1", "log_changes_1"]
     assert told(audit) == []
+    assert audit.files[0].notes == ["1 table in it is none of a DataLogger: notes"]
