@@ -15,7 +15,7 @@ from nvscope.datalogger.audit.change_judge import ChangeJudge
 from nvscope.datalogger.audit.chunk import Chunk
 from nvscope.datalogger.audit.finding import Finding, Notes
 from nvscope.datalogger.audit.intervals import Gaps, Intervals, SetBack, without_clock_sets
-from nvscope.datalogger.audit.restarts import ZeroRow
+from nvscope.datalogger.audit.restarts import Start
 from nvscope.datalogger.audit.sums import total
 from nvscope.datalogger.audit.tasks import Tasks
 from nvscope.datalogger.audit.time_strip import Mark, TimeStrip
@@ -74,6 +74,8 @@ class TableAudit:
         """By how much a file, by its number here, begins before the one before it ends."""
         self._begun = False
         self._marked = self._untimed_before = 0
+        self._uncovered: list[tuple[I64, I64]] = []
+        """Rows of a chunk that say that data was lost, and the times of the rows before them."""
 
     def begin_file(self, path: str, encoding: str) -> None:
         """Say which file the next rows are of."""
@@ -101,8 +103,8 @@ class TableAudit:
             self._judge.take(chunk, notes)
             for start in self._judge.restarts:
                 self.restarts += 1
-                if start.timed:
-                    self._note_off(start)
+                self._note_off(start)
+            self._note_uncovered(chunk)
             self._judge.restarts.clear()
         else:
             self._look_at_values(chunk)
@@ -260,7 +262,9 @@ class TableAudit:
             if task.intervals.is_full:
                 self._decide(task, fix=True)
         else:
-            self._note_uncovered(chunk, rows, before_ns, follows & (length_ns > 0))
+            places = np.flatnonzero(chunk.lost[rows] & follows & (length_ns > 0))
+            if len(places):
+                self._uncovered.append((rows[places], before_ns[places]))
         if not follows.all():
             before = np.concatenate([[task.stretch], of_stretch[:-1]])
             unread = (before >= 0) & (before % _UNTIMED != of_stretch % _UNTIMED) & (length_ns > 0)
@@ -270,23 +274,32 @@ class TableAudit:
         task.time_ns, task.stretch = int(time_ns[-1]), int(of_stretch[-1])
         task.local, task.file = bool(local[-1]), current
 
-    def _note_uncovered(self, chunk: Chunk, rows: I64, before_ns: I64, follows: Bool) -> None:
-        """Count what is not covered in a table of changes: only what the logger says is known there."""
-        places = np.flatnonzero(chunk.lost[rows] & follows)
-        if not len(places):
-            return
-        time_ns = chunk.time_ns[rows[places]]
-        self.told += len(places)
-        self.missing_ns += total(time_ns - before_ns[places])
-        self._mark(Mark.TOLD, before_ns[places], time_ns)
+    def _note_uncovered(self, chunk: Chunk) -> None:
+        """Count what is not covered in a table of changes: only what the logger says is known there.
 
-    def _note_off(self, start: ZeroRow) -> None:
+        Time in front of a new start is counted as that in which the logger was off.
+        """
+        assert self._judge is not None
+        started = [row.rowid for start in self._judge.restarts for row in start.rows]
+        for own, own_before_ns in self._uncovered:
+            other = ~np.isin(chunk.rowid[own], started)
+            rows, before_ns = own[other], own_before_ns[other]
+            time_ns = chunk.time_ns[rows]
+            self.told += len(rows)
+            self.missing_ns += total(time_ns - before_ns)
+            self._mark(Mark.TOLD, before_ns, time_ns)
+        self._uncovered.clear()
+
+    def _note_off(self, start: Start) -> None:
         """Count the time in front of a new start: from when on the logger was off, the row before tells at most."""
-        if start.before_ns is not None and start.before_ns < start.time_ns:
-            self.off_ns += start.time_ns - start.before_ns
-            self.missing_ns += (start.time_ns - start.before_ns) * max(len(self._of_task), 1)
-            self.strip.mark(Mark.OFF, start.before_ns + 1, start.time_ns - 1)
-        self.strip.mark(Mark.STARTED, start.time_ns, start.time_ns)
+        first = start.rows[0]
+        if not first.timed:
+            return
+        if first.before_ns is not None and first.before_ns < first.time_ns:
+            self.off_ns += first.time_ns - first.before_ns
+            self.missing_ns += (first.time_ns - first.before_ns) * max(len(self._of_task), 1)
+            self.strip.mark(Mark.OFF, first.before_ns + 1, first.time_ns - 1)
+        self.strip.mark(Mark.STARTED, first.time_ns, first.time_ns)
 
     def _note_lost(self, chunk: Chunk, rows: I64, timed: Bool, notes: Notes) -> None:
         if len(rows):
@@ -351,17 +364,20 @@ class TableAudit:
             self._values.take(number, chunk, rows, chunk.rows.cells(variable.column, rows))
 
     def _count_unknown(self, chunk: Chunk, known: I64) -> None:
-        """Count, in a table of changes, the rows in front of the first value by which a variable is known.
+        """Count, in a table of changes, the rows in front of a first value by which a variable is known.
 
         ``known`` are the stretches in which values were known before.
         """
-        if self._judge is None or (chunk.stretch[0] == chunk.stretch[-1] and (known == chunk.stretch[0]).all()):
+        if self._judge is None:
             return
-        bounds = np.flatnonzero(np.diff(chunk.stretch, prepend=chunk.stretch[0] - 1)).tolist()
+        anew = self._judge.partly
+        if chunk.is_one_stretch and (known == chunk.stretch[0]).all() and not anew.any():
+            return
+        bounds = np.flatnonzero((np.diff(chunk.stretch, prepend=chunk.stretch[0] - 1) != 0) | anew).tolist()
         for number, variable in enumerate(self.table.variables):
             filled = np.flatnonzero(chunk.rows.filled(variable.column))
             for first, behind in zip(bounds, [*bounds[1:], len(chunk)], strict=True):
-                if known[number] == chunk.stretch[first]:
+                if known[number] == chunk.stretch[first] and not anew[first]:
                     continue
                 place = int(np.searchsorted(filled, first))
                 value = int(filled[place]) if place < len(filled) else behind
