@@ -40,9 +40,13 @@ _BLOCKS_KEPT = 4
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """When values are taken, and which columns are then; None: all."""
+    """When values are taken, and which columns are then; None: all.
+
+    ``keys`` are the lists that it needs: what they lose is lost in front of its next row.
+    """
 
     instants: Interval | Cycles
+    keys: frozenset[ListKey]
     columns: Bool | None = None
 
 
@@ -72,7 +76,8 @@ class Counted:
 class SessionLog:
     """Logs the variables of one session.
 
-    ``keys`` are the lists of the places, by number. Rows begin when a value is known.
+    ``keys`` are the lists of the places, by number; ``needed`` are those that each schedule needs. Rows begin when a
+    value is known.
     """
 
     def __init__(
@@ -82,6 +87,7 @@ class SessionLog:
         self.session = session
         self.logged = logged
         self.keys = frozenset(one.key for one in logged)
+        self.needed = [one.keys for one in schedules]
         self.counted = Counted()
         self._texts = Texts()
         self._samples = Samples(logged, places, keys, self._texts)
@@ -106,13 +112,13 @@ class SessionLog:
         self._interrupted = np.full(len(schedules), database.goes_on and not session.only_changes)
         self._counted_before = np.zeros(len(logged), np.int64)
         self._waiting: list[Rows] = []
-        self._losses = np.empty(0, np.int64)
-        self._lost = False
+        self._losses = [np.empty(0, np.int64)] * len(schedules)
+        self._lost = np.zeros(len(schedules), np.bool_)
         self._text_columns = [place for place, one in enumerate(logged) if one.content is Content.TEXT]
 
-    def take(self, told: Told, rows: DefinedRows, losses: I64) -> None:
-        """Take a batch; behind the frames ``losses``, which rise, something is missing that this session logs."""
-        self._losses = np.concatenate([self._losses, losses])
+    def take(self, told: Told, rows: DefinedRows, losses: Sequence[I64]) -> None:
+        """Take a batch; ``losses`` are rising frames for each schedule, behind which something is missing for it."""
+        self._losses = [np.concatenate(both) for both in zip(self._losses, losses, strict=True)]
         self._samples.begin(rows)
         for taken in self._turns.take(told, rows):
             self._sample(taken)
@@ -124,8 +130,8 @@ class SessionLog:
             self._forget_texts()
 
     def lose(self) -> None:
-        """Let the next row say that something was lost in front of it."""
-        self._lost = True
+        """Let the next row of each task say that something was lost in front of it."""
+        self._lost[:] = True
 
     def end(self) -> None:
         """Write all that is left, and close the files."""
@@ -152,7 +158,7 @@ class SessionLog:
 
     def _sample(self, taken: Taken) -> None:
         """Make data sets of what was taken, as far as something is known."""
-        consistent = self._consistent(taken.frame)
+        consistent = self._consistent(taken.frame, taken.schedule)
         time_ns, cells, known = taken.time_ns, taken.cells, taken.known
         schedule = taken.schedule
         if not self._takes_all:
@@ -173,16 +179,22 @@ class SessionLog:
         self._publish(self._ring.take(Rows(time_ns, consistent, cells, known, counts, schedule)))
         self.counted.overwritten += self._ring.overwritten - before
 
-    def _consistent(self, frame: I64) -> Bool:
-        """Return which data sets, by the frames behind which they are, follow the one before without a loss."""
+    def _consistent(self, frame: I64, schedule: I64) -> Bool:
+        """Return in front of which data sets nothing of their task was lost, by the frames behind which they are.
+
+        A loss that no data set is behind yet waits for one.
+        """
         consistent = np.ones(len(frame), np.bool_)
-        if self._lost:
-            consistent[0] = self._lost = False
-        if len(self._losses):
-            place = np.searchsorted(frame, self._losses)
-            here = place < len(consistent)
-            consistent[place[here]] = False
-            self._losses = self._losses[~here]
+        for number, losses in enumerate(self._losses):
+            if not len(losses) and not self._lost[number]:
+                continue
+            own = np.flatnonzero(schedule == number)
+            if self._lost[number] and len(own):
+                consistent[own[0]] = self._lost[number] = False
+            place = np.searchsorted(frame[own], losses)
+            here = place < len(own)
+            consistent[own[place[here]]] = False
+            self._losses[number] = losses[~here]
         return consistent
 
     def _publish(self, rows: Rows | None) -> None:

@@ -43,7 +43,8 @@ class Recorder:
         """Record a capture; return the rows of each file: '' is the current one, '.0' and so on are closed."""
         found = samples(packets, self.lists, self.session)
         count_changes(found)
-        intervals = {index: self.lists[index].interval_ns for index, _ in self.session.variables.values()}
+        needed = {index for sample in found for index in sample.lists}
+        intervals = {index: self.lists[index].interval_ns for index in needed}
         counting = [counts_for(packet, self.lists.get(packet.index)) for packet in packets]
         mark_losses(found, losses(packets, intervals, counting))
         return self.files.write(ring(found, self.session.capacity))
