@@ -73,6 +73,7 @@ class TableAudit:
         self.overlaps: dict[int, int] = {}
         """By how much a file, by its number here, begins before the one before it ends."""
         self._begun = False
+        self._before_ns: int | None = None
         self._marked = self._untimed_before = 0
         self._uncovered: list[tuple[I64, I64]] = []
         """Rows of a chunk that say that data was lost, and the times of the rows before them."""
@@ -113,6 +114,8 @@ class TableAudit:
             self._note_lost(chunk, np.flatnonzero(lost), timed, notes)
         self._count_unknown(chunk, known)
         self._begun = True
+        if timed.any():
+            self._before_ns = int(chunk.time_ns[timed][-1])
 
     def end(self) -> list[Finding]:
         """Return what was found, by file, when all rows were taken."""
@@ -226,7 +229,19 @@ class TableAudit:
             task.rows += len(chunk) if rows is None else len(rows)
             own = np.flatnonzero(timed) if rows is None else rows[timed[rows]]
             if len(own):
+                if self._judge is None and task.stretch < 0 and chunk.lost[own[0]]:
+                    self._note_late_task(chunk, int(own[0]), timed)
                 self._look_at_task(task, chunk, own, stretch, notes)
+
+    def _note_late_task(self, chunk: Chunk, row: int, timed: Bool) -> None:
+        """Count the time in front of the first row of a task that says that data was lost, behind rows of others."""
+        before = np.flatnonzero(timed[:row])
+        before_ns = int(chunk.time_ns[before[-1]]) if len(before) else self._before_ns
+        time_ns = int(chunk.time_ns[row])
+        if before_ns is not None and before_ns < time_ns:
+            self.told += 1
+            self.missing_ns += time_ns - before_ns
+            self.strip.mark(Mark.TOLD, before_ns, time_ns)
 
     def _look_at_task(self, task: _Task, chunk: Chunk, rows: I64, stretch: I64, notes: Notes) -> None:
         time_ns, of_stretch = chunk.time_ns[rows], stretch[rows]
