@@ -168,7 +168,7 @@ def samples(packets: Sequence[Packet], lists: Mapping[int, DefinedList], session
     found.sort(key=lambda one: (one.seen, one.ring is not None))
     for one in found:
         one.lists = frozenset(session.variables[name][0] for name in one.names)
-        one.lists |= {in_cycles[name] for name in one.names & in_cycles.keys()}  # type: ignore[arg-type]
+        one.lists |= {task for name, task in in_cycles.items() if name in one.names and task is not None}
         one.values = {name: value for name, value in known[one.seen].items() if name in one.names}
     return [one for one in found if one.values]
 
