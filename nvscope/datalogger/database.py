@@ -188,9 +188,12 @@ class Database:
     def _connect(self) -> None:
         # By its whole path: some names mean something else to SQLite.
         path = self.path if self.path == IN_MEMORY else os.path.abspath(self.path)
+        holds_nothing = path == IN_MEMORY or not os.path.exists(path) or not os.path.getsize(path)
         self._connection = sqlite3.connect(path, isolation_level=None, timeout=_BUSY_S, check_same_thread=False)
         execute = self._connection.execute
-        begin_file(self._connection)
+        if holds_nothing:
+            # To say this of a database that is there would be to write to it.
+            begin_file(self._connection)
         if not self._durable:
             # Nobody waits for a power cut, or looks at the file, while a capture is turned into it.
             execute("PRAGMA synchronous = OFF")
@@ -212,6 +215,12 @@ class Database:
         found = tables_in(self._connection)
         own = self._table.name
         reason = unlike(found, self._table)
+        # What a program was at that did not end is undone by now; SQLite takes what is missing of a page for zeros.
+        if reason is None and os.path.getsize(self.path) % execute("PRAGMA main.page_size").fetchone()[0]:
+            reason = (
+                "the file is cut off in the middle of a page",
+                "log to another file; `nvscope audit FILE.db` tells what is left",
+            )
         if reason:
             self.close()
             raise UsageError(reason[0], where=self.path, next_step=reason[1])
