@@ -20,7 +20,7 @@ KINDS_OF_NOTES = {("NV951", "note"), ("NV954", "note")}
 
 
 @given(drawn=runs())
-@examples(200)
+@examples(180)
 def test_an_audit_finds_what_was_lost_and_nothing_else(drawn: Runs) -> None:
     with TemporaryDirectory() as name:
         folder = Path(name) / "plant"
