@@ -35,8 +35,15 @@ class TableColumns:
         runs = groupby(enumerate(logged), key=lambda one: one[1].content)
         self._runs = [(content, [place for place, _ in run]) for content, run in runs]
 
-    def of(self, rows: Rows) -> list[Block]:
-        """Return the columns in the order of the table."""
+    def of(self, rows: Rows, *, starts_anew: bool = False) -> list[Block]:
+        """Return the columns in the order of the table.
+
+        ``starts_anew``: all counters of the first row are 0, also of what nobody knows yet, whose values are NULL.
+        """
+        counts = rows.counts
+        if starts_anew:
+            counts = counts.copy()
+            counts[0] = 0
         blocks: list[Block] = [
             self._times(rows.time_ns),
             NumberColumns(rows.consistent.astype(np.int64)[:, np.newaxis]),
@@ -45,9 +52,9 @@ class TableColumns:
             columns = slice(places[0], places[-1] + 1)
             null = None if rows.own is None else ~rows.own[:, columns]
             if content is Content.INTEGER:
-                blocks.append(self._integers(rows.cells[:, columns], rows.counts[:, columns], null))
+                blocks.append(self._integers(rows.cells[:, columns], counts[:, columns], null, starts_anew=starts_anew))
             else:
-                blocks += self._others(content, rows, places)
+                blocks += self._others(content, rows, counts, places, starts_anew=starts_anew)
         return blocks
 
     def _times(self, time_ns: I64) -> Block:
@@ -56,7 +63,7 @@ class TableColumns:
         start = ISO_BYTES * np.arange(len(time_ns))
         return TextColumn(iso_texts(time_ns).reshape(-1), start, start + ISO_BYTES)
 
-    def _integers(self, cells: Numbers, counts: I64, null: Bool | None) -> NumberColumns:
+    def _integers(self, cells: Numbers, counts: I64, null: Bool | None, *, starts_anew: bool) -> NumberColumns:
         if not self._only_changes:
             return NumberColumns(cells, null)
         numbers = np.empty((len(cells), 2 * cells.shape[1]), np.int64)
@@ -65,10 +72,20 @@ class TableColumns:
             return NumberColumns(numbers)
         nulls = np.empty(numbers.shape, np.bool_)
         nulls[:, 0::2] = null
-        nulls[:, 1::2] = counts < 0 if self._document_style else null
+        nulls[:, 1::2] = self._uncounted(counts, null, starts_anew=starts_anew)
         return NumberColumns(numbers, nulls)
 
-    def _others(self, content: Content, rows: Rows, places: Sequence[int]) -> Iterator[Block]:
+    def _uncounted(self, counts: I64, null: Bool, *, starts_anew: bool) -> Bool:
+        """Return where no counter stands, given where no value does."""
+        missing = counts < 0 if self._document_style else null
+        if starts_anew:
+            missing = missing.copy()
+            missing[0] = False
+        return missing
+
+    def _others(
+        self, content: Content, rows: Rows, counted: I64, places: Sequence[int], *, starts_anew: bool
+    ) -> Iterator[Block]:  # fmt: skip
         """Yield reals or texts, each with its count."""
         if content is Content.REAL and not self._only_changes:
             for part in self._same_size(places):
@@ -84,8 +101,8 @@ class TableColumns:
                 text = self._texts.column(cells)
                 yield TextColumn(text.data, text.start, text.stop, null)
             if self._only_changes:
-                counts = rows.counts[:, place]
-                missing = counts < 0 if self._document_style else null
+                counts = counted[:, place]
+                missing = self._uncounted(counts, null, starts_anew=starts_anew)
                 yield NumberColumns(counts[:, np.newaxis], missing[:, np.newaxis])
 
     def _same_size(self, places: Sequence[int]) -> Iterator[Sequence[int]]:

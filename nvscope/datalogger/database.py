@@ -80,8 +80,8 @@ class Database:
 
     ``deleted`` counts rows that made room in it, ``removed`` are full files that did, ``closed`` those that stayed.
     ``durable``: each block is on the disk before the next one is taken, where it survives a power cut. ``begins`` tells
-    whether the next row is the first of a file, ``goes_on`` whether the table had rows when it was opened, or the
-    series closed files.
+    whether the next row is the first of a file. ``had_rows`` tells whether the table had any in the file when that was
+    opened to be gone on with, ``goes_on`` whether it had, or the series had closed files.
     """
 
     def __init__(self, session: Session, table: LogTable, path: str, *, durable: bool) -> None:
@@ -92,7 +92,7 @@ class Database:
         self.removed: list[str] = []
         self._own, self._own_closed = 0, dict[str, int]()
         self.begins = True
-        self.goes_on = False
+        self.goes_on = self.had_rows = False
         self._made = False
         self._session = session
         self._table = table
@@ -107,6 +107,8 @@ class Database:
         Raises UsageError where that holds another table, and CaptureError where it cannot be written.
         """
         exists = self.path != IN_MEMORY and os.path.exists(self.path)
+        if append and self.path != IN_MEMORY:
+            self.goes_on = bool(closed_files(self.path))
         self._made |= not exists
         try:
             self._connect()
@@ -186,9 +188,12 @@ class Database:
     def _connect(self) -> None:
         # By its whole path: some names mean something else to SQLite.
         path = self.path if self.path == IN_MEMORY else os.path.abspath(self.path)
+        holds_nothing = path == IN_MEMORY or not os.path.exists(path) or not os.path.getsize(path)
         self._connection = sqlite3.connect(path, isolation_level=None, timeout=_BUSY_S, check_same_thread=False)
         execute = self._connection.execute
-        begin_file(self._connection)
+        if holds_nothing:
+            # To say this of a database that is there would be to write to it.
+            begin_file(self._connection)
         if not self._durable:
             # Nobody waits for a power cut, or looks at the file, while a capture is turned into it.
             execute("PRAGMA synchronous = OFF")
@@ -210,12 +215,18 @@ class Database:
         found = tables_in(self._connection)
         own = self._table.name
         reason = unlike(found, self._table)
+        # What a program was at that did not end is undone by now; SQLite takes what is missing of a page for zeros.
+        if reason is None and os.path.getsize(self.path) % execute("PRAGMA main.page_size").fetchone()[0]:
+            reason = (
+                "the file is cut off in the middle of a page",
+                "log to another file; `nvscope audit FILE.db` tells what is left",
+            )
         if reason:
             self.close()
             raise UsageError(reason[0], where=self.path, next_step=reason[1])
-        self.goes_on = bool(closed_files(self.path))
         if own in found:
-            self.goes_on |= execute(f"SELECT count(*) FROM (SELECT 1 FROM main.{own} LIMIT 1)").fetchone()[0] > 0
+            self.had_rows = bool(execute(f"SELECT EXISTS (SELECT 1 FROM main.{own})").fetchone()[0])
+            self.goes_on |= self.had_rows
         else:
             execute(statement(self._table))
 

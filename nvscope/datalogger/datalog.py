@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -80,14 +80,14 @@ class DataLog:
         lost = self._lost_by_sources()
         losses = {}
         for session in self.sessions:
-            frames = [found[key] for found in (gaps, stopped) for key in found if key in session.keys]
             if lost:
                 session.lose()
-            missing = np.sort(np.concatenate(frames)) if frames else np.empty(0, np.int64)
-            seen = self._seen.get(session, _NEVER), *told.packets.ts_ns[missing - told.first_frame].tolist()
+            missing = [_of_lists(keys, gaps, stopped) for keys in session.needed]
+            behind = np.concatenate(missing) - told.first_frame
+            seen = self._seen.get(session, _NEVER), *told.packets.ts_ns[behind].tolist()
             unseen = [frame for frame, span in dropped if not _shows(span, seen)]
             self._seen[session] = max(seen)
-            losses[session] = np.sort(np.concatenate([missing, np.array(unseen, np.int64), holes]))
+            losses[session] = [np.sort(np.concatenate([own, np.array(unseen, np.int64), holes])) for own in missing]
         self._each(lambda session: session.take(told, rows, losses[session]))
         if told.is_deaf:
             self._stops.forget()
@@ -122,6 +122,12 @@ class DataLog:
         """Return whether sources have lost packets since the batch before."""
         before, self._drops = self._drops, sum(info.drops or 0 for info in self._judge.infos)
         return before is not None and self._drops > before
+
+
+def _of_lists(keys: Collection[ListKey], *found: Mapping[ListKey, I64]) -> I64:
+    """Return the frames that were found of some lists."""
+    frames = [one[key] for one in found for key in one if key in keys]
+    return np.concatenate(frames) if frames else np.empty(0, np.int64)
 
 
 def _holes(time_ns: I64) -> I64:

@@ -115,7 +115,7 @@ def _usual_rows(session: Session, logged: Sequence[Logged], rows: int) -> list[B
     counts = np.full(cells.shape, 1 << 16, np.int64)
     every = np.ones(rows, np.bool_)
     columns = TableColumns(logged, texts, raw=session.raw, only_changes=session.only_changes, document_style=False)
-    return columns.of(Rows(np.zeros(rows, np.int64), every, cells, None, counts, every))
+    return columns.of(Rows(np.zeros(rows, np.int64), every, cells, None, counts, np.zeros(rows, np.int64)))
 
 
 def _integers(kind: Elementary, rows: int) -> I64:

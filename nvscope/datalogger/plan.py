@@ -238,11 +238,16 @@ def data_log(
 
 
 def _schedules(planned: Planned, telegrams: DefinedTelegrams, judge: Judge) -> list[Schedule]:
+    def keys_of(columns: Bool | None) -> frozenset[ListKey]:
+        return frozenset(one.key for place, one in enumerate(planned.logged) if columns is None or columns[place])
+
+    interval_ns = planned.session.sampling_ns
     if not planned.tasks:
-        return [Schedule(Interval(planned.session.sampling_ns))]
-    found = [Schedule(_cycles(key, telegrams, judge), columns) for key, columns in planned.tasks]
+        return [Schedule(Interval(interval_ns), keys_of(None))]
+    # A telegram of its list that a task lacks is a row that it lacks, whatever list its variables come from.
+    found = [Schedule(_cycles(key, telegrams, judge), keys_of(own) | {key}, own) for key, own in planned.tasks]
     if planned.rest is not None:
-        found.append(Schedule(Interval(planned.session.sampling_ns), planned.rest))
+        found.append(Schedule(Interval(interval_ns), keys_of(planned.rest), planned.rest))
     return found
 
 

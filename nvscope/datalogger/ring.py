@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from dissectors.batch import Bool
 from nvscope.datalogger.rows import Rows
 
 
@@ -13,13 +14,14 @@ class Ring:
     """A buffer of so many data sets that is emptied every ``publish_ns``, at multiples of it since 1970.
 
     Of what is sampled in between, the oldest are overwritten; the row behind them is not consistent. What cycles made
-    is not overwritten: it waits for those in front of it. ``overwritten`` is how many were lost. Without
-    ``publish_ns``, each data set is passed on at once.
+    is not overwritten: it waits for those in front of it; ``sampled`` tells which schedules take samples.
+    ``overwritten`` is how many were lost. Without ``publish_ns``, each data set is passed on at once.
     """
 
-    def __init__(self, capacity: int, publish_ns: int | None) -> None:
+    def __init__(self, capacity: int, publish_ns: int | None, sampled: Bool) -> None:
         self._capacity = capacity
         self._publish_ns = publish_ns
+        self._sampled = sampled
         self._held: Rows | None = None
         self._lost = False
         self.overwritten = 0
@@ -30,7 +32,7 @@ class Ring:
             return rows if len(rows) else None
         if self._held is not None:
             rows = Rows.joined([self._held, rows]) if len(rows) else self._held
-        sampled = np.flatnonzero(rows.sampled)
+        sampled = np.flatnonzero(self._sampled[rows.schedule])
         if not len(sampled):
             return rows if len(rows) else None
         # A data set is published with the next publishing behind it, or with that at its time.
@@ -67,7 +69,7 @@ class Ring:
             return None
         if self._lost:
             consistent = rows.consistent.copy()
-            consistent[np.argmax(rows.sampled)] = False
+            consistent[np.argmax(self._sampled[rows.schedule])] = False
             rows = replace(rows, consistent=consistent)
         self._lost = False
         return rows

@@ -19,8 +19,8 @@ class Rows:
     (n, v) are the values, also those that have not changed: integers, the bits of reals, or numbers of ``Texts``, as
     signed integers of as few bytes as all of them need. ``own`` (n, v) tells which values belong to the data set:
     those of another task do not, nor what nobody knows; None where all do. ``counts`` (n, v), int64, is how often a
-    value had changed by then, -1 before it is known; (n, 0) where nobody counts. ``sampled`` (n,) is False where a
-    cycle of a list made the data set: no interval counts for it.
+    value had changed by then, -1 before it is known; (n, 0) where nobody counts. ``schedule`` (n,) is the number of the
+    schedule that made the data set: an interval, or the cycles of a list.
     """
 
     time_ns: I64
@@ -28,7 +28,7 @@ class Rows:
     cells: Numbers
     own: Bool | None
     counts: I64
-    sampled: Bool
+    schedule: I64
 
     def __len__(self) -> int:
         return len(self.time_ns)
@@ -37,7 +37,7 @@ class Rows:
         """Return some of the rows."""
         own = None if self.own is None else self.own[rows]
         return Rows(
-            self.time_ns[rows], self.consistent[rows], self.cells[rows], own, self.counts[rows], self.sampled[rows]
+            self.time_ns[rows], self.consistent[rows], self.cells[rows], own, self.counts[rows], self.schedule[rows]
         )
 
     @staticmethod
@@ -45,13 +45,13 @@ class Rows:
         """Return rows one part behind the other; there is one part at least."""
         if len(parts) == 1:
             return parts[0]
-        time_ns, consistent, cells, counts, sampled = (
+        time_ns, consistent, cells, counts, schedule = (
             np.concatenate([getattr(part, name) for part in parts])
-            for name in ("time_ns", "consistent", "cells", "counts", "sampled")
+            for name in ("time_ns", "consistent", "cells", "counts", "schedule")
         )
         whole = all(part.own is None for part in parts)
         own = None if whole else np.concatenate([one.owned for one in parts])
-        return Rows(time_ns, consistent, cells, own, counts, sampled)
+        return Rows(time_ns, consistent, cells, own, counts, schedule)
 
     @property
     def owned(self) -> Bool:
@@ -61,5 +61,5 @@ class Rows:
     @staticmethod
     def none() -> Rows:
         """Return no rows, which cannot be joined with others."""
-        table = np.empty((0, 0), np.int64)
-        return Rows(np.empty(0, np.int64), np.empty(0, np.bool_), table, None, table, np.empty(0, np.bool_))
+        none, table = np.empty(0, np.int64), np.empty((0, 0), np.int64)
+        return Rows(none, np.empty(0, np.bool_), table, None, table, none)

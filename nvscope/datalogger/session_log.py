@@ -40,9 +40,13 @@ _BLOCKS_KEPT = 4
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """When values are taken, and which columns are then; None: all."""
+    """When values are taken, and which columns are then; None: all.
+
+    ``keys`` are the lists that it needs: what they lose is lost in front of its next row.
+    """
 
     instants: Interval | Cycles
+    keys: frozenset[ListKey]
     columns: Bool | None = None
 
 
@@ -72,7 +76,8 @@ class Counted:
 class SessionLog:
     """Logs the variables of one session.
 
-    ``keys`` are the lists of the places, by number. Rows begin when a value is known.
+    ``keys`` are the lists of the places, by number; ``needed`` are those that each schedule needs. Rows begin when a
+    value is known.
     """
 
     def __init__(
@@ -82,6 +87,7 @@ class SessionLog:
         self.session = session
         self.logged = logged
         self.keys = frozenset(one.key for one in logged)
+        self.needed = [one.keys for one in schedules]
         self.counted = Counted()
         self._texts = Texts()
         self._samples = Samples(logged, places, keys, self._texts)
@@ -93,25 +99,26 @@ class SessionLog:
         self._sampled = np.array([isinstance(one.instants, Interval) for one in schedules], np.bool_)
         self._counts = Counts(len(logged), self._samples.dtype) if session.only_changes else None
         # With a task, no interval counts.
-        self._ring = Ring(session.capacity, session.publish_ns if self._sampled.any() else None)
+        self._ring = Ring(session.capacity, session.publish_ns if self._sampled.any() else None, self._sampled)
         self._changed = Changed(len(logged)) if session.only_changes else None
         self._columns = TableColumns(
             logged, self._texts, raw=session.raw, only_changes=session.only_changes, document_style=document_style
         )
-        # A row with all values and counters of 0 tells of a new beginning, as those of controllers do. Without
-        # counters, nothing else would tell that nobody recorded.
         self._document_style = document_style
-        self._first_consistent = not document_style and (session.only_changes or not database.goes_on)
         self._begun = False
         self._database = database
+        # A row in which all counters are 0 tells of a new beginning, as those of controllers do. Without counters, the
+        # first row of each task has to tell that nobody recorded.
+        self._interrupted = np.full(len(schedules), database.goes_on and not session.only_changes)
+        self._counted_before = np.zeros(len(logged), np.int64)
         self._waiting: list[Rows] = []
-        self._losses = np.empty(0, np.int64)
-        self._lost = False
+        self._losses = [np.empty(0, np.int64)] * len(schedules)
+        self._lost = np.zeros(len(schedules), np.bool_)
         self._text_columns = [place for place, one in enumerate(logged) if one.content is Content.TEXT]
 
-    def take(self, told: Told, rows: DefinedRows, losses: I64) -> None:
-        """Take a batch; behind the frames ``losses``, which rise, something is missing that this session logs."""
-        self._losses = np.concatenate([self._losses, losses])
+    def take(self, told: Told, rows: DefinedRows, losses: Sequence[I64]) -> None:
+        """Take a batch; ``losses`` are rising frames for each schedule, behind which something is missing for it."""
+        self._losses = [np.concatenate(both) for both in zip(self._losses, losses, strict=True)]
         self._samples.begin(rows)
         for taken in self._turns.take(told, rows):
             self._sample(taken)
@@ -123,8 +130,8 @@ class SessionLog:
             self._forget_texts()
 
     def lose(self) -> None:
-        """Let the next row say that something was lost in front of it."""
-        self._lost = True
+        """Let the next row of each task say that something was lost in front of it."""
+        self._lost[:] = True
 
     def end(self) -> None:
         """Write all that is left, and close the files."""
@@ -151,9 +158,9 @@ class SessionLog:
 
     def _sample(self, taken: Taken) -> None:
         """Make data sets of what was taken, as far as something is known."""
-        consistent = self._consistent(taken.frame)
+        consistent = self._consistent(taken.frame, taken.schedule)
         time_ns, cells, known = taken.time_ns, taken.cells, taken.known
-        sampled = self._sampled[taken.schedule]
+        schedule = taken.schedule
         if not self._takes_all:
             own = self._taken[taken.schedule]
             known = own if known is None else known & own
@@ -161,7 +168,7 @@ class SessionLog:
             if not any_known.any():
                 return
             # What was lost before anything is known, is lost in front of nothing.
-            time_ns, consistent, sampled = time_ns[any_known], consistent[any_known], sampled[any_known]
+            time_ns, consistent, schedule = time_ns[any_known], consistent[any_known], schedule[any_known]
             cells, known = cells[any_known], known[any_known]
         self.counted.samples += len(cells)
         if self._counts is None:
@@ -169,19 +176,25 @@ class SessionLog:
         else:
             cells, counts = self._counts.take(cells, known)
         before = self._ring.overwritten
-        self._publish(self._ring.take(Rows(time_ns, consistent, cells, known, counts, sampled)))
+        self._publish(self._ring.take(Rows(time_ns, consistent, cells, known, counts, schedule)))
         self.counted.overwritten += self._ring.overwritten - before
 
-    def _consistent(self, frame: I64) -> Bool:
-        """Return which data sets, by the frames behind which they are, follow the one before without a loss."""
+    def _consistent(self, frame: I64, schedule: I64) -> Bool:
+        """Return in front of which data sets nothing of their task was lost, by the frames behind which they are.
+
+        A loss that no data set is behind yet waits for one.
+        """
         consistent = np.ones(len(frame), np.bool_)
-        if self._lost:
-            consistent[0] = self._lost = False
-        if len(self._losses):
-            place = np.searchsorted(frame, self._losses)
-            here = place < len(consistent)
-            consistent[place[here]] = False
-            self._losses = self._losses[~here]
+        for number, losses in enumerate(self._losses):
+            if not len(losses) and not self._lost[number]:
+                continue
+            own = np.flatnonzero(schedule == number)
+            if self._lost[number] and len(own):
+                consistent[own[0]] = self._lost[number] = False
+            place = np.searchsorted(frame[own], losses)
+            here = place < len(own)
+            consistent[own[place[here]]] = False
+            self._losses[number] = losses[~here]
         return consistent
 
     def _publish(self, rows: Rows | None) -> None:
@@ -190,7 +203,8 @@ class SessionLog:
             return
         if not self._begun:
             # Of what was before the first row, nobody recorded anything: nothing is lost in front of it.
-            rows.consistent[0], self._begun = self._first_consistent, True
+            rows.consistent[0], self._begun = not self._document_style, True
+        self._tell_interruption(rows)
         if self._changed is not None:
             rows = self._changed.take(rows)
         if not len(rows):
@@ -198,6 +212,13 @@ class SessionLog:
         self._waiting.append(rows)
         if sum(len(one) for one in self._waiting) >= self.session.block_rows:
             self._write(self.session.block_rows)
+
+    def _tell_interruption(self, rows: Rows) -> None:
+        """Let the next row of each task that was interrupted say so."""
+        for number in np.flatnonzero(self._interrupted).tolist():
+            own = np.flatnonzero(rows.schedule == number)
+            if len(own):
+                rows.consistent[own[0]] = self._interrupted[number] = False
 
     def _write(self, least: int) -> None:
         """Write whole blocks, as long as so many rows are left."""
@@ -214,19 +235,28 @@ class SessionLog:
             if kept > first:
                 self.counted.not_written += kept - first
                 rows.consistent[kept] = False
+                self._interrupted[:] = not self.session.only_changes
+                self._tell_interruption(rows.take(slice(kept, None)))
             first = kept
         finally:
             rest = rows.take(slice(first, len(rows)))
             self._waiting = [rest] if len(rest) else []
 
     def _write_block(self, block: Rows) -> None:
-        if self._database.begins and self.session.only_changes:
-            # A file can be read by itself: its first row has all that is known.
-            own = block.owned.copy()
-            own[0] = block.counts[0] >= 0
-            block = replace(block, own=own)
-        self._database.write(self._columns.of(block), len(block))
         counted = self.counted
+        starts_anew = self.session.only_changes and self._database.goes_on and not counted.rows
+        if self.session.only_changes:
+            if not counted.rows:
+                block = self._first_block(block)
+            if self._database.begins:
+                # A file can be read by itself: its first row has all that is known.
+                own = block.owned.copy()
+                own[0] = block.counts[0] >= 0
+                block = replace(block, own=own)
+            if self._counted_before.any():
+                counts = np.where(block.counts >= 0, block.counts - self._counted_before, -1)
+                block = replace(block, counts=counts)
+        self._database.write(self._columns.of(block, starts_anew=starts_anew), len(block))
         # In the style of the document, the first row of all has 0, though nothing was lost before it.
         said = block.consistent[1:] if self._document_style and not counted.rows else block.consistent
         counted.rows += len(block)
@@ -234,6 +264,20 @@ class SessionLog:
         if counted.first_ns is None:
             counted.first_ns = int(block.time_ns[0])
         counted.last_ns = int(block.time_ns[-1])
+
+    def _first_block(self, block: Rows) -> Rows:
+        """Return the first rows of all, whose counters begin at 0 with the first of them.
+
+        Where a database is gone on with, what is not known yet is at 0 too: when it is known, that is a change. A row
+        that could be taken for one that only goes on says that nobody recorded in front of it.
+        """
+        counts, database = block.counts[0], self._database
+        self._counted_before = counts if database.goes_on else np.maximum(counts, 0)
+        if not database.goes_on or (database.had_rows and (counts >= 0).all()):
+            return block
+        consistent = block.consistent.copy()
+        consistent[0] = False
+        return replace(block, consistent=consistent)
 
     def _forget_texts(self) -> None:
         """Forget the texts that nothing holds any more."""

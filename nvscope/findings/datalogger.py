@@ -78,8 +78,8 @@ COUNTER_CORRUPT = FindingKind(
     Severity.ERROR,
     meaning=(
         "The change counter of a variable goes back, stands still while the value changes, or is no count, and the row "
-        "is no restart. A restart is a row in which every variable is stored and all counters are 0; it is told under "
-        "the same code as a note."
+        "is no restart. A restart is a row in which every variable is stored and all counters are 0; what the logger "
+        "does not know yet is NULL there, behind ConsistentDataSeries 0. It is told under the same code as a note."
     ),
     causes=(
         "rows of several databases or sessions were put together",

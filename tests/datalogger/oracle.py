@@ -109,7 +109,8 @@ class Row(NamedTuple):
 class Sample:
     """What is known at one time: values and counters by variable; ``seen``: packets that had come until then.
 
-    ``names`` are the variables of its row; of cycles of one list among others, not all of them.
+    ``names`` are the variables of its row; of cycles of one list among others, not all of them. ``lists`` are those
+    without whose telegrams it is not what it should be: of its variables, and of its task.
     """
 
     time_ns: int
@@ -120,6 +121,7 @@ class Sample:
     counts: dict[str, int] = field(default_factory=dict)
     known: dict[str, Value] = field(default_factory=dict)
     lossy: bool = False
+    lists: frozenset[int] = frozenset()
 
 
 def size_of(kind: str) -> int:
@@ -165,6 +167,8 @@ def samples(packets: Sequence[Packet], lists: Mapping[int, DefinedList], session
             found.append(Sample(time_ns, seen, sampled, {}, ring=-(-time_ns // session.publish_ns)))
     found.sort(key=lambda one: (one.seen, one.ring is not None))
     for one in found:
+        one.lists = frozenset(session.variables[name][0] for name in one.names)
+        one.lists |= {task for name, task in in_cycles.items() if name in one.names and task is not None}
         one.values = {name: value for name, value in known[one.seen].items() if name in one.names}
     return [one for one in found if one.values]
 
@@ -261,13 +265,17 @@ def count_changes(found: Iterable[Sample]) -> None:
         sample.counts, sample.known = dict(counts), dict(values)
 
 
-def mark_losses(found: Iterable[Sample], places: Iterable[int]) -> None:
-    """Mark the first sample at or behind each packet before which something was lost."""
-    waiting = sorted(places)
-    for sample in found:
-        while waiting and waiting[0] < sample.seen:
-            sample.lossy = True
-            del waiting[0]
+def mark_losses(found: Sequence[Sample], places: Mapping[int, set[int] | None]) -> None:
+    """Mark, of each task, the first sample at or behind each packet before which something was lost that it needs.
+
+    ``places`` are such packets, with the lists that lost something, None for all.
+    """
+    for names in {sample.names for sample in found}:
+        own = [sample for sample in found if sample.names == names]
+        for place, lists in places.items():
+            behind = next((sample for sample in own if place < sample.seen), None)
+            if behind is not None and (lists is None or lists & behind.lists):
+                behind.lossy = True
 
 
 def ring(found: Sequence[Sample], capacity: int) -> list[Sample]:

@@ -43,7 +43,8 @@ class Recorder:
         """Record a capture; return the rows of each file: '' is the current one, '.0' and so on are closed."""
         found = samples(packets, self.lists, self.session)
         count_changes(found)
-        intervals = {index: self.lists[index].interval_ns for index, _ in self.session.variables.values()}
+        needed = {index for sample in found for index in sample.lists}
+        intervals = {index: self.lists[index].interval_ns for index in needed}
         counting = [counts_for(packet, self.lists.get(packet.index)) for packet in packets]
         mark_losses(found, losses(packets, intervals, counting))
         return self.files.write(ring(found, self.session.capacity))
@@ -57,7 +58,6 @@ class Files:
         self.statement = create_table("log", session, lists)
         self.closed: dict[str, list[Row]] = {}
         self.begin()
-        self.first_consistent = int(not session.document_style)
 
     def begin(self) -> None:
         self.path.unlink(missing_ok=True)
@@ -70,9 +70,12 @@ class Files:
 
     def write(self, kept: Sequence[Sample]) -> dict[str, list[Row]]:
         """Write what a run has kept: its first row has all that is known, and nothing of what was before."""
-        session = self.session
         self.stored: dict[str, int] = {}
+        self.zero: dict[str, int] = {}
+        self.begun: set[frozenset[str]] = set()
         self.is_first_of_file = self.is_first_of_run = True
+        self.had_rows = bool(self.rows())
+        self.goes_on = self.had_rows or bool(self.closed)
         block: list[tuple[Value, ...]] = []
         lossy = False
         for sample in kept:
@@ -87,9 +90,6 @@ class Files:
                 block = []
         if block:
             self.store(block)
-        # Counters of 0 tell of a new beginning; without them, nothing else does.
-        going_on = bool(self.closed or self.rows())
-        self.first_consistent = int(not session.document_style and (session.changes_only or not going_on))
         return {**self.closed, "": self.rows()}
 
     def row(self, sample: Sample, *, lossy: bool) -> tuple[Value, ...] | None:
@@ -100,18 +100,39 @@ class Files:
             return None
         if self.is_first_of_file:
             changed = set(sample.counts)
+        consistent = int(self.is_consistent(sample, lossy=lossy))
+        if self.is_first_of_run:
+            # Counters of 0 tell of a new beginning, also those of what nobody knows yet.
+            self.zero = {name: sample.counts.get(name, -1 if self.goes_on else 0) for name in self.names}
+        starts_anew = self.is_first_of_run and self.goes_on
         columns: list[Value] = []
         for name in self.names:
             if not session.changes_only:
                 columns.append(sample.values.get(name))
             elif name in changed:
-                columns += [sample.known[name], sample.counts[name]]
+                columns += [sample.known[name], sample.counts[name] - self.zero[name]]
+            elif starts_anew:
+                columns += [None, 0]
+            elif name in sample.counts and session.document_style:
+                columns += [None, sample.counts[name] - self.zero[name]]
             else:
-                columns += [None, sample.counts.get(name) if session.document_style else None]
-        consistent = self.first_consistent if self.is_first_of_run else int(not lossy)
+                columns += [None, None]
         self.stored.update((name, sample.counts[name]) for name in sample.values)
         self.is_first_of_file = self.is_first_of_run = False
+        self.begun.add(sample.names)
         return timestamp(sample.time_ns, iso=session.iso), consistent, *columns
+
+    def is_consistent(self, sample: Sample, *, lossy: bool) -> bool:
+        """Tell whether nothing was lost before a row: between two runs, nobody recorded anything."""
+        session, every = self.session, set(self.names) <= set(sample.counts)
+        if self.is_first_of_run and session.document_style:
+            return False
+        if not self.goes_on:
+            return self.is_first_of_run or not lossy
+        if not session.changes_only:
+            return sample.names in self.begun and not lossy
+        # A restart with all values says it by itself, but not where a file begins, which may only go on.
+        return every and self.had_rows if self.is_first_of_run else not lossy
 
     def store(self, block: Sequence[tuple[Value, ...]]) -> None:
         """Write a block as one transaction, and make room where the file is full."""

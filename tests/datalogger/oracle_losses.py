@@ -198,14 +198,22 @@ class Counters:
 
 def losses(
     packets: Sequence[Packet], intervals_ns: Mapping[int, int | None], counting: Sequence[bool]
-) -> set[int]:  # fmt: skip
-    """Return the places of the packets that tell of a loss; ``intervals_ns`` are those of the session's lists.
+) -> dict[int, set[int] | None]:  # fmt: skip
+    """Return the places of the packets that tell of a loss, each with the lists that lost something, None for all.
+
+    ``intervals_ns`` are those of the session's lists.
 
     ``counting`` are the packets that say what values are: a list that sends none of these is silent. Raises Doubt
     where the program's median, which is within one percent, decides.
     """
     counters = Counters(packets)
-    found = {place for place, packet in enumerate(packets) if packet.drops}
+    found: dict[int, set[int] | None] = {place: None for place, packet in enumerate(packets) if packet.drops}
+
+    def of_list(place: int, index: int) -> None:
+        lists = found.setdefault(place, set())
+        if lists is not None:
+            lists.add(index)
+
     for name in counters.nodes:
         scope = counters.scope(name)
         for place, gap in counters.gaps[scope].items():
@@ -216,11 +224,13 @@ def losses(
                 raise Doubt("whether a stream counts that has shown one Counter alone")
             if stream.lost[scope] > stream.telegrams and stream.lost[scope] > 100:
                 raise Doubt("whether a sender counts at all")
-            found.add(place)
+            of_list(place, gap.stream[2])
     for before, (place, packet) in zip(packets, list(enumerate(packets))[1:], strict=False):
         if packet.time_ns > before.time_ns + NOBODY_NS:
-            found.add(place)
-    return found | silences(packets, intervals_ns, counting, counters)
+            found[place] = None
+    for place in silences(packets, intervals_ns, counting, counters):
+        of_list(place, packets[place].index)
+    return found
 
 
 def silences(

@@ -43,6 +43,15 @@ def test_a_variable_of_another_type(here: Path) -> None:
     assert (code, told[0]) == (2, "nvscope: log.db: 'a/dwFirst' is INT in the table there, and FLOAT in its list")
 
 
+def test_a_file_that_is_cut_off(here: Path) -> None:
+    """SQLite would take the bytes that are missing for zeros, and go on behind them."""
+    whole = (here / "log.db").read_bytes()
+    (here / "log.db").write_bytes(whole[:-1])
+    code, told = logged(here, "--append")
+    assert (code, told[0]) == (2, "nvscope: log.db: the file is cut off in the middle of a page")
+    assert (here / "log.db").read_bytes() == whole[:-1]
+
+
 def test_a_table_of_somebody_else(here: Path) -> None:
     with closing(sqlite3.connect(here / "log.db")) as connection:
         connection.execute("CREATE TABLE messages (ts REAL)")

@@ -116,3 +116,39 @@ def test_what_the_capture_lost_is_lost(tmp_path: Path) -> None:
     rows = rows_of(tmp_path / "log.db")
     # The telegrams that are missing, and nothing else: that some were dropped is said behind all of them.
     assert [row[3] for row in rows if not row[2]] == [43]
+
+
+def logged_by_tasks(folder: Path, scenario: str, *captures: str) -> list[tuple[int, ...]]:
+    """Return the rows of two lists, each in cycles of its own: ConsistentDataSeries, and the values."""
+    if scenario:
+        simulated(folder, scenario)
+    for number in (1, 2):
+        (folder / f"list{number}.gvl").write_text(gvl(number, [f"dwValue{number}"]), encoding="utf-8")
+    (folder / "nvscope.toml").write_text('[datalogger.tasks]\nT1 = "list1"\nT2 = "list2"\n', encoding="utf-8")
+    (folder / "c.xml").write_text(configuration(["a/T1/dwValue1", "a/T2/dwValue2"]), encoding="utf-8")
+    done = run_text("datalog", *(captures or ["plant.pcap"]), "--config", "c.xml", "--gvl", ".", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return [row[2:] for row in rows_of(folder / "log.db")]
+
+
+def test_a_loss_is_told_in_the_next_row_of_its_task(tmp_path: Path) -> None:
+    rows = logged_by_tasks(tmp_path, plant(LOST_40, LOST_70_TO_72.replace("list1", "list2"), lists=2))
+    assert [row for row in rows if not row[0]] == [(0, 40, None), (0, None, 72)]
+
+
+def test_a_time_in_which_nobody_captured_is_told_by_each_task(tmp_path: Path) -> None:
+    simulated(tmp_path, plant(lists=2), "first.pcap")
+    simulated(tmp_path, plant(lists=2).replace("seed = 3", "start = 2024-01-01T01:00:00+00:00"), "second.pcap")
+    rows = logged_by_tasks(tmp_path, "", "first.pcap", "second.pcap")
+    assert [row for row in rows if not row[0]] == [(0, 0, None), (0, None, 0)]
+
+
+def test_a_lost_cycle_of_the_task_is_a_loss_of_all_that_it_takes(tmp_path: Path) -> None:
+    """A row is missing there, whatever list the variables come from."""
+    simulated(tmp_path, plant(LOST_40, lists=2))
+    for number in (1, 2):
+        (tmp_path / f"list{number}.gvl").write_text(gvl(number, [f"dwValue{number}"]), encoding="utf-8")
+    (tmp_path / "c.xml").write_text(configuration(["a/dwValue2"], 'taskContext="list1"'), encoding="utf-8")
+    done = run_text("datalog", "plant.pcap", "--config", "c.xml", "--gvl", ".", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert [row[2:] for row in rows_of(tmp_path / "log.db") if not row[2]] == [(0, 39)]

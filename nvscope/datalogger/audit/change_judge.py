@@ -35,7 +35,10 @@ class _Stored:
 
 
 class ChangeJudge:
-    """Judges the changes of one table, chunk by chunk; ``restarts`` are times of restarts since it was asked last."""
+    """Judges the changes of one table, chunk by chunk; ``restarts`` are those since it was asked last.
+
+    ``partly`` are the rows of the last chunk with which a logger starts anew that need not know all values.
+    """
 
     def __init__(self, table: LogTable, values: Values) -> None:
         self._variables = [one for one in table.variables if one.counter is not None]
@@ -53,7 +56,8 @@ class ChangeJudge:
         self._start: Start | None = None
         self._begun = False
         self._seen_beginning = False
-        self.restarts: list[ZeroRow] = []
+        self.restarts: list[Start] = []
+        self.partly: Bool = np.zeros(0, np.bool_)
         self._last_ns: int | None = None
 
     def forget(self) -> None:
@@ -78,6 +82,7 @@ class ChangeJudge:
         zero_rows = np.flatnonzero(zero)[:_MOST_ZERO_ROWS]
         zero[:] = False
         zero[zero_rows] = True
+        self.partly = zero & chunk.lost & (filled == len(self._variables))
         lost = chunk.lost & ~zero
         if not self._begun or chunk.begins_file:
             # The first row of a series has nothing before it; what the next file begins with is nowhere said.
@@ -186,7 +191,7 @@ class ChangeJudge:
             _note(notes, topics.NO_COUNT, number, chunk, rows[negative])
         if not valued.all():
             # A real number that is none is NULL, with a counter that counts it.
-            half = ~valued
+            half = ~valued & ~self.partly[rows]
             if is_null:
                 half &= known & (steps == 0) & ~at_zero
             if half.any():
@@ -226,12 +231,13 @@ class ChangeJudge:
             same, value_known = self._values.take(number, chunk, rows, cells)
             return self._without_zeros(same, is_real, cells.bits), value_known, is_real
         # A change to what is not there: a number that is none, or a value that somebody took away.
-        none = own.rows[~own.valued[own.rows] & ((steps != 0) | ~known)]
+        none = own.rows[~own.valued[own.rows] & ((steps != 0) | ~known | self.partly[own.rows])]
         rows = np.union1d(rows, none)
         same_at, known_at = np.zeros(len(chunk), np.bool_), np.zeros(len(chunk), np.bool_)
         if len(rows):
             cells = chunk.rows.cells(variable.column, rows)
-            same, value_known = self._values.take(number, chunk, rows, cells)
+            unknown = self.partly[rows] & ~own.valued[rows]
+            same, value_known = self._values.take(number, chunk, rows, cells, unknown if unknown.any() else None)
             same_at[rows] = self._without_zeros(same, is_real, cells.bits)
             known_at[rows] = value_known
         return same_at[own.rows], known_at[own.rows], is_real
@@ -292,9 +298,8 @@ class ChangeJudge:
             return
         if start.begins_file:
             return
-        first = start.rows[0]
-        self.restarts.append(first)
-        notes.of(topics.RESTART).add(*_of(first))
+        self.restarts.append(start)
+        notes.of(topics.RESTART).add(*_of(start.rows[0]))
 
     def _close(self, notes: Notes) -> None:
         """Judge rows that turned out to be no start."""

@@ -1,7 +1,9 @@
 """Restarts: rows in which all counters are 0, told apart from counters that are corrupt.
 
 A logger that starts anew stores every variable, with counters at 0; of several tasks, each does so in a row of its own.
-Until all of them have, nobody knows whether it is a restart: a variable that goes on counting meanwhile says no.
+One that does not know all values yet, as one that listens to a network, stores counters alone of the others, and says
+that data was lost. Until all variables have begun, nobody knows whether it is a restart: one that goes on counting
+meanwhile says no.
 """
 
 from __future__ import annotations

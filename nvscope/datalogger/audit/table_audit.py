@@ -16,7 +16,7 @@ from nvscope.datalogger.audit.change_judge import ChangeJudge
 from nvscope.datalogger.audit.chunk import Chunk
 from nvscope.datalogger.audit.finding import Finding, Notes
 from nvscope.datalogger.audit.intervals import Gaps, Intervals, SetBack, without_clock_sets
-from nvscope.datalogger.audit.restarts import ZeroRow
+from nvscope.datalogger.audit.restarts import Start
 from nvscope.datalogger.audit.row_ids import RowIds
 from nvscope.datalogger.audit.stamps import Stamps
 from nvscope.datalogger.audit.sums import total
@@ -83,7 +83,10 @@ class TableAudit:
         self.overlaps: dict[int, int] = {}
         """By how much a file, by its number here, begins before the one before it ends."""
         self._begun = False
+        self._before_ns: int | None = None
         self._marked = self._untimed_before = self._losses = 0
+        self._uncovered: list[tuple[I64, I64]] = []
+        """Rows of a chunk that say that data was lost, and the times of the rows before them."""
 
     def begin_file(self, path: str, encoding: str) -> None:
         """Say which file the next rows are of."""
@@ -120,8 +123,8 @@ class TableAudit:
             self._judge.take(chunk, notes)
             for start in self._judge.restarts:
                 self.restarts += 1
-                if start.timed:
-                    self._note_off(start)
+                self._note_off(start)
+            self._note_uncovered(chunk)
             self._judge.restarts.clear()
         else:
             self._look_at_values(chunk)
@@ -129,8 +132,10 @@ class TableAudit:
             lost[0] &= self._begun and not chunk.begins_file
             self._note_lost(chunk, np.flatnonzero(lost), timed, notes)
         if self._judge is not None:
-            count_unknown(self.table, chunk, known, self._values.figures)
+            count_unknown(self.table, chunk, known, self._judge.partly, self._values.figures)
         self._begun = True
+        if timed.any():
+            self._before_ns = int(chunk.time_ns[timed][-1])
 
     def end(self) -> list[Finding]:
         """Return what was found, by file, when all rows were taken."""
@@ -250,7 +255,19 @@ class TableAudit:
             task.rows += self._rows_of(task, chunk, rows)
             own = np.flatnonzero(timed) if rows is None else rows[timed[rows]]
             if len(own):
+                if self._judge is None and task.stretch < 0 and chunk.lost[own[0]]:
+                    self._note_late_task(chunk, int(own[0]), timed)
                 self._look_at_task(task, chunk, own, stretch, None if losses is None else losses[own], notes)
+
+    def _note_late_task(self, chunk: Chunk, row: int, timed: Bool) -> None:
+        """Count the time in front of the first row of a task that says that data was lost, behind rows of others."""
+        before = np.flatnonzero(timed[:row])
+        before_ns = int(chunk.time_ns[before[-1]]) if len(before) else self._before_ns
+        time_ns = int(chunk.time_ns[row])
+        if before_ns is not None and before_ns < time_ns:
+            self.told += 1
+            self.missing_ns += time_ns - before_ns
+            self.strip.mark(Mark.TOLD, before_ns, time_ns)
 
     def _rows_of(self, task: _Task, chunk: Chunk, rows: I64 | None) -> int:
         """Return how many of some rows are those of a task; of rows without a value, those that it lacks."""
@@ -304,7 +321,9 @@ class TableAudit:
             if task.intervals.is_full:
                 self._decide(task, fix=True)
         else:
-            self._note_uncovered(chunk, rows, before_ns, follows & (length_ns > 0))
+            places = np.flatnonzero(chunk.lost[rows] & follows & (length_ns > 0))
+            if len(places):
+                self._uncovered.append((rows[places], before_ns[places]))
         if not follows.all():
             before = np.concatenate([[task.stretch], of_stretch[:-1]])
             unread = (before >= 0) & (before % _UNTIMED != of_stretch % _UNTIMED) & (length_ns > 0)
@@ -315,23 +334,32 @@ class TableAudit:
         task.local, task.file = bool(local[-1]), current
         task.losses = self._losses if losses is None else int(losses[-1])
 
-    def _note_uncovered(self, chunk: Chunk, rows: I64, before_ns: I64, follows: Bool) -> None:
-        """Count what is not covered in a table of changes: only what the logger says is known there."""
-        places = np.flatnonzero(chunk.lost[rows] & follows)
-        if not len(places):
-            return
-        time_ns = chunk.time_ns[rows[places]]
-        self.told += len(places)
-        self.missing_ns += total(time_ns - before_ns[places])
-        self._mark(Mark.TOLD, before_ns[places], time_ns)
+    def _note_uncovered(self, chunk: Chunk) -> None:
+        """Count what is not covered in a table of changes: only what the logger says is known there.
 
-    def _note_off(self, start: ZeroRow) -> None:
+        Time in front of a new start is counted as that in which the logger was off.
+        """
+        assert self._judge is not None
+        started = [row.rowid for start in self._judge.restarts for row in start.rows]
+        for own, own_before_ns in self._uncovered:
+            other = ~np.isin(chunk.rowid[own], started)
+            rows, before_ns = own[other], own_before_ns[other]
+            time_ns = chunk.time_ns[rows]
+            self.told += len(rows)
+            self.missing_ns += total(time_ns - before_ns)
+            self._mark(Mark.TOLD, before_ns, time_ns)
+        self._uncovered.clear()
+
+    def _note_off(self, start: Start) -> None:
         """Count the time in front of a new start: from when on the logger was off, the row before tells at most."""
-        if start.before_ns is not None and start.before_ns < start.time_ns:
-            self.off_ns += start.time_ns - start.before_ns
-            self.missing_ns += (start.time_ns - start.before_ns) * max(len(self._of_task), 1)
-            self.strip.mark(Mark.OFF, start.before_ns + 1, start.time_ns - 1)
-        self.strip.mark(Mark.STARTED, start.time_ns, start.time_ns)
+        first = start.rows[0]
+        if not first.timed:
+            return
+        if first.before_ns is not None and first.before_ns < first.time_ns:
+            self.off_ns += first.time_ns - first.before_ns
+            self.missing_ns += (first.time_ns - first.before_ns) * max(len(self._of_task), 1)
+            self.strip.mark(Mark.OFF, first.before_ns + 1, first.time_ns - 1)
+        self.strip.mark(Mark.STARTED, first.time_ns, first.time_ns)
 
     def _note_lost(self, chunk: Chunk, rows: I64, timed: Bool, notes: Notes) -> None:
         if len(rows):

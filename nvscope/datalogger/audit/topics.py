@@ -73,7 +73,7 @@ NO_COUNT = Topic(
 )
 RESTART = Topic(
     COUNTER_CORRUPT,
-    lambda noted: f"The logger started anew {_times(noted)}: a row with every value, and all counters at 0.",
+    lambda noted: f"The logger started anew {_times(noted)}: a row in which all counters are 0.",
     Severity.NOTE,
     hint="Nothing is known of the time in front of it; look when the controller, or its program, was started anew.",
 )

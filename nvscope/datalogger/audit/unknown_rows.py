@@ -6,24 +6,25 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dissectors.batch import I64
+from dissectors.batch import I64, Bool
 from dissectors.datalogger.tables import LogTable
 from nvscope.datalogger.audit.chunk import Chunk
 from nvscope.datalogger.audit.values import Figures
 
 
-def count_unknown(table: LogTable, chunk: Chunk, known: I64, figures: Sequence[Figures]) -> None:
-    """Count, in a table of changes, the rows in front of the first value by which a variable is known.
+def count_unknown(table: LogTable, chunk: Chunk, known: I64, anew: Bool, figures: Sequence[Figures]) -> None:
+    """Count, in a table of changes, the rows in front of a first value by which a variable is known.
 
-    ``known`` are the stretches in which values were known before.
+    ``known`` are the stretches in which values were known before; ``anew`` are the rows with which a logger starts that
+    need not know all values.
     """
-    if chunk.is_one_stretch and (known == chunk.stretch[0]).all():
+    if chunk.is_one_stretch and (known == chunk.stretch[0]).all() and not anew.any():
         return
-    bounds = np.flatnonzero(np.diff(chunk.stretch, prepend=chunk.stretch[0] - 1)).tolist()
+    bounds = np.flatnonzero((np.diff(chunk.stretch, prepend=chunk.stretch[0] - 1) != 0) | anew).tolist()
     for number, variable in enumerate(table.variables):
         filled = np.flatnonzero(chunk.rows.filled(variable.column))
         for first, behind in zip(bounds, [*bounds[1:], len(chunk)], strict=True):
-            if known[number] == chunk.stretch[first]:
+            if known[number] == chunk.stretch[first] and not anew[first]:
                 continue
             place = int(np.searchsorted(filled, first))
             value = int(filled[place]) if place < len(filled) else behind

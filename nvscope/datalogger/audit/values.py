@@ -55,10 +55,12 @@ class Values:
         """Take texts to be encoded so from now on."""
         self._encoding = encoding
 
-    def take(self, variable: int, chunk: Chunk, rows: I64 | None, cells: Cells) -> tuple[Bool, Bool]:
+    def take(
+        self, variable: int, chunk: Chunk, rows: I64 | None, cells: Cells, unknown: Bool | None = None
+    ) -> tuple[Bool, Bool]:
         """Take the values of some rows, in their order; return which equal the one before, and of which that is known.
 
-        A value that is NULL here is one that is no number; it equals none.
+        A value that is NULL here is one that is no number, which equals none; or nobody knows it, where ``unknown``.
         """
         count = len(cells)
         key = keys(cells, chunk.rows.data)
@@ -77,11 +79,14 @@ class Values:
         low, high = int(form.min()), int(form.max())
         if low != high:
             same[1:] &= form[1:] == form[:-1]
+        if unknown is not None:
+            known &= ~unknown
+            known[1:] &= ~unknown[:-1]
         same &= known
         if low == Form.NULL:
             same &= form != Form.NULL
         self._key[variable], self._form[variable] = int(key[-1]), int(form[-1])
-        self.stretches[variable] = last
+        self.stretches[variable] = last if unknown is None or not unknown[-1] else _UNKNOWN
         changes = int(np.count_nonzero(known)) - int(np.count_nonzero(same))
         self._tell(self.figures[variable], chunk, cells, (low, high), changes)
         return same, known

@@ -96,6 +96,7 @@ class _Changes:
         self.losses = 0
         self.start: list[tuple[int, bool, dict[str, str]]] = []
         self.seen_beginning = False
+        self.unknown: set[str] = set()
 
     def tell(self, code: str, severity: str, name: str | None, rowid: int) -> None:
         self.found[code, severity, name].append(rowid)
@@ -114,6 +115,8 @@ class _Changes:
         self.losses += lost
         counted = {name: count for name, (_, count) in cells.items() if isinstance(count, int)}
         zero = bool(counted) and not any(counted.values())
+        unknown = {name for name in self.names if cells[name][0] is None} if zero and lost else set()
+        self.unknown = unknown if len(counted) == len(self.names) else set()
         if first:
             self.seen_beginning = zero
         if lost and not first and not zero:
@@ -164,7 +167,10 @@ class _Changes:
                 self.tell("NV958", "note", name, rowid)
         if not known and count < 0:
             self.tell("NV954", "error", name, rowid)
-        if value is None:
+        if name in self.unknown:
+            # A start of which this value is not known yet.
+            self.value.pop(name, None)
+        elif value is None:
             if name not in self.real or (known and step == 0 and not zero):
                 self.tell("NV957", "note", name, rowid)
             if not known or step != 0:

@@ -36,7 +36,21 @@ def spoiled(draw: st.DrawFn, changes: bool) -> Rows:
         name = draw(st.sampled_from("abc"))
         kind = draw(
             st.sampled_from(
-                ["drop", "time", "lost", "unsaid", "ids", "count", "value", "null", "alone", "same", "zero", "again"]
+                [
+                    "drop",
+                    "time",
+                    "lost",
+                    "unsaid",
+                    "ids",
+                    "count",
+                    "value",
+                    "null",
+                    "alone",
+                    "same",
+                    "zero",
+                    "start",
+                    "again",
+                ]
             )
         )
         if kind == "drop" and len(rows) > 1:
@@ -53,6 +67,9 @@ def spoiled(draw: st.DrawFn, changes: bool) -> Rows:
             rows.insert(at, replace(row))
         elif changes and kind == "zero":
             rows[at] = replace(row, counts=dict.fromkeys(row.counts, 0))
+        elif changes and kind == "start":
+            # A logger starts anew that does not know one of the values yet.
+            rows[at] = replace(row, values={**row.values, name: None}, counts=dict.fromkeys("abc", 0), consistent=0)
         elif changes and kind == "count":
             rows[at] = replace(
                 row, counts={**row.counts, name: draw(st.sampled_from([-1, 0, 1, 2, 30, 1 << 40, "x", 0.5]))}

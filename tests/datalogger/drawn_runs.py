@@ -1,0 +1,104 @@
+"""Runs of a recording that go on with one database, drawn: lists that come, come late or never, and losses of them."""
+
+from __future__ import annotations
+
+from hypothesis import strategies as st
+
+from tests.datalogger.drawn_plants import START_NS, Plant
+from tests.datalogger.oracle import SECOND_NS, DefinedList, Session
+from tests.datalogger.oracle_losses import Packet
+from tests.datalogger.plant_faults import MS
+
+LONGEST_NS = 5 * SECOND_NS
+EDGE = 8
+"""Telegrams at the beginning and the end of a run of which none is lost: so all that are lost are missed."""
+
+KINDS = {"DINT": "<i", "INT": "<h"}
+VALUES = {"counting": 1, "slow": 7, "constant": 1 << 30}
+"""How many telegrams of a list have the same value."""
+
+
+class Runs:
+    """What a law is about: plants of one definition and one configuration, the times of which follow each other.
+
+    ``lossy`` tells whether telegrams were taken out; ``how`` says of each run when lists come.
+    """
+
+    def __init__(self, plants: list[Plant], session: Session, lossy: bool, how: list[str]) -> None:
+        self.plants, self.session, self.lossy, self.how = plants, session, lossy, how
+
+    def __repr__(self) -> str:
+        return f"{self.session}, lossy={self.lossy}, {'; '.join(self.how)}"
+
+    def run_of(self, time_ns: int) -> int:
+        """Return the number of the run that a row is of."""
+        return max(number for number, one in enumerate(self.plants) if one.packets[0].time_ns // MS * MS <= time_ns)
+
+
+@st.composite
+def runs(draw: st.DrawFn) -> Runs:
+    """Draw two or three runs, and how they are recorded."""
+    lists = [_list(number, draw(st.sampled_from([50, 100])) * MS) for number in range(draw(st.integers(1, 3)))]
+    values = {name: draw(st.sampled_from(sorted(VALUES))) for one in lists for name, _ in one.fields}
+    session, task = draw(_sessions(lists))
+    lossy = draw(st.booleans())
+    plants, how, begin_ns = [], [], START_NS + draw(st.integers(0, 999)) * MS
+    for _ in range(draw(st.integers(2, 3))):
+        packets: list[Packet] = []
+        length_ns = draw(st.integers(2, 4)) * SECOND_NS
+        comes = [draw(st.sampled_from(["at once", "at once", "late", "never"])) for _ in lists]
+        if set(comes) == {"never"}:
+            comes[0] = "at once"
+        for one, when in zip(lists, comes, strict=True):
+            if when == "never":
+                continue
+            first_ns = begin_ns + draw(st.integers(0, 40)) * MS + (length_ns // 2 if when == "late" else 0)
+            own = _telegrams(one, first_ns, begin_ns + length_ns, values)
+            if lossy and len(own) > 3 * EDGE and draw(st.booleans()):
+                at = draw(st.integers(EDGE, len(own) - EDGE - 3))
+                del own[at : at + draw(st.integers(1, 3))]
+            packets += own
+        packets.sort(key=lambda packet: packet.time_ns)
+        plants.append(Plant(lists, packets, session, task))
+        how.append(f"{begin_ns - START_NS} {length_ns}: {', '.join(comes)}, {len(packets)} packets")
+        begin_ns += LONGEST_NS + draw(st.sampled_from([1, 60, 7_200])) * SECOND_NS
+    return Runs(plants, session, lossy, how)
+
+
+def _list(number: int, interval_ns: int) -> DefinedList:
+    fields = tuple((f"nL{number}v{place}", kind) for place, kind in enumerate(KINDS))
+    return DefinedList(("axis", "press", "oven")[number], number + 1, fields, interval_ns)
+
+
+def _telegrams(one: DefinedList, first_ns: int, stop_ns: int, values: dict[str, str]) -> list[Packet]:
+    assert one.interval_ns
+    found = []
+    for number, time_ns in enumerate(range(first_ns, stop_ns, one.interval_ns)):
+        data = b"".join(
+            (number // VALUES[values[name]]).to_bytes(4 if kind == "DINT" else 2, "little") for name, kind in one.fields
+        )
+        node = f"10.0.0.{one.index}"
+        found.append(Packet(time_ns, node, one.index, 0, len(one.fields), number + 1, data))
+    return found
+
+
+@st.composite
+def _sessions(draw: st.DrawFn, lists: list[DefinedList]) -> tuple[Session, str]:
+    """Draw a configuration of all variables, and the taskContext in it."""
+    mode = draw(st.sampled_from(["interval", "context", "tasks"]))
+    in_tasks = {one.index for one in lists if mode == "tasks" and draw(st.booleans())}
+    variables = {
+        (f"Plc/Task{one.index}/{name}" if one.index in in_tasks else f"Plc/{name}"): (one.index, name)
+        for one in lists for name, _ in one.fields
+    }  # fmt: skip
+    tasks = {name: index for name, (index, _) in variables.items() if index in in_tasks}
+    context = draw(st.sampled_from(lists)) if mode == "context" else None
+    sampling_ns = draw(st.sampled_from([50, 100, 200])) * MS
+    session = Session(
+        variables, sampling_ns, sampling_ns * draw(st.sampled_from([1, 2, 5])), draw(st.sampled_from([1, 2, 3, 10])),
+        context.index if context else None, tasks, rollover=draw(st.booleans()),
+        max_files=draw(st.sampled_from([-1, 1, 2, 4])), write_interval=draw(st.sampled_from([1, 7, 1000])),
+        max_file_size=draw(st.sampled_from([None, None, 1, 9_000, 13_000])),
+        delete_ratio=draw(st.sampled_from([5, 30, 100])), changes_only=draw(st.booleans()), iso=draw(st.booleans()),
+    )  # fmt: skip
+    return session, context.name if context else ""
