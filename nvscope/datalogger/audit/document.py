@@ -7,6 +7,7 @@ from typing import Any
 
 from nvscope.datalogger.audit.audit import Audit, AuditedFile, AuditedTable
 from nvscope.datalogger.audit.finding import Finding
+from nvscope.datalogger.audit.time_strip import Mark
 from nvscope.datalogger.audit.values import Figures, Value
 from nvscope.version import head
 from nvscope.view.escape import visible
@@ -64,15 +65,15 @@ def _table(table: AuditedTable) -> dict[str, Any]:
         "time_formats": sorted(audit.forms),
         "rows": audit.rows,
         "rows_without_time": audit.untimed,
-        "first_ns": _time(audit.first_ns),
-        "last_ns": _time(audit.last_ns),
+        "first_ns": _time(audit.coverage.first_ns),
+        "last_ns": _time(audit.coverage.last_ns),
         "tasks": audit.task_count,
         "interval_ns": audit.interval_ns,
         "covered": audit.covered,
-        "missing_ns": audit.missing_ns,
-        "gaps_told": audit.told,
-        "gaps_not_told": audit.untold,
-        "gaps_unread": audit.unread,
+        "missing_ns": audit.coverage.missing_ns,
+        "gaps_told": audit.coverage.gaps[Mark.TOLD],
+        "gaps_not_told": audit.coverage.gaps[Mark.GAP],
+        "gaps_unread": audit.coverage.gaps[Mark.UNREAD],
         "restarts": audit.restarts,
         "variables": [
             _variable(one.name, one.declared, figures)

@@ -114,11 +114,11 @@ def _columns(values: Sequence[Sequence[Value]]) -> list[Column]:
 def _strip(table: AuditedTable, width: int) -> Iterator[Line]:
     audit = table.audit
     room = min(width - _INDENT, _LONGEST_STRIP)
-    marks = audit.strip.cells(room)
-    if not marks or audit.first_ns is None or audit.last_ns is None:
+    marks = audit.coverage.strip.cells(room)
+    if not marks or audit.coverage.first_ns is None or audit.coverage.last_ns is None:
         return
     yield [Cell(" " * _INDENT), Cell(drawn(marks, only_changes=audit.table.only_changes))]
-    ends = (audit.first_ns, audit.last_ns)
+    ends = (audit.coverage.first_ns, audit.coverage.last_ns)
     one_day = len({units.date(time_ns, utc=True) for time_ns in ends}) == 1
     tell = units.clock_time if one_day else units.absolute_time
     first, last = (tell(time_ns, utc=True, digits=0) for time_ns in ends)

@@ -42,7 +42,7 @@ def _table(table: AuditedTable, names: Names) -> Iterator[str]:
     if covered := coverage(table):
         yield ""
         yield markdown_safe(covered)
-    marks = table.audit.strip.cells(_STRIP)
+    marks = table.audit.coverage.strip.cells(_STRIP)
     if marks:
         yield ""
         yield markdown_code(drawn(marks, only_changes=table.audit.table.only_changes).replace(" ", "."))

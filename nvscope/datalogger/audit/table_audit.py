@@ -14,22 +14,21 @@ from dissectors.datalogger.tables import LogTable
 from nvscope.datalogger.audit import topics
 from nvscope.datalogger.audit.change_judge import ChangeJudge
 from nvscope.datalogger.audit.chunk import Chunk
+from nvscope.datalogger.audit.coverage import Coverage
 from nvscope.datalogger.audit.finding import Finding, Notes
 from nvscope.datalogger.audit.intervals import Gaps, Intervals, SetBack, without_clock_sets
-from nvscope.datalogger.audit.restarts import Start
 from nvscope.datalogger.audit.row_ids import RowIds
 from nvscope.datalogger.audit.stamps import Stamps
-from nvscope.datalogger.audit.sums import total
 from nvscope.datalogger.audit.tasks import Tasks
-from nvscope.datalogger.audit.time_strip import Mark, TimeStrip
+from nvscope.datalogger.audit.time_strip import Mark
 from nvscope.datalogger.audit.unknown_rows import count_unknown, lacking_rows
 from nvscope.datalogger.audit.values import Figures, Values
 from nvscope.findings.datalogger import SERIES_BROKEN
 from nvscope.units import duration
 
 _HOUR_NS = 3_600_000_000_000
-_MOST_MARKED = 10_000
-"""So many gaps of a table are drawn one by one."""
+_MOST_SET_BACK = 10_000
+"""So many settings of the clock of a task are looked at one by one."""
 
 _UNTIMED = 1 << 32
 """Added to the number of a stretch for each row in front that has no time."""
@@ -66,11 +65,8 @@ class TableAudit:
     ) -> None:
         self.table = table
         self.names = tuple(one.name for one in table.variables)
-        self.rows = self.told = self.untold = self.unread = self.restarts = 0
-        self.missing_ns = self.off_ns = 0
-        self.first_ns: int | None = None
-        self.last_ns: int | None = None
-        self.strip = TimeStrip()
+        self.rows = self.restarts = 0
+        self.coverage = Coverage()
         self.tasks = Tasks(table)
         self._ids = RowIds()
         self._values = Values(len(table.variables), encoding)
@@ -84,7 +80,7 @@ class TableAudit:
         """By how much a file, by its number here, begins before the one before it ends."""
         self._begun = False
         self._before_ns: int | None = None
-        self._marked = self._untimed_before = self._losses = 0
+        self._untimed_before = self._losses = 0
         self._uncovered: list[tuple[I64, I64]] = []
         """Rows of a chunk that say that data was lost, and the times of the rows before them."""
 
@@ -108,7 +104,8 @@ class TableAudit:
         timed = chunk.times.valid
         self.rows += len(chunk)
         known = self._values.stretches.copy()
-        self._look_at_times(chunk, timed, notes)
+        self.coverage.take(chunk.time_ns if timed.all() else chunk.time_ns[timed])
+        self._stamps.take(chunk, timed, notes)
         self._look_at_intervals(chunk, timed, notes)
         self._ids.take(chunk, notes)
         if len(chunk.unsaid):
@@ -123,7 +120,7 @@ class TableAudit:
             self._judge.take(chunk, notes)
             for start in self._judge.restarts:
                 self.restarts += 1
-                self._note_off(start)
+                self.coverage.start(start.rows[0], self.task_count)
             self._note_uncovered(chunk)
             self._judge.restarts.clear()
         else:
@@ -224,18 +221,7 @@ class TableAudit:
     @property
     def covered(self) -> float | None:
         """The share of the time from the first row to the last in which nothing is missing, None where that is none."""
-        if self.first_ns is None or self.last_ns is None or self.last_ns <= self.first_ns:
-            return None
-        span_ns = (self.last_ns - self.first_ns) * max(len(self._of_task), 1)
-        return min(max(0.0, 1 - self.missing_ns / span_ns), 1.0)
-
-    def _look_at_times(self, chunk: Chunk, timed: Bool, notes: Notes) -> None:
-        known = chunk.time_ns if timed.all() else chunk.time_ns[timed]
-        if len(known):
-            self.first_ns = int(known[0]) if self.first_ns is None else self.first_ns
-            self.last_ns = int(known.max()) if self.last_ns is None else max(self.last_ns, int(known.max()))
-            self.strip.take(known)
-        self._stamps.take(chunk, timed, notes)
+        return self.coverage.share(max(self.task_count, 1))
 
     def _look_at_intervals(self, chunk: Chunk, timed: Bool, notes: Notes) -> None:
         groups = list(self.tasks.rows(chunk))
@@ -263,11 +249,8 @@ class TableAudit:
         """Count the time in front of the first row of a task that says that data was lost, behind rows of others."""
         before = np.flatnonzero(timed[:row])
         before_ns = int(chunk.time_ns[before[-1]]) if len(before) else self._before_ns
-        time_ns = int(chunk.time_ns[row])
-        if before_ns is not None and before_ns < time_ns:
-            self.told += 1
-            self.missing_ns += time_ns - before_ns
-            self.strip.mark(Mark.TOLD, before_ns, time_ns)
+        if before_ns is not None and before_ns < chunk.time_ns[row]:
+            self.coverage.miss(Mark.TOLD, np.array([before_ns]), chunk.time_ns[[row]])
 
     def _rows_of(self, task: _Task, chunk: Chunk, rows: I64 | None) -> int:
         """Return how many of some rows are those of a task; of rows without a value, those that it lacks."""
@@ -305,9 +288,9 @@ class TableAudit:
             notes.of(topics.RUN_BACK).add(
                 chunk.rowid[rows[places]], time_ns[places], np.ones(len(places), np.bool_), -length_ns[places]
             )
-            for place in places[: _MOST_MARKED - len(task.set_back)].tolist():
+            for place in places[: _MOST_SET_BACK - len(task.set_back)].tolist():
                 task.set_back.append(SetBack(first + place, int(before_ns[place]), int(time_ns[place])))
-                self.strip.mark(Mark.CLOCK_SET, int(time_ns[place]), int(time_ns[place]))
+                self.coverage.strip.mark(Mark.CLOCK_SET, int(time_ns[place]), int(time_ns[place]))
         if self._judge is None:
             forward = follows & (length_ns > 0)
             number = first + np.arange(len(rows))
@@ -327,9 +310,7 @@ class TableAudit:
         if not follows.all():
             before = np.concatenate([[task.stretch], of_stretch[:-1]])
             unread = (before >= 0) & (before % _UNTIMED != of_stretch % _UNTIMED) & (length_ns > 0)
-            self.unread += int(np.count_nonzero(unread))
-            self.missing_ns += total(length_ns[unread])
-            self._mark(Mark.UNREAD, before_ns[unread], time_ns[unread])
+            self.coverage.miss(Mark.UNREAD, before_ns[unread], time_ns[unread])
         task.time_ns, task.stretch = int(time_ns[-1]), int(of_stretch[-1])
         task.local, task.file = bool(local[-1]), current
         task.losses = self._losses if losses is None else int(losses[-1])
@@ -343,23 +324,8 @@ class TableAudit:
         started = [row.rowid for start in self._judge.restarts for row in start.rows]
         for own, own_before_ns in self._uncovered:
             other = ~np.isin(chunk.rowid[own], started)
-            rows, before_ns = own[other], own_before_ns[other]
-            time_ns = chunk.time_ns[rows]
-            self.told += len(rows)
-            self.missing_ns += total(time_ns - before_ns)
-            self._mark(Mark.TOLD, before_ns, time_ns)
+            self.coverage.miss(Mark.TOLD, own_before_ns[other], chunk.time_ns[own[other]])
         self._uncovered.clear()
-
-    def _note_off(self, start: Start) -> None:
-        """Count the time in front of a new start: from when on the logger was off, the row before tells at most."""
-        first = start.rows[0]
-        if not first.timed:
-            return
-        if first.before_ns is not None and first.before_ns < first.time_ns:
-            self.off_ns += first.time_ns - first.before_ns
-            self.missing_ns += (first.time_ns - first.before_ns) * max(len(self._of_task), 1)
-            self.strip.mark(Mark.OFF, first.before_ns + 1, first.time_ns - 1)
-        self.strip.mark(Mark.STARTED, first.time_ns, first.time_ns)
 
     def _note_lost(self, chunk: Chunk, rows: I64, timed: Bool, notes: Notes) -> None:
         if len(rows):
@@ -383,24 +349,14 @@ class TableAudit:
         if fix:
             task.intervals.fix(interval_ns)
         gaps = without_clock_sets(task.intervals.gaps(interval_ns), task.set_back, interval_ns)
-        self.missing_ns += total(gaps.length_ns - interval_ns)
         untold = gaps.take(~gaps.told)
-        told = gaps.take(gaps.told)
-        self.told += len(told)
-        self.untold += len(untold)
         for file in dict.fromkeys(untold.file.tolist()):
             own = untold.take(untold.file == file)
             self._notes[file].of(topics.GAP).add(
                 own.rowid, own.before_ns + own.length_ns, np.ones(len(own), np.bool_), own.length_ns
             )
-        for mark, some in ((Mark.TOLD, told), (Mark.GAP, untold)):
-            self._mark(mark, some.before_ns, some.before_ns + some.length_ns)
-
-    def _mark(self, mark: Mark, first_ns: I64, last_ns: I64) -> None:
-        some = slice(0, max(_MOST_MARKED - self._marked, 0))
-        self._marked += len(first_ns)
-        for first, last in zip(first_ns[some].tolist(), last_ns[some].tolist(), strict=True):
-            self.strip.mark(mark, first, last)
+        for mark, some in ((Mark.TOLD, gaps.take(gaps.told)), (Mark.GAP, untold)):
+            self.coverage.miss(mark, some.before_ns, some.before_ns + some.length_ns, interval_ns)
 
     def _join(self, gone: int, other: int) -> None:
         task = self._of_task.pop(gone, None)

@@ -9,9 +9,11 @@ from dataclasses import dataclass
 from nvscope import units
 from nvscope.datalogger.audit.audit import Audit, AuditedFile, AuditedTable
 from nvscope.datalogger.audit.finding import Finding
+from nvscope.datalogger.audit.time_strip import Mark
 from nvscope.datalogger.audit.values import Value
 from nvscope.findings.kind import FindingKind, Severity
 
+_GAPS = {Mark.TOLD: "told by the logger", Mark.GAP: "not told", Mark.UNREAD: "not readable"}
 _MOST_NAMED = 3
 _LONGEST_VALUE = 24
 
@@ -40,9 +42,9 @@ def about(table: AuditedTable, names: Names) -> list[str]:
     """Return what a table is, and of what time, in parts."""
     audit = table.audit
     parts = [_named(table.files, names), audit.table.name, units.count_of(audit.rows, "row")]
-    if audit.first_ns is not None and audit.last_ns is not None:
-        since = f"{units.absolute_time(audit.first_ns, utc=True)} UTC"
-        parts.append(f"{units.duration(audit.last_ns - audit.first_ns)} from {since}")
+    first_ns, last_ns = audit.coverage.first_ns, audit.coverage.last_ns
+    if first_ns is not None and last_ns is not None:
+        parts.append(f"{units.duration(last_ns - first_ns)} from {units.absolute_time(first_ns, utc=True)} UTC")
     parts.append("changes only" if audit.table.only_changes else "every value")
     if audit.interval_ns is not None:
         parts.append(f"every {units.duration(audit.interval_ns)}")
@@ -58,20 +60,19 @@ def coverage(table: AuditedTable) -> str:
     audit = table.audit
     if audit.covered is None:
         return ""
-    gaps = audit.told + audit.untold + audit.unread
-    share = units.percent(round(audit.covered * 1_000_000), 1_000_000)
-    if (gaps or audit.off_ns) and share == "100 %":
+    time, share = audit.coverage, units.percent(round(audit.covered * 1_000_000), 1_000_000)
+    gaps = time.gaps.total()
+    if (gaps or time.off_ns) and share == "100 %":
         share = "nearly 100 %"
     parts = []
-    if missing_ns := audit.missing_ns - audit.off_ns * max(audit.task_count, 1):
-        kinds = ((audit.told, "told by the logger"), (audit.untold, "not told"), (audit.unread, "not readable"))
-        listed = ", ".join(f"{units.count(number)} {what}" for number, what in kinds if number)
+    if missing_ns := time.missing_ns - time.off_ns * max(audit.task_count, 1):
+        listed = ", ".join(f"{units.count(time.gaps[mark])} {what}" for mark, what in _GAPS.items() if time.gaps[mark])
         parts.append(f"{units.duration(missing_ns)} missing in {units.count_of(gaps, 'gap')} ({listed})")
     elif not gaps:
         parts.append("no gap" if audit.interval_ns is not None else "no loss is told")
-    if audit.off_ns:
+    if time.off_ns:
         starts = units.count_of(audit.restarts, "new start")
-        parts.append(f"off for up to {units.duration(audit.off_ns)} in front of {starts}")
+        parts.append(f"off for up to {units.duration(time.off_ns)} in front of {starts}")
     return f"{share} of the time covered: {', '.join(parts)}"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import accumulate
@@ -12,6 +13,7 @@ import pytest
 
 from nvscope.capture.datalogger import table_rows
 from nvscope.datalogger.audit.audit import Audit, audited
+from nvscope.datalogger.audit.time_strip import Mark
 from tests.datalogger.audit.built import DECLARED, Row, later, write
 from tests.datalogger.audit.test_planted import Told, told
 from tests.program import run_text
@@ -83,7 +85,7 @@ def test_what_a_row_of_any_task_tells_is_told(tmp_path: Path) -> None:
     rows[first - 1] = Row(rows[first - 1].at_ms, rows[first - 1].values, consistent=0)
     audit = audit_of(tmp_path, rows)
     assert told(audit) == [("NV951", "note", None, (first,))]
-    assert (audit.tables[0].audit.told, audit.tables[0].audit.untold) == (2, 0)
+    assert audit.tables[0].audit.coverage.gaps == Counter({Mark.TOLD: 2})
     # A loss that was told before the rows of either task came is none of theirs.
     rows[first - 1] = Row(rows[first - 1].at_ms, rows[first - 1].values)
     rows[4] = Row(rows[4].at_ms, rows[4].values, consistent=0)
