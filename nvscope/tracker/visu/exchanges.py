@@ -30,6 +30,7 @@ from nvscope.tracker.visu.names import ListFlaw, Names
 from nvscope.tracker.visu.outcomes import outcomes
 from nvscope.tracker.visu.pairing import Pairing
 from nvscope.tracker.visu.plain_exchanges import AskedFor, Said, plain_rows
+from nvscope.tracker.visu.waiting_requests import Waiting
 from nvscope.tracker.visu.whole_connections import take_whole
 
 if TYPE_CHECKING:
@@ -72,10 +73,12 @@ class Exchanges:
             elif not only_ended and conversation.is_visu:
                 self._left_out[Beyond.CONNECTION] += 1
 
-    def heads_that_wait(self, connection: int) -> list[bool]:
-        """Return of the requests of a connection that wait for a reply whether they are HEAD."""
+    def waiting(self, connection: int) -> Waiting:
+        """Return the requests of a connection that wait for a reply."""
         conversation = self._conversations.get(connection)
-        return [] if conversation is None else [one.is_head for one in conversation.waiting]
+        if conversation is None:
+            return Waiting()
+        return Waiting([one.is_head for one in conversation.waiting], conversation.beyond)
 
     def take(
         self, http: HttpMessages, packets: PacketBatch, segments: SegmentBatch, first_frame: int
