@@ -34,7 +34,8 @@ HAPPENINGS = {
     "open request answered within a chunk", "response not whole at the end",
     # WebVisu
     "ambiguous write", "client lost step", "cut reply", "cut request", "given up", "names", "no value", "other names",
-    "other request", "password read", "password written", "read with an HTTP error", "response to a forgotten request",
+    "other request", "password read", "password written", "read with an HTTP error",
+    "reply of a server that nobody heard", "request of a client that nobody heard", "response to a forgotten request",
     "response to nobody", "server lost step", "several wait", "slow", "waiting forgotten",
 }  # fmt: skip
 FIGURES = {

@@ -29,7 +29,7 @@ Readings, where the rules leave a choice:
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from typing import Any
 
 from tests.oracle.frame import Address as Node
@@ -37,10 +37,11 @@ from tests.oracle.frame import Frame
 from tests.oracle.rules import visu_body
 from tests.oracle.rules.http import Lost, Message
 from tests.oracle.rules.keys import node_order
-from tests.oracle.rules.streams import Connection, Delivery, Streams
+from tests.oracle.rules.streams import Connection, Delivery, Event, Streams
 from tests.oracle.rules.visu_body import Answered, Asked
 from tests.oracle.rules.visu_figures import Row, lacks_many, percentiles
 from tests.oracle.rules.visu_leaving import given_up
+from tests.oracle.rules.visu_one_way import OneWay
 from tests.oracle.rules.visu_talk import Home, Pair, Talk, Told, Waiting, Written
 
 SECOND = 1_000_000_000
@@ -57,6 +58,7 @@ class Visu:
         self.messages: list[Told] = []
         self.streams = Streams(ports, self.happened)
         self.talks: dict[Connection, Talk] = {}
+        self.one_way = OneWay()
         self.known: dict[Pair, Row] = defaultdict(Row)
         self.found: dict[tuple[str, Node, str], list[tuple[int, int]]] = defaultdict(list)
         self.lists: dict[Home, list[visu_body.Listed]] = defaultdict(list)
@@ -75,7 +77,13 @@ class Visu:
         for talk in given_up(frame, self.talks.values(), self.streams.ports, self.streams.servers):
             self.happened["given up"] += 1
             self.nobody_answers(talk)
-        for event in self.streams.observe(self.number, frame):
+        self.one_way.look_at(frame)
+        for talk in list(self.talks.values()):
+            if talk.connection in self.streams.connections.values() and (size := self.one_way.reply_bytes(talk)):
+                self.happened["reply of a server that nobody heard"] += 1
+                talk.gap_bytes += size
+                self.lost(talk, False, Lost(in_step=True))
+        for event in self.delivered(frame):
             if event.connection not in self.talks:
                 self.talks[event.connection] = Talk(event.connection, self.happened)
             talk = self.talks[event.connection]
@@ -98,6 +106,16 @@ class Visu:
                 self.nobody_answers(talk)
             elif not isinstance(event, Delivery) and not event.reset:
                 talk.closed = event.time
+
+    def delivered(self, frame: Frame) -> Iterator[Event]:
+        """Yield what a frame delivers; what begins with it is known before."""
+        events = self.streams.observe(self.number, frame)
+        while True:
+            event = next(events, None)
+            self.one_way.note_begin(self.streams.connections.values())
+            if event is None:
+                return
+            yield event
 
     def lost(self, talk: Talk, from_client: bool, what: Lost) -> None:
         self.happened["client lost step" if from_client else "server lost step"] += 1
@@ -127,7 +145,8 @@ class Visu:
             self.cut_request(talk, message)
         elif message.body is not None:
             asked = visu_body.asked(message.method, message.target, message.body)
-        talk.waiting.append(Waiting(asked, message, self.number, self.written(talk, asked)))
+        had = self.one_way.told_by(talk.connection, client=True)
+        talk.waiting.append(Waiting(asked, message, self.number, self.written(talk, asked), had))
         self.happened["several wait"] += len(talk.waiting) > 1
         if asked is None or message.body is None:
             self.happened["other request"] += 1
@@ -205,6 +224,12 @@ class Visu:
         if 100 <= message.status < 200:
             self.happened["1xx"] += 1
             return
+        if not forgotten and (size := self.one_way.request_bytes(talk, message)):
+            self.happened["request of a client that nobody heard"] += 1
+            talk.gap_bytes += size
+            talk.had_request = True
+            self.known[talk.pair].counts["cut"] += 1
+            self.find("NV808", talk)
         if forgotten or not talk.waiting:
             self.happened["response to a forgotten request" if forgotten else "response to nobody"] += 1
             return

@@ -50,6 +50,8 @@ class Waiting:
     message: Message
     frame: int
     writes: list[Written]
+    acknowledged: int | None = None
+    """Up to where the client had acknowledged then, if it says so in the frame with which the request was whole."""
 
 
 class Talk:
