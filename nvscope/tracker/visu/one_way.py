@@ -14,7 +14,7 @@ import numpy as np
 from dissectors.batch import I64
 from dissectors.headers import ACK, SYN
 from dissectors.transport import SegmentBatch
-from nvscope.engine.runs import stable_order
+from nvscope.engine.runs import distinct, stable_order
 from nvscope.tracker.connections import Connections
 from nvscope.tracker.pieces import ORDER_BITS, Order
 from nvscope.tracker.segments import FAR, WRAP
@@ -45,15 +45,25 @@ class OneWay:
         self._connections, self._segments, self._first_frame = connections, segments, first_frame
 
     @cached_property
+    def _stream(self) -> I64:
+        """The stream of each segment, -1 of those of connections that nobody knows."""
+        return self._connections.streams_of(self._segments, np.zeros(len(self._segments), np.bool_))
+
+    @cached_property
     def _by_stream(self) -> tuple[I64, I64, I64]:
         """Return the streams of what acknowledges something and begins nothing, by stream; frames, and how far."""
         segments = self._segments
         places = np.flatnonzero((segments.flags & (ACK | SYN)) == ACK)
-        own = segments.take(places)
-        stream = self._connections.streams_of(own, np.zeros(len(own), np.bool_))
-        in_order = stable_order(stream, 2 * len(self._connections) + 1)
-        frame = own.row[in_order] + self._first_frame
-        return stream[in_order], frame, own.acknowledgement[in_order].astype(np.int64)
+        places = places[stable_order(self._stream[places], 2 * len(self._connections) + 1)]
+        frame = segments.row[places] + self._first_frame
+        return self._stream[places], frame, segments.acknowledgement[places].astype(np.int64)
+
+    def of_clients(self, connections: set[int]) -> list[int]:
+        """Return those of some connections, rising, whose client acknowledges something in the batch."""
+        if not connections:
+            return []
+        streams = distinct(self._by_stream[0])
+        return sorted(connections.intersection((streams[streams % 2 == 0] >> 1).tolist()))
 
     def more_than(self, acknowledged: int, stream: int, order: int) -> More:
         """Return what a stream's speaker acknowledges first, behind an order, that is more than so much."""
@@ -77,8 +87,7 @@ class OneWay:
         place = int(np.searchsorted(segments.row, row))
         if place == len(segments) or segments.row[place] != row or not segments.flags[place] & ACK:
             return UNKNOWN
-        own = self._connections.streams_of(segments.take(np.array([place])), np.zeros(1, np.bool_))
-        return int(segments.acknowledgement[place]) if own[0] == stream else UNKNOWN
+        return int(segments.acknowledgement[place]) if self._stream[place] == stream else UNKNOWN
 
 
 def more_bytes(acknowledged: int, before: int) -> int:

@@ -65,8 +65,10 @@ class Pairing:
             self._take(conversation, rows, run, peculiar, said)
             if conversation.waiting and not conversation.is_heard:
                 self._unheard.add(number)
-            elif conversation.closed is not None and conversation.waiting:
-                self._closed.add(number)
+            else:
+                self._unheard.discard(number)
+                if conversation.closed is not None and conversation.waiting:
+                    self._closed.add(number)
             self.left_out += conversation.left_out
             conversation.left_out = 0
         for number in sorted(self._closed):
@@ -74,10 +76,10 @@ class Pairing:
             self._leave(conversation, NEVER)
             if not conversation.waiting:
                 self._closed.discard(number)
-        for number in sorted(self._unheard):
+        for number in self._one_way.of_clients(self._unheard):
             conversation = self._conversations[number]
             self._miss(conversation, NEVER)
-            if conversation.is_heard or not conversation.waiting:
+            if not conversation.waiting:
                 self._unheard.discard(number)
         said.append(self._said())
         return said
