@@ -221,6 +221,11 @@ class Chunks:
             at = line
             self._at = at - start
 
+    def whole_up_to(self, data: bytes, start: int, stop: int) -> bytes | None:
+        """Return the content of the chunks of a body that goes up to ``stop``; None where one of them is not whole."""
+        self.read(data, start, stop)
+        return b"".join(self._parts) if self._trailers_at >= 0 or start + self._at == stop else None
+
     def so_far(self, data: bytes) -> bytes:
         """Return the content that was found, in the same data as ``read`` found it last."""
         return b"".join([*self._parts, data[self._begun]])

@@ -273,6 +273,12 @@ def read_reply(request: Request, body: bytes) -> Reply:
     return Reply(Answer.DONE if not surplus else Answer.MISCOUNTED, values)
 
 
+def is_like_reply(body: bytes) -> bool:
+    """Tell whether a body is parted as those of replies are, whatever was asked for."""
+    tidy = body.strip(b"\r\n")
+    return len(tidy) > 1 and tidy.startswith(b"|") and tidy.endswith(b"|")
+
+
 def fields_in_reply(body: bytes) -> int:
     """Return how many fields the reply to a read has."""
     tidy = body.strip(b"\r\n")

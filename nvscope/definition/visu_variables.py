@@ -12,11 +12,12 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from dissectors.webvisu import MOST_ADDRESS_CHARACTERS, TYPES, Place
-from nvscope.definition.source import read_source
+from nvscope.definition.source import DefinitionError, read_source
 from nvscope.definition.xml_tree import Element, read_xml
 from nvscope.errors import ConfigurationError
 
 MOST_VARIABLES = 100_000
+_MOST_WHY = 200
 """So many of a file are read."""
 
 _PLACE = re.compile(r"\s*(\d{1,10})\s*,\s*(\d{1,10})\s*,\s*(\d{1,10})\s*,\s*(\d{1,10})\s*\Z")
@@ -31,13 +32,15 @@ class VisuVariables:
     """The variables of a list: their names by where they lie.
 
     ``listed`` are all of them in the order of the file, also several names of one place. ``stamp`` is what the file
-    says of its time, '' where it says nothing; ``left_out`` how many there was no room for.
+    says of its time, '' where it says nothing; ``left_out`` how many there was no room for. ``unread`` is why it cannot
+    be read, '' where it can; it may not be printable.
     """
 
     names: Mapping[Place, str] = field(default_factory=dict)
     stamp: str = ""
     left_out: int = 0
     listed: Sequence[tuple[str, Place]] = ()
+    unread: str = ""
 
 
 def read_visu_variables(path: str, content: bytes | None = None) -> VisuVariables:
@@ -63,11 +66,12 @@ def read_visu_variables(path: str, content: bytes | None = None) -> VisuVariable
 
 
 def variables_in(content: bytes) -> VisuVariables:
-    """Return the variables of a file as it came over the network; none where it cannot be read."""
+    """Return the variables of a file as it came over the network; none, and why, where it cannot be read."""
     try:
         return read_visu_variables("variable list", content)
-    except ConfigurationError:
-        return VisuVariables()
+    except ConfigurationError as error:
+        line = error.position.line if isinstance(error, DefinitionError) else 0
+        return VisuVariables(unread=f"{f'line {line}: ' if line else ''}{error.what}"[:_MOST_WHY])
 
 
 def _listed(root: Element) -> Iterator[tuple[str, Place]]:

@@ -157,8 +157,12 @@ def remarks(document: Document) -> Iterator[str]:
         verb = "is" if hidden == 1 else "are"
         yield f"{count_of(hidden, 'value')} {verb} hidden that may be a password; --show-secrets shows it"
     for one in document["exchanges"]:
-        if one["purpose"] == "list" and one["ended"] == "replied" and one["status"] != 200 and document["lists"]:
+        if one["purpose"] != "list" or one["ended"] != "replied" or not document["lists"]:
+            continue
+        if one["status"] != 200:
             yield f"{one['path']}: HTTP status {one['status']}"
+        elif one["why"]:
+            yield f"{one['path']} {_why_unread(one)}; names are missing, and nobody knows what is a password"
     for one in document["lists"]:
         if one["left_out"]:
             yield f"{one['source']}: {count_of(one['left_out'], 'variable')} more were left out"
@@ -266,10 +270,15 @@ def _no_page(document: Document) -> tuple[str, str]:
 
 def _no_list(document: Document) -> tuple[str, str]:
     told = ", ".join(
-        f"{one['path']} ({one['status'] if one['status'] != 200 else 'no variables'})"
+        f"{one['path']} ({_why_unread(one) if one['status'] == 200 else one['status']})"
         for one in document["exchanges"] if one["purpose"] == "list"
     )  # fmt: skip
     return f"no variable list is beside the page: {told}", "name one with --page, or a file with --variables"
+
+
+def _why_unread(exchange: Mapping[str, Any]) -> str:
+    """Return why nothing is known by a list that came."""
+    return f"cannot be read: {exchange['why'].rstrip('.')}" if exchange["why"] else "no variables"
 
 
 def _silent(document: Document) -> tuple[str, str]:

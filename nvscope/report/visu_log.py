@@ -34,7 +34,9 @@ def _outcome(row: Mapping[str, Any]) -> Iterator[Cell]:
     if not row["touched"]:
         target = f"{row['method']} {_short(row['target'])}  ".lstrip()
         yield Cell(target if target.strip() else "")
-        told = {"file": f"{row['status']}", "not_found": "✗ 404 not found"}.get(result, f"✗ {row['status']} malformed")
+        told = {"file": f"{row['status']}", "not_found": "✗ 404 not found"}.get(
+            result, f"✗ {row['status']} malformed: {_short(row['why'])}"
+        )  # fmt: skip
         yield Cell(told, Tone.PLAIN if result == "file" else Tone.ERROR)
         return
     yield Cell("write " if row["writes"] else "read  ")

@@ -139,14 +139,16 @@ def test_nothing_is_sent_but_by_what_is_to_be_sent(tmp_path: Path) -> None:
 LISTED = "<visualisation><time-stamp>{stamp}</time-stamp><variablelist>{rows}</variablelist></visualisation>"
 
 
-def listing(content: bytes) -> Answering:
-    """A controller with this list, whose variables are all 5."""
+def listing(content: bytes, system: bytes | None = None) -> Answering:
+    """A controller with this list, whose variables are all 5, and with one of the system where that is given."""
 
     def answering(connection: socket.socket, request: HttpRequest, _: int) -> None:
         if request.method == "POST":
             connection.sendall(replied(b"|5" * request.body.count(b"|4|") + b"|"))
         elif request.target.endswith("plc_visu.xml"):
             connection.sendall(replied(content))
+        elif request.target.endswith("visu_ini.xml") and system is not None:
+            connection.sendall(replied(system))
         else:
             connection.sendall(replied(b"", "200 OK" if request.target == PAGE else "404 Not Found"))
 
@@ -169,19 +171,32 @@ OUTSIDE = b"""<!DOCTYPE v [<!ENTITY x SYSTEM "file:///etc/passwd">]><visualisati
 <variable name="&x;">4,0,2,1</variable></variablelist></visualisation>"""
 
 
+UNREAD, NONE = "cannot be read: .+", "no variables"
+
+
 @pytest.mark.parametrize(
-    "content",
+    ("content", "why"),
     [
-        b"", b"<html></html>", b"\xff\xfe" * 100, b"<visualisation><variablelist>", BOMB, OUTSIDE,
-        b"<a>" * 100_000, named(("a", "4,0,2")), named(("a", "4,0,2,x")), named(("", "4,0,2,1")),
+        (b"", UNREAD), (b"<html></html>", UNREAD), (b"\xff\xfe" * 100, UNREAD),
+        (b"<visualisation><variablelist>", UNREAD), (BOMB, UNREAD), (OUTSIDE, UNREAD), (b"<a>" * 100_000, UNREAD),
+        (named(("a", "4,0,2")), NONE), (named(("a", "4,0,2,x")), NONE), (named(("", "4,0,2,1")), NONE),
     ],
     ids=["nothing", "page", "binary", "cut", "bomb", "outside", "deep", "three numbers", "no numbers", "no name"],
 )  # fmt: skip
-def test_what_is_no_list_is_told(content: bytes) -> None:
+def test_what_is_no_list_is_told(content: bytes, why: str) -> None:
     with peer(listing(content)) as one:
         done = asked(one, "list")
-    told = "no variable list is beside the page: /plc/plc_visu.xml (no variables), /plc/visu_ini.xml (404)\n"
-    assert (done.returncode, done.stdout, told in done.stderr) == (1, "", True), done.stderr
+    told = rf"no variable list is beside the page: /plc/plc_visu.xml \({why}\), /plc/visu_ini.xml \(404\)\n"
+    assert (done.returncode, done.stdout) == (1, "")
+    assert re.search(told, done.stderr), done.stderr
+
+
+def test_a_list_beside_others_that_cannot_be_read_is_told() -> None:
+    with peer(listing(named(("PLC_PRG.a", "4,0,2,1")), b"<visu-ini-file>\n<\x1b")) as one:
+        done = asked(one, "list")
+    assert done.returncode == 0
+    assert re.search(r"/plc/visu_ini.xml cannot be read: line 2: .*; names are missing, and nobody", done.stderr)
+    assert "\x1b" not in done.stderr
 
 
 def test_a_list_cannot_write_to_the_terminal() -> None:

@@ -68,12 +68,14 @@ def test_it_answers_tells_and_ends_in_order(tmp_path: Path, number: int) -> None
     bodies = (
         b"|0|2|0|4|0|4|6|1|4|4|6|8|", b"|1|1|0|4|0|4|6|0.5|", b"|1|1|0|4|10|2|1|9|", b"|1|1|0|4|12|2|1|9|",
         b"|0|1|0|4|14|2|1|", b"|0|1|0|4|16|2|1|", b"|0|1|0|4|20|41|8|", b"|1|1|0|4|20|41|8|neues|",
-        b"|0|9|0|4|99|2|1|", b"|0|",
+        b"|0|9|0|4|99|2|1|", b"|0|0|", b"|1|2|0|4|20|41|8|neues|", b"|0|",
     )  # fmt: skip
     with serving(tmp_path) as one:
         assert one.first.startswith(f"nvscope: {tmp_path}/t.toml: 7 variables at ")
         for body in bodies:
             asked(one.port, post(body))
+        asked(one.port, b"GET /plc/WRITEPI?ADR=MX1%1b&VALUE=geheim HTTP/1.1\r\n\r\n")
+        asked(one.port, b"GET /plc/webvisu.htm?ReadPI?FORMAT=%d HTTP/1.1\r\n\r\n")
         asked(one.port, b"GET /\x1b[31m HTTP/1.1\r\n\r\n")
         asked(one.port, b"GET /plc/visu_ini.xml HTTP/1.1\r\n\r\n")
         asked(one.port, b"\x1b[2Jx\r\n")
@@ -91,12 +93,16 @@ def test_it_answers_tells_and_ends_in_order(tmp_path: Path, number: int) -> None
         "read  .CurrentPassword = (hidden)",
         "write .CurrentPassword  (hidden) → (hidden)",
         "read  4,99,2,1 = ???  ! declares 9",
-        f"POST {PAGE}  ✗ 400 malformed",
+        f"POST {PAGE}  ✗ 400 malformed: it asks for no variable",
+        f"POST {PAGE}  ✗ 400 malformed: it declares 2 variables and has 1",
+        f"POST {PAGE}  ✗ 400 malformed: no request of a WebVisu page",
+        "GET /plc/WRITEPI  ✗ 400 malformed: MX1\\x1b is no address such as MW230",
+        "GET /plc/webvisu.htm?ReadPI  ✗ 400 malformed: it names no address (ADR)",
         "GET /\\x1b[31m  ✗ 404 not found",
         "GET /plc/visu_ini.xml  200",
-        "✗ 400 malformed",
+        "✗ 400 malformed: no request",
     ]
-    told = "13 requests, 6 answered, 1 for files, 2 refused, 1 not found, 2 malformed, 1 dropped"
+    told = "17 requests, 6 answered, 1 for files, 2 refused, 1 not found, 6 malformed, 1 dropped"
     assert summary == f"nvscope: {told}.\n"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from dissectors.webvisu import Entry, Request, fields_in_reply, read_reply
@@ -59,6 +60,8 @@ class VisuClient:
                 found = variables_in(asked.exchange.body)
                 if found.listed:
                     lists.append((self._link.url.text(path), found))
+                elif found.unread:
+                    self._asked[-1] = Asked("list", replace(asked.exchange, why=found.unread))
             elif asked.verdict in _OF_LISTS:
                 return asked.verdict
         self.known = known_of(lists)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from xml.sax.saxutils import quoteattr
 
@@ -12,10 +12,11 @@ from dissectors.webvisu import STRING, UNREADABLE, Place, Request, read_request
 from dissectors.webvisu import Entry as AskedEntry
 from nvscope.plc.visu.http_reply import reply
 from nvscope.plc.visu.http_request import Flaw, HttpRequest
-from nvscope.plc.visu.query import Bytes, formatted, is_query, page_query
+from nvscope.plc.visu.query import Bytes, formatted, is_query, name_of_query, page_query, why_no_query
 from nvscope.plc.visu.table import Entry, ServedTable
 from nvscope.plc.visu.url import beside
 from nvscope.plc.visu.value import shown
+from nvscope.units import count_of
 
 _HTML, _XML, _TEXT = "text/html", "text/xml", "text/plain"
 _PAGE = b"<html><head><title>WebVisu</title></head><body></body></html>\n"
@@ -60,7 +61,8 @@ class Touched:
 class Handled:
     """A request and what became of it: the bytes that are sent ``delay_ns`` later, and whether that ends it.
 
-    ``status`` is 0 where nothing is answered. ``declared`` is how many variables it says it is about.
+    ``status`` is 0 where nothing is answered. ``declared`` is how many variables it says it is about. ``why`` is
+    what is wrong with one that is malformed; it may not be printable.
     """
 
     result: Result
@@ -73,6 +75,7 @@ class Handled:
     writes: bool = False
     declared: int = 0
     touched: Sequence[Touched] = ()
+    why: str = ""
 
 
 Now = Callable[[Place], str | None]
@@ -119,7 +122,8 @@ class Controller:
         if query is not None and query.asked.entries:
             return self._asked(request, query.asked, query.formats)
         if is_query(request.target):
-            return self._plain(Result.MALFORMED, request, 400, "no address that can be asked for")
+            why, request = why_no_query(request.target), replace(request, target=name_of_query(request.target))
+            return replace(self._plain(Result.MALFORMED, request, 400, "no address that can be asked for"), why=why)
         found = self._files.get(request.target.partition("?")[0])
         if found is None:
             return self._plain(Result.NOT_FOUND, request, 404, "no such file")
@@ -131,7 +135,8 @@ class Controller:
         asked = read_request(request.body)
         # Who counts wrong in a read gets what he names, as controllers do; nothing is written by guess.
         if asked is None or not asked.entries or asked.ambiguous or (asked.writes and asked.is_miscounted):
-            return self._plain(Result.MALFORMED, request, 400, "no request of a WebVisu page")
+            handled = self._plain(Result.MALFORMED, request, 400, "no request of a WebVisu page")
+            return handled if asked is None else replace(handled, why=_why_not_answered(asked))
         return self._asked(request, asked)
 
     def _asked(self, request: HttpRequest, asked: Request, formats: Sequence[str] = ()) -> Handled:
@@ -204,7 +209,8 @@ class Controller:
         )  # fmt: skip
 
     def _plain(self, result: Result, request: HttpRequest, status: int, text: str) -> Handled:
-        return self._handled(result, request, status, f"{text}\n".encode("ascii"), _TEXT)
+        handled = self._handled(result, request, status, f"{text}\n".encode("ascii"), _TEXT)
+        return replace(handled, why=text)
 
     def _handled(
         self, result: Result, request: HttpRequest, status: int, content: bytes, kind: str, *, delay_ns: int = 0,
@@ -216,6 +222,14 @@ class Controller:
         return Handled(
             result, request.method, request.target, status, sent, closes, delay_ns, writes, declared, touched
         )  # fmt: skip
+
+
+def _why_not_answered(asked: Request) -> str:
+    if not asked.entries:
+        return "it asks for no variable"
+    if asked.ambiguous:
+        return "a | in its texts: nobody knows what belongs to which"
+    return f"it declares {count_of(asked.declared, 'variable')} and has {len(asked.entries)}"
 
 
 def _places(entries: Iterable[AskedEntry]) -> list[Place]:

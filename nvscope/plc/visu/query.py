@@ -44,6 +44,21 @@ def is_query(target: str) -> bool:
     return read_query(target) is not None
 
 
+def name_of_query(target: str) -> str:
+    """Return such a URL up to READPI or WRITEPI: what follows may hold a password that was to be written."""
+    name, _ = query_parts(target) or ("", ())
+    return target[: target.upper().find(f"{name}?") + len(name)]
+
+
+def why_no_query(target: str) -> str:
+    """Return why nothing can be asked for by such a URL; it may not be printable."""
+    found = read_query(target)
+    if found is None or not found.entries:
+        return "it names no address (ADR)"
+    wrong = [one.address for one in found.entries if direct_place(one.address) is None]
+    return f"{wrong[0] or 'nothing'} is no address such as MW230" if wrong else "GET alone asks for variables"
+
+
 def page_query(target: str, by_bytes: Mapping[Bytes, Place]) -> Query | None:
     """Return what a URL asks for, None where it asks for nothing, or names an address that is none.
 

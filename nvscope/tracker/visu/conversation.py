@@ -17,15 +17,20 @@ from nvscope.tracker.visu.asking import NOTHING, Ask
 from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.limits import MOST_WAITING
 from nvscope.tracker.visu.messages import Kind
+from nvscope.tracker.visu.one_way import UNKNOWN
 
 
 class Waiting(NamedTuple):
-    """A request that nobody has answered: what it asks for, its order, and when it had arrived."""
+    """A request that nobody has answered: what it asks for, its order, and when it had arrived.
+
+    ``acknowledged`` is up to where its client had the server's bytes then, where none of these was captured; else -1.
+    """
 
     asked: Ask
     order: int
     arrival_ns: int
     is_head: bool = False
+    acknowledged: int = UNKNOWN
 
 
 class Closed(NamedTuple):
@@ -55,7 +60,9 @@ class Conversation:
 
     ``beyond`` requests wait behind those that are ``waiting``: nobody remembers what they ask for. ``left_out`` are
     those of WebVisu pages of which that has not been told yet. ``closed`` is when the client closed its side: what
-    waits then may still be answered. ``is_heard``: something that the server sent was captured.
+    waits then may still be answered. ``is_heard``: something that the server sent was captured, ``is_spoken``: the same
+    of the client. ``acknowledged`` is up to where the server had the client's bytes, while none of them was captured,
+    or -1.
     """
 
     connection: int
@@ -66,6 +73,8 @@ class Conversation:
     gap_bytes: int = 0
     closed: Closed | None = None
     is_heard: bool = False
+    is_spoken: bool = False
+    acknowledged: int = UNKNOWN
 
     def take_from_client(
         self, form: Form, asked: Ask, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
@@ -86,6 +95,7 @@ class Conversation:
                 self.closed = Closed(order, arrival_ns)
         else:
             self._take_other(form, order, tell)
+        self.is_spoken |= form.what is not What.END
 
     def _is_of_page(self, form: Form) -> bool:
         """Tell whether what is not whole is a request of a page: what says nothing of itself, where others were."""
@@ -136,6 +146,24 @@ class Conversation:
         elif form.what is not What.ANEW:
             self._take_other(form, order, tell)
 
+    def note_acknowledged(self, acknowledged: int) -> None:
+        """Note up to where the client has the server's bytes, none of which was captured, with its last request."""
+        self.waiting[-1] = self.waiting[-1]._replace(acknowledged=acknowledged)
+
+    def miss_reply(self, order: int, size: int, tell: Callable[[Happened], None]) -> None:
+        """Take that the server has sent bytes that were not captured: the reply to the first request is among them."""
+        self._miss(order, size, tell)
+        self._tell_answer(Kind.CUT, self.waiting[0], order, 0, -1, tell)
+        self._forget_waiting()
+
+    def miss_request(self, order: int, size: int, tell: Callable[[Happened], None]) -> None:
+        """Take that the client has sent bytes that were not captured, a request of a page among them."""
+        self._miss(order, size, tell)
+        self._tell_request(Kind.CUT, NOTHING, order, -1, tell)
+
+    def _miss(self, order: int, size: int, tell: Callable[[Happened], None]) -> None:
+        self._take_other(Form(What.GAP, missing_bytes=size), order, tell)
+
     def give_up(self, order: int, tell: Callable[[Happened], None]) -> None:
         """Take that the client, which has closed its side, waits for nothing any more."""
         assert self.closed is not None
@@ -170,7 +198,8 @@ class Conversation:
     def _take_other(self, form: Form, order: int, tell: Callable[[Happened], None]) -> None:
         if form.what is What.ANEW:
             self._forget_waiting()
-            self.is_visu, self.gap_bytes, self.closed, self.is_heard = False, 0, None, False
+            self.is_visu, self.gap_bytes, self.closed = False, 0, None
+            self.is_heard, self.is_spoken, self.acknowledged = False, False, UNKNOWN
         elif form.what is What.GAP:
             if self.is_visu:
                 tell(Happened(Kind.GAP, self.connection, order, -1, NOTHING, 0, 0, form.missing_bytes, False))

@@ -27,9 +27,11 @@ from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.limits import MOST_PAIRS, MOST_POLLED, Beyond
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages, no_messages
 from nvscope.tracker.visu.names import ListFlaw, Names
+from nvscope.tracker.visu.one_way import OneWay
 from nvscope.tracker.visu.outcomes import outcomes
 from nvscope.tracker.visu.pairing import Pairing
 from nvscope.tracker.visu.plain_exchanges import AskedFor, Said, plain_rows
+from nvscope.tracker.visu.waiting_requests import Waiting
 from nvscope.tracker.visu.whole_connections import take_whole
 
 if TYPE_CHECKING:
@@ -50,6 +52,8 @@ class Exchanges:
         self._conversations: dict[int, Conversation] = {}
         # Those whose client has closed its side while its requests waited.
         self._closed: set[int] = set()
+        # Those in which requests wait, and of whose server nothing was captured.
+        self._unheard: set[int] = set()
         self._names = Names(given)
         self._read_ns: dict[tuple[int, Ask], int] = {}
         self._left_out: Counter[Beyond] = Counter()
@@ -59,12 +63,14 @@ class Exchanges:
         """Forget what waits for a reply, and when something was read."""
         self._conversations.clear()
         self._closed.clear()
+        self._unheard.clear()
         self._read_ns.clear()
 
     def keep(self, numbers: Mapping[int, int], *, only_ended: bool) -> None:
         """Forget all connections but some, which are numbered anew; ``only_ended``: the others have all ended."""
         conversations, self._conversations = self._conversations, {}
         self._closed = {numbers[one] for one in self._closed if one in numbers}
+        self._unheard = {numbers[one] for one in self._unheard if one in numbers}
         for number, conversation in conversations.items():
             if number in numbers:
                 conversation.connection = numbers[number]
@@ -72,25 +78,30 @@ class Exchanges:
             elif not only_ended and conversation.is_visu:
                 self._left_out[Beyond.CONNECTION] += 1
 
-    def heads_that_wait(self, connection: int) -> list[bool]:
-        """Return of the requests of a connection that wait for a reply whether they are HEAD."""
+    def waiting(self, connection: int) -> Waiting:
+        """Return the requests of a connection that wait for a reply."""
         conversation = self._conversations.get(connection)
-        return [] if conversation is None else [one.is_head for one in conversation.waiting]
+        if conversation is None:
+            return Waiting()
+        return Waiting([one.is_head for one in conversation.waiting], conversation.beyond)
 
     def take(
         self, http: HttpMessages, packets: PacketBatch, segments: SegmentBatch, first_frame: int
     ) -> VisuBatch:  # fmt: skip
         """Return what the HTTP messages of a batch say of WebVisu; ``first_frame`` is that of its row 0."""
         self._left_out[Beyond.HELD] += http.given_up
-        if not (len(http) or self._closed):
+        if not (len(http) or self._closed or self._unheard):
             return no_messages()
         asked_for = AskedFor(NOTHING)
         asked = self._asked(http, asked_for)
         is_plain = plain_rows(http, asked, asked_for.asks)
-        taken, whole = take_whole(http, is_plain, asked, asked_for, self._conversations, self._closed)
+        taken, whole = take_whole(http, is_plain, asked, asked_for, self._conversations, self._closed | self._unheard)
         spoken = _spoken(http)[http.form]
         going_on = GoingOn(self._connections, packets, segments, first_frame)
-        pairing = Pairing(http, is_plain, asked, asked_for, self._conversations, going_on, self._closed)
+        one_way = OneWay(self._connections, segments, first_frame)
+        pairing = Pairing(
+            http, is_plain, asked, asked_for, self._conversations, going_on, self._closed, one_way, self._unheard
+        )  # fmt: skip
         said = Said.stacked([whole, _others(http, asked, spoken), *pairing.pair(np.flatnonzero(~taken))])
         self._left_out[Beyond.WAITING] += pairing.left_out
         # Several may be given up with one frame; then those of the older connection come first.

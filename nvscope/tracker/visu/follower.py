@@ -30,7 +30,7 @@ class VisuFollower:
     def follow(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> VisuBatch:
         """Return what the segments of a batch bring, which follows those before; its row 0 is frame ``first_frame``."""
         brought = self._streams.observe(packets, segments, first_frame)
-        messages = self._http.read(packets.data, brought, self._exchanges.heads_that_wait)
+        messages = self._http.read(packets.data, brought, self._exchanges.waiting)
         told = self._exchanges.take(messages, packets, segments, first_frame)
         outlived = self._streams.outlived()
         if outlived is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -64,7 +65,8 @@ class Forms:
     ``at`` is where the body of a message begins, of what has none where the stream is; below 0, ``~at`` is a piece.
     ``form`` is a place in ``forms``, of which ``body_bytes`` are known by place. ``known`` are the heads by side of
     which nothing more is to be known to read a message. ``late`` is up to where one had to read to find some, by place
-    in ``at``: those that lie in what was taken for another message at first.
+    in ``at``: those that lie in what was taken for another message at first. ``arrived_ns`` is when some had
+    come that ended only later, by place in ``at``, too.
     """
 
     BEGIN, END, ANEW, BROKEN_BY_CLIENT, BROKEN_BY_SERVER = range(5)
@@ -73,6 +75,7 @@ class Forms:
         self.at: list[int] = []
         self.form: list[int] = []
         self.late: dict[int, int] = {}
+        self.arrived_ns: dict[int, int] = {}
         self._clear()
 
     def _clear(self) -> None:
@@ -85,7 +88,7 @@ class Forms:
 
     def renew(self) -> None:
         """Forget what was found, and all forms where there are too many."""
-        self.at, self.form, self.late = [], [], {}
+        self.at, self.form, self.late, self.arrived_ns = [], [], {}, {}
         if len(self.forms) > _MOST_FORMS:
             self._clear()
 
@@ -101,6 +104,16 @@ class Forms:
         self.forms.append(form)
         self.body_bytes.append(form.body_bytes)
         return len(self.forms) - 1
+
+    def put_first(self, begin: int, first: Sequence[int]) -> None:
+        """Put some of what was found, by place and rising, in front of all else from the place ``begin`` on."""
+        moves = set(first)
+        order = [*first, *(place for place in range(begin, len(self.at)) if place not in moves)]
+        self.at[begin:] = [self.at[place] for place in order]
+        self.form[begin:] = [self.form[place] for place in order]
+        now = {old: new for new, old in enumerate(order, begin)}
+        for column in (self.late, self.arrived_ns):
+            column.update([(now[place], column.pop(place)) for place in order if place in column])
 
     def tell(self, at: int, form: Form) -> None:
         """Note that something was found."""

@@ -5,27 +5,29 @@ A message may lie in any number of segments and batches, and a segment may hold 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from dissectors.batch import I64, U8, Bool
+from dissectors.batch import I64, U8
 from dissectors.http import Side
 from nvscope.engine.runs import runs_of
-from nvscope.tracker.pieces import ANEW, IN_STEP, Brought, PieceKind
-from nvscope.tracker.visu.head_requests import HeadRequests
+from nvscope.tracker.pieces import ANEW, Brought, PieceKind, Pieces
+from nvscope.tracker.visu.both_directions import BothDirections, Run
 from nvscope.tracker.visu.http_forms import Form, Forms
 from nvscope.tracker.visu.http_reader import END_OF_HEAD, HttpReader
+from nvscope.tracker.visu.http_runs import Controls, are_short, read_run, take_control
 from nvscope.tracker.visu.limits import MOST_HELD_BYTES
-
-_BEHIND_ALL = 1 << 62
+from nvscope.tracker.visu.waiting_requests import Waiting, WaitingRequests
 
 
 @dataclass(frozen=True, slots=True)
 class HttpMessages:
     """What happened in the streams of a batch, by stream, and in each in its order; columns of int64, shape (n,).
 
+    A request that ends where it is answered, since it does not say how long it is, stands in front of what answers it.
     ``form`` is a place in ``forms``. Of a message whose content is as it came, that begins at ``start`` in ``data``.
     ``order`` and ``arrival_ns`` are those of the piece that made it whole (``nvscope.tracker.pieces``). ``given_up`` is
     how many messages had begun for which there was no room.
@@ -63,6 +65,8 @@ class HttpStreams:
         self._found = Forms()
         # Connections, and those between the same ends before, in which the client has sent HEAD.
         self._with_head: set[int] = set()
+        # Connections whose client has begun a request that does not say how long it is.
+        self._open: set[int] = set()
         self._most_held_bytes = most_held_bytes
         self._held_bytes = 0
 
@@ -70,6 +74,7 @@ class HttpStreams:
         """Forget where all streams are."""
         self._readers.clear()
         self._with_head.clear()
+        self._open.clear()
         self._held_bytes = 0
 
     def keep(self, numbers: Mapping[int, int]) -> None:
@@ -80,63 +85,137 @@ class HttpStreams:
             if number is not None:
                 self._readers[2 * number + (stream & 1)] = reader
         self._with_head = {numbers[one] for one in self._with_head if one in numbers}
+        self._open = {numbers[one] for one in self._open if one in numbers}
         self._held_bytes = sum(len(reader.rest) for reader in self._readers.values())
 
-    def read(self, buffer: U8, brought: Brought, waiting_of: Callable[[int], Iterable[bool]]) -> HttpMessages:
+    def read(self, buffer: U8, brought: Brought, waiting_of: Callable[[int], Waiting]) -> HttpMessages:
         """Return what happens in the streams by the pieces of a batch; ``buffer`` is that of its packets.
 
-        ``waiting_of`` tells of the requests of a connection that wait before the batch whether they are HEAD.
+        ``waiting_of`` tells which requests of a connection wait before the batch.
         """
         pieces, found = brought.pieces, self._found
         found.renew()
         data, ends = self._joined(buffer, brought)
         run_start, run_stop = runs_of(pieces.stream)
         runs = run_start.tolist(), run_stop.tolist()
-        controls = _Controls.of(brought, ends)
+        controls = Controls.of(brought, ends)
         behind = [0, *ends[run_stop - 1].tolist()]
-        is_short = _are_short(brought, run_start, run_stop).tolist()
-        counts: list[int] = []
+        is_short = are_short(brought, run_start, run_stop).tolist()
+        streams: list[int] = pieces.stream[run_start].tolist()
+        told, counts = streams.copy(), list[int]()
         asking, breaks, given_up = -1, list[int](), 0
-        for place, (stream, start, stop) in enumerate(zip(pieces.stream[run_start].tolist(), *runs, strict=True)):
+        paused: Run | None = None
+        for place, (stream, start, stop) in enumerate(zip(streams, *runs, strict=True)):
             before = len(found.at)
             if stream >> 1 != asking:
                 self._forget_requests(asking, breaks)
                 breaks = []
+                if stream & 1 and self._open and stream >> 1 in self._open:
+                    left = self._readers[stream - 1]
+                    paused = Run(left, left.rest, 0, 0, 0)
+                    self._held_bytes -= len(left.rest)
+                    told.insert(len(counts), stream - 1)
+                    counts.append(0)
+            if paused is not None:
+                server = Run(self._reader(stream), data, behind[place], start, stop)
+                self._held_bytes -= len(server.reader.rest)
+                both = BothDirections(paused, server, pieces, ends, found, partial(self._places, ends))
+                of_client = both.read(waiting_of(stream >> 1), before - counts[-1])
+                given_up += self._leave_both(stream >> 1, (paused, server), pieces, both.ended)
+                counts[-1] += of_client
+                begin = before + of_client
+                for end in both.ended:
+                    told[len(counts) : len(counts)] = [stream, stream - 1]
+                    counts += [end - begin, 1]
+                    begin = end + 1
+                counts.append(len(found.at) - begin)
+                controls.pass_over(stop)
+                asking, paused = stream >> 1, None
+                continue
             if is_short[place] and not breaks and self._read_short(stream, data, behind[place : place + 2], controls):
                 asking = stream >> 1
                 counts.append(len(found.at) - before)
                 continue
-            reader = self._readers.get(stream)
-            if reader is None:
-                reader = self._readers[stream] = HttpReader(Side(stream & 1))
+            reader = self._reader(stream)
             if stream & 1 and stream >> 1 in self._with_head:
                 first = before if asking != stream >> 1 else before - counts[-1]
                 reader.requests = self._requests(brought, ends, slice(first, before), waiting_of(stream >> 1))
             asking = stream >> 1
             self._held_bytes -= len(reader.rest)
+            first_new = behind[place] + len(reader.rest)
+            reader.pauses = not stream & 1 and place + 1 < len(streams) and streams[place + 1] == stream + 1
             if breaks:
                 self._follow(reader, data, brought, ends, (start, stop, behind[place]), breaks)
                 controls.pass_over(stop)
                 breaks = []
             else:
-                _read(reader, data, (start, stop, behind[place], behind[place + 1]), controls, found)
+                paused_at = read_run(reader, data, (start, stop, behind[place], behind[place + 1]), controls, found)
+                if paused_at >= 0:
+                    paused = Run(reader, data, behind[place], start, stop)
+                    paused.pause(paused_at, first_new, ends)
+                    controls.pass_over(stop)
+                    counts.append(len(found.at) - before)
+                    continue
             if controls.ends_with(stop):
                 del self._readers[stream]
-            if self._held_bytes + len(reader.rest) > self._most_held_bytes and reader.rest:
-                reader.give_up(~(stop - 1), found)
-                given_up += 1
-            self._held_bytes += len(reader.rest)
+            given_up += self._hold(reader, stop)
             if reader.side is Side.CLIENT:
                 if reader.asks_head:
                     self._with_head.add(stream >> 1)
                 if reader.breaks:
                     breaks = self._orders(brought, ends, reader.breaks)
+                self._note_open(stream >> 1, reader, int(pieces.arrival_ns[stop - 1]))
             reader.breaks = []
             counts.append(len(found.at) - before)
         self._forget_requests(asking, breaks)
-        return self._told(data, brought, ends, np.repeat(pieces.stream[run_start], counts), given_up)
+        return self._told(data, brought, ends, np.repeat(np.array(told, np.int64), counts), given_up)
 
-    def _read_short(self, stream: int, data: bytes, within: Sequence[int], controls: _Controls) -> bool:
+    def _reader(self, stream: int) -> HttpReader:
+        reader = self._readers.get(stream)
+        if reader is None:
+            reader = self._readers[stream] = HttpReader(Side(stream & 1))
+        return reader
+
+    def _hold(self, reader: HttpReader, stop: int) -> bool:
+        """Hold what a reader has left in front of a piece; return whether there was no room for it."""
+        is_beyond = len(reader.rest) > 0 and self._held_bytes + len(reader.rest) > self._most_held_bytes
+        if is_beyond:
+            reader.give_up(~(stop - 1), self._found)
+        self._held_bytes += len(reader.rest)
+        return is_beyond
+
+    def _note_open(self, connection: int, reader: HttpReader, arrived_ns: int) -> None:
+        """Note whether what a client has begun does not say how long it is."""
+        if reader.open is not None:
+            reader.arrived_ns = arrived_ns
+            self._open.add(connection)
+        elif self._open:
+            self._open.discard(connection)
+
+    def _leave_both(self, connection: int, runs: tuple[Run, Run], pieces: Pieces, of_client: list[int]) -> int:
+        """Leave both directions of a connection that were read up to here; return for how many there was no room.
+
+        Where there is none for what the client has begun, that is noted among the places ``of_client``.
+        """
+        given_up = 0
+        for run, stream in zip(runs, (2 * connection, 2 * connection + 1), strict=True):
+            if self._hold(run.reader, runs[1].stop):
+                given_up += 1
+                if not stream & 1:
+                    of_client.append(len(self._found.at) - 1)
+            if run.stop and pieces.kind[run.stop - 1] == int(PieceKind.END):
+                del self._readers[stream]
+            run.reader.breaks = []
+        client, server = runs
+        arrived_ns = int(pieces.arrival_ns[client.stop - 1]) if client.stop else client.reader.arrived_ns
+        self._note_open(connection, client.reader, arrived_ns)
+        if client.reader.asks_head:
+            self._with_head.add(connection)
+        else:
+            server.reader.requests = None
+        return given_up
+
+    def _read_short(self, stream: int, data: bytes, within: Sequence[int], controls: Controls) -> bool:
         """Read a stream that begins and ends in the batch; return False where it is not one message of a known form."""
         found = self._found
         begin, end = within
@@ -206,7 +285,7 @@ class HttpStreams:
                 reader.read(data, begin, end, found)
             if is_control:
                 begin = end
-                _take_control(reader, int(kind_of[place]), int(pieces.size[start + place]), ~(start + place), found)
+                take_control(reader, int(kind_of[place]), int(pieces.size[start + place]), ~(start + place), found)
             else:
                 begin = end - len(reader.rest)
                 reader.forget_request()
@@ -214,12 +293,12 @@ class HttpStreams:
         if end > begin and kind_of[-1] == int(PieceKind.DATA):
             reader.read(data, begin, end, found)
 
-    def _requests(self, brought: Brought, ends: I64, asked: slice, waiting: Iterable[bool]) -> HeadRequests:
+    def _requests(self, brought: Brought, ends: I64, asked: slice, waiting: Waiting) -> WaitingRequests:
         """Return the requests of a connection, of which some were found in this batch."""
         found, orders = self._found, brought.pieces.order
         places = self._places(ends, range(asked.start, asked.stop))
         forms = (found.forms[number] for number in found.form[asked])
-        return HeadRequests(waiting, zip(orders[places].tolist(), forms, strict=True), ends, orders)
+        return WaitingRequests(waiting, zip(orders[places].tolist(), forms, strict=True), ends, orders)
 
     def _places(self, ends: I64, which: Sequence[int]) -> I64:
         """Return the pieces with which some of what was found was there."""
@@ -244,84 +323,6 @@ class HttpStreams:
         at, form = np.array(found.at, np.int64), np.array(found.form, np.int64)
         piece = self._places(ends, range(len(at)))
         order, arrival_ns = pieces.order[piece], pieces.arrival_ns[piece]
+        if found.arrived_ns:
+            arrival_ns[list(found.arrived_ns)] = list(found.arrived_ns.values())
         return HttpMessages(data, found.forms, stream, form, at, order, arrival_ns, given_up)
-
-
-class _Controls:
-    """The pieces of a batch that are no data, in their order: what they are, and where the data before each ends."""
-
-    def __init__(self, places: list[int], kinds: list[int], sizes: list[int], ends: list[int]) -> None:
-        self._places, self._kinds, self._sizes, self._ends = places, kinds, sizes, ends
-        self._at = 0
-
-    @staticmethod
-    def of(brought: Brought, ends: I64) -> _Controls:
-        """Return those of a batch; ``ends`` are where pieces end in the data."""
-        pieces = brought.pieces
-        place = np.flatnonzero(pieces.kind != int(PieceKind.DATA))
-        columns = place, pieces.kind[place], pieces.size[place], ends[place - 1]
-        return _Controls(*(column.tolist() for column in columns))
-
-    def next_place(self) -> int:
-        """Return the place of the next one among all pieces, one behind all of them without any."""
-        return self._places[self._at] if self._at < len(self._places) else _BEHIND_ALL
-
-    def data_end(self) -> int:
-        """Return where the data before the next one ends."""
-        return self._ends[self._at]
-
-    def take(self) -> tuple[int, int, int]:
-        """Return kind, size and place of the next one, and go on to the one behind it."""
-        at = self._at
-        self._at += 1
-        return self._kinds[at], self._sizes[at], self._places[at]
-
-    def pass_over(self, stop: int) -> None:
-        """Go on to the first one that is not in front of a place."""
-        while self.next_place() < stop:
-            self._at += 1
-
-    def ends_with(self, stop: int) -> bool:
-        """Tell whether the piece in front of a place, up to which all were taken, is the end of its stream."""
-        at = self._at - 1
-        return at >= 0 and self._places[at] == stop - 1 and self._kinds[at] == PieceKind.END
-
-
-def _are_short(brought: Brought, start: I64, stop: I64) -> Bool:
-    """Tell which streams begin and end in a batch without anything missing; they are pieces from start to stop."""
-    kind = brought.pieces.kind
-    if not len(start):
-        return np.empty(0, np.bool_)
-    controls = np.add.reduceat(kind != int(PieceKind.DATA), start, dtype=np.int64)
-    in_step = (brought.pieces.size[start] & IN_STEP) > 0
-    short: Bool = controls == 2
-    short &= (kind[start] == int(PieceKind.BEGIN)) & in_step & (kind[stop - 1] == int(PieceKind.END))
-    return short
-
-
-def _read(
-    reader: HttpReader, data: bytes, run: tuple[int, int, int, int], controls: _Controls, found: Forms
-) -> None:  # fmt: skip
-    """Read the pieces of a stream from start to stop, whose data lies from begin to end."""
-    start, stop, begin, behind = run
-    while controls.next_place() < stop:
-        end = controls.data_end() if controls.next_place() > start else begin + len(reader.rest)
-        if end > begin:
-            reader.read(data, begin, end, found)
-        kind, size, place = controls.take()
-        _take_control(reader, kind, size, ~place, found)
-        begin = end
-    if behind > begin:
-        reader.read(data, begin, behind, found)
-
-
-def _take_control(reader: HttpReader, kind: int, size: int, at: int, found: Forms) -> None:
-    """Take a piece that is no data; ``at`` is its place in ``Forms.at``."""
-    if kind == PieceKind.HOLE:
-        reader.miss(size, at, found)
-    elif kind == PieceKind.BEGIN:
-        reader.begin(in_step=size & IN_STEP > 0)
-        found.at.append(at)
-        found.form.append(Forms.ANEW if size & ANEW else Forms.BEGIN)
-    else:
-        reader.end(at, found, Forms.end_of(size))

@@ -6,7 +6,7 @@ What is found, and up to which byte one has to read to find it, does not depend 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from dissectors import http
 from dissectors.http import MOST_BODY_BYTES, MOST_HEAD_BYTES, Body, Head, Side
@@ -15,7 +15,7 @@ from dissectors.webvisu import Likeness, likeness
 from nvscope.tracker.visu.http_forms import Form, Forms, What
 
 if TYPE_CHECKING:
-    from nvscope.tracker.visu.head_requests import HeadRequests
+    from nvscope.tracker.visu.waiting_requests import WaitingRequests
 
 _MOST_CHUNKED_BYTES = 2 * MOST_BODY_BYTES
 END_OF_HEAD = b"\r\n\r\n"
@@ -27,24 +27,34 @@ _DIFFERING = 4
 _AT_A_TIME = 16
 
 
+class OpenRequest(NamedTuple):
+    """A request that has begun and does not say how long it is: its head, and how many bytes that takes."""
+
+    head: Head
+    head_bytes: int
+
+
 class HttpReader:
     """One direction of a connection.
 
     ``rest`` are the bytes of the message that has begun; they stand in front of what is read next. ``asks_head``: the
     client has sent HEAD; then ``requests`` of the server's reader has to tell which responses answer that. ``breaks``
-    are the places in ``Forms.at`` at which it lost step.
+    are the places in ``Forms.at`` at which it lost step. ``open`` is the request that has begun, where that does not
+    say how long it is; a reader that ``pauses`` does not read on in such a request. ``known_at`` is up to where one had
+    to read to know that what is read now is no part of another message; 0 of what is not. ``arrived_ns`` is when what
+    is left over of earlier batches had come.
     """
 
     __slots__ = (
-        "_answers_head", "_answers_nobody", "_chunks", "_found_before", "_is_first", "_known_at", "_passed", "_passes",
-        "_seeks", "asks_head", "breaks", "requests", "rest", "side",
+        "_answers_head", "_answers_nobody", "_chunks", "_found_before", "_is_first", "_passed", "_passes", "_seeks",
+        "arrived_ns", "asks_head", "breaks", "known_at", "open", "pauses", "requests", "rest", "side",
     )  # fmt: skip
 
     def __init__(self, side: Side) -> None:
         self.side = side
         self.rest = b""
         self.asks_head = False
-        self.requests: HeadRequests | None = None
+        self.requests: WaitingRequests | None = None
         # Of the response that has begun, None before its head is there.
         self._answers_head: bool | None = None
         self._answers_nobody = False
@@ -55,21 +65,25 @@ class HttpReader:
         # Bytes that are still to come of a body that is not kept, and what is to be told behind them.
         self._passes = 0
         self._passed: Form | None = None
-        # Up to where one had to read to know that what is read now is no part of another message; 0 of what is not.
-        self._known_at = 0
         # Whether nothing of the stream is known yet but that it has begun, and how much was found before this read.
         self._is_first = False
         self._found_before = 0
+        self.known_at = 0
+        self.open: OpenRequest | None = None
+        self.pauses = False
+        self.arrived_ns = 0
 
     def begin(self, *, in_step: bool) -> None:
         """Take the begin of a connection; its first bytes begin a message where it is ``in_step``."""
         self.rest, self._passes, self._passed = b"", 0, None
         self._seeks, self._is_first = not in_step, in_step
-        self._answers_head, self._answers_nobody, self._chunks = None, False, None
+        self._answers_head, self._answers_nobody, self._chunks, self.open = None, False, None, None
 
-    def read(self, data: bytes, begin: int, end: int, found: Forms) -> None:
+    def read(self, data: bytes, begin: int, end: int, found: Forms, known_at: int = 0) -> None:
         """Read ``data`` from ``begin``, where its rest is, to ``end``."""
         if self._passes:
+            if self._passes >= _ENDLESS:
+                return
             if self._passes > end - begin:
                 self._passes -= end - begin
                 return
@@ -78,7 +92,7 @@ class HttpReader:
         known, body_bytes, find = found.known[self.side], found.body_bytes, data.find
         tell_at, tell_form = found.at.append, found.form.append
         plain = self.requests is None and not self._answers_nobody
-        self._known_at = known_at = 0
+        self.known_at = known_at
         self._found_before = len(found.at)
         # Pages poll with the same request again and again; replies seldom are the same.
         differing = 0 if self.side is Side.CLIENT else _DIFFERING
@@ -97,7 +111,7 @@ class HttpReader:
                 behind = self._read_one(data, begin, end, found)
                 if known_at:
                     self._note_late(first, known_at, found)
-                known_at = self._known_at
+                known_at = self.known_at
                 if behind < 0:
                     break
                 begin = behind
@@ -155,6 +169,10 @@ class HttpReader:
             self.asks_head |= head.method == "HEAD"
         if head.body is Body.LENGTH:
             return self._read_length(data, start, head_end, end, head, found)
+        if self.side is Side.CLIENT:
+            self.open = OpenRequest(head, head_end - start)
+            if self.pauses:
+                return -1
         if head.body is Body.CHUNKS:
             return self._read_chunks(data, start, head_end, end, head, found)
         if end - head_end <= MOST_BODY_BYTES:
@@ -167,7 +185,7 @@ class HttpReader:
         if self._answers_nobody:
             return False
         if self._answers_head is None:
-            self._answers_head = self.requests is not None and self.requests.answers_head(max(at, self._known_at))
+            self._answers_head = self.requests is not None and self.requests.answers_head(max(at, self.known_at))
         return self._answers_head
 
     def _answered(self, at: int, head: Head | None) -> bool:
@@ -175,7 +193,7 @@ class HttpReader:
         nobody = self._answers_nobody
         self._answers_head, self._answers_nobody = None, False
         if self.requests is not None and not nobody and not (head is not None and head.is_interim):
-            self.requests.answered(at if at < 0 else max(at, self._known_at))
+            self.requests.answered(at if at < 0 else max(at, self.known_at))
         return nobody
 
     def _may_be_known(self, head: Head) -> bool:
@@ -218,6 +236,7 @@ class HttpReader:
                 return self._lose_step(data, start, most, found)
             self._chunks = reader
             return -1
+        self.open = None
         nobody = self._answered(chunks.stop, head)
         content = http.decoded(chunks.content, head.coding)
         form = Form(What.WHOLE, head, chunks.stop - head_end, content, is_coded=True, answers_nobody=nobody)
@@ -226,12 +245,47 @@ class HttpReader:
 
     def _lose_step(self, data: bytes, start: int, at: int, found: Forms) -> int:
         """Give up what begins at ``start``, as is known when ``at`` is reached; look for a message behind its begin."""
-        self._known_at = at = max(at, self._known_at)
+        self.known_at = at = max(at, self.known_at)
         self._out_of_step(at)
         self.breaks.append(len(found.at))
         is_first = self._is_first and len(found.at) == self._found_before
         found.tell(at, Form(What.BROKEN, spoken=protocol_of_bytes(data, start, at) if is_first else None))
         return start + 1
+
+    @property
+    def is_passing(self) -> bool:
+        """Whether what has begun is passed over, since it is too long."""
+        return self._passes > 0
+
+    def is_open_up_to(self, data: bytes, begin: int, end: int) -> bool:
+        """Tell whether the open request, which begins at ``begin``, goes on up to ``end`` at least."""
+        assert self.open is not None
+        body = begin + self.open.head_bytes
+        if self._passes:
+            return True
+        if self.open.head.body is Body.END:
+            return end - body <= MOST_BODY_BYTES
+        self._chunks = self._chunks or http.Chunks()
+        chunks = self._chunks.read(data, body, min(end, body + _MOST_CHUNKED_BYTES))
+        return chunks.stop < 0 and chunks.wrong_at < 0 and end - body < _MOST_CHUNKED_BYTES
+
+    def end_open(self, data: bytes, begin: int, end: int, at: int, found: Forms) -> None:
+        """Take that the open request, which begins at ``begin``, has been answered: it ends at ``end``.
+
+        Of one in chunks that ends within a chunk it is not known what it asks for.
+        """
+        assert self.open is not None
+        head, body = self.open.head, begin + self.open.head_bytes
+        content: bytes | None = None
+        if not self._passes:
+            if head.body is Body.END:
+                content = data[body:end]
+            else:
+                content = (self._chunks or http.Chunks()).whole_up_to(data, body, end)
+        content = None if content is None else http.decoded(content, head.coding)
+        found.tell(at, Form(What.WHOLE, head, 0, content, is_coded=True))
+        self.begin(in_step=True)
+        self._is_first = False
 
     def _likeness(self, rest: bytes, head_end: int, head: Head | None) -> Likeness:
         """Tell whether what there is of a message, up to a hole, may be a request of a WebVisu page."""
@@ -275,12 +329,14 @@ class HttpReader:
         self._passes, self._passed = 0, None
         if in_step and self.side is Side.SERVER and not self._answers_nobody:
             touched = Likeness.YES
+            if self.requests is not None:
+                self.requests.answered(at)
         self._out_of_step(at)
         self.breaks.append(len(found.at))
         found.tell(at, Form(What.BROKEN, touched=touched))
 
     def _out_of_step(self, at: int) -> None:
-        self._seeks, self._answers_head, self._answers_nobody = True, None, False
+        self._seeks, self._answers_head, self._answers_nobody, self.open = True, None, False, None
         if self.requests is not None:
             self.requests.forget(at)
 
@@ -306,13 +362,15 @@ class HttpReader:
             if head is not None and head.body is Body.END:
                 if not dropped:
                     content = http.decoded(rest[head_end:], head.coding)
-                    nobody = self._answers_nobody
+                    nobody = self._answered(at, head)
                     found.tell(at, Form(What.WHOLE, head, 0, content, is_coded=True, answers_nobody=nobody))
             # Of a response that was not sent whole nothing is missing: it is none.
             elif self.side is Side.SERVER and self._passed is not None and self._passed.what is What.CUT:
-                found.tell(at, Form(What.CUT, answers_nobody=self._answers_nobody))
+                found.tell(at, Form(What.CUT, answers_nobody=self._answered(at, self._passed.head)))
         self.begin(in_step=False)
         if self.requests is not None:
+            if ended == Forms.END:
+                self.requests.ended(at)
             self.requests.forget(at)
         found.at.append(at)
         found.form.append(ended)

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from dissectors import address
 from dissectors.webvisu import Entry, Place, is_password
-from nvscope.definition.source import DefinitionError
 from nvscope.definition.visu_passwords import NO_PASSWORDS, Passwords
-from nvscope.errors import ConfigurationError
 from nvscope.tracker.visu.controllers import Controller
 from nvscope.tracker.visu.limits import MOST_NAMES
 
@@ -19,8 +17,6 @@ if TYPE_CHECKING:
     from nvscope.definition.webvisu import GivenList
 
 _MOST_LISTS = 1024
-_MOST_WHY = 200
-_CAME = "variable list"
 
 _Spot = tuple[int, int, bool]
 """Where a variable begins: area, offset, and whether that counts bits."""
@@ -106,12 +102,11 @@ class Names:
         if len(self.versions) >= self._most_versions:
             self.left_out += 1
             return None
-        from nvscope.definition.visu_variables import read_visu_variables  # noqa: PLC0415
+        from nvscope.definition.visu_variables import variables_in  # noqa: PLC0415
 
-        try:
-            found = read_visu_variables(_CAME, content)
-        except ConfigurationError as error:
-            return UnreadList(_why(error))
+        found = variables_in(content)
+        if found.unread:
+            return UnreadList(found.unread)
         version = self.version_of(controller)
         before = self.versions[version]
         if not found.names:
@@ -138,12 +133,6 @@ class Names:
         self._lists.append(lists)
         self.versions.append(_merged(lists))
         return len(self.versions) - 1
-
-
-def _why(error: ConfigurationError) -> str:
-    """Return what is wrong with a list that came over the network, and where in it."""
-    line = error.position.line if isinstance(error, DefinitionError) else 0
-    return f"{f'line {line}: ' if line else ''}{error.what}"[:_MOST_WHY]
 
 
 def _listed(variables: VisuVariables, file: str = "") -> _List:

@@ -8,10 +8,14 @@ from typing import Any
 import numpy as np
 
 from dissectors.batch import I64, Bool
+from dissectors.webvisu import is_like_reply
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.tracker.visu.conversation import Conversation, Happened
+from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.going_on import NEVER, GoingOn
+from nvscope.tracker.visu.http_forms import What
 from nvscope.tracker.visu.http_messages import HttpMessages
+from nvscope.tracker.visu.one_way import UNKNOWN, OneWay, more_bytes
 from nvscope.tracker.visu.plain_exchanges import AskedFor, Said, paired
 
 _FEW = 16
@@ -28,19 +32,22 @@ class Pairing:
     """The messages of a batch; ``is_plain`` is as in ``plain_rows``, ``asked`` as in ``Said``.
 
     ``conversations`` are the state of connections, ``closed`` those whose client has closed its side while its requests
-    waited; of these, ``going_on`` tells whether it waits still. ``left_out`` are the requests so far for which there
-    was no room.
+    waited; of these, ``going_on`` tells whether it waits still. ``unheard`` are those in which requests wait, and of
+    whose server nothing was captured; of these, ``one_way`` tells whether there was something. ``left_out`` are the
+    requests so far for which there was no room.
     """
 
     def __init__(
         self, http: HttpMessages, is_plain: Bool, asked: I64, asked_for: AskedFor,
         conversations: dict[int, Conversation], going_on: GoingOn, closed: set[int],
+        one_way: OneWay, unheard: set[int],
     ) -> None:  # fmt: skip
         self._http = http
         self._is_plain = is_plain
         self._asked, self._asked_for = asked, asked_for
         self._conversations = conversations
         self._going_on, self._closed = going_on, closed
+        self._one_way, self._unheard = one_way, unheard
         self._happened: list[Happened] = []
         self.left_out = 0
 
@@ -56,8 +63,12 @@ class Pairing:
         for number, *run in zip(*(column.tolist() for column in (connection[start], start, stop)), strict=True):
             conversation = self._conversations.setdefault(number, Conversation(number))
             self._take(conversation, rows, run, peculiar, said)
-            if conversation.closed is not None and conversation.waiting and conversation.is_heard:
-                self._closed.add(number)
+            if conversation.waiting and not conversation.is_heard:
+                self._unheard.add(number)
+            else:
+                self._unheard.discard(number)
+                if conversation.closed is not None and conversation.waiting:
+                    self._closed.add(number)
             self.left_out += conversation.left_out
             conversation.left_out = 0
         for number in sorted(self._closed):
@@ -65,6 +76,11 @@ class Pairing:
             self._leave(conversation, NEVER)
             if not conversation.waiting:
                 self._closed.discard(number)
+        for number in self._one_way.of_clients(self._unheard):
+            conversation = self._conversations[number]
+            self._miss(conversation, NEVER)
+            if not conversation.waiting:
+                self._unheard.discard(number)
         said.append(self._said())
         return said
 
@@ -75,7 +91,8 @@ class Pairing:
         begin, end = run
         least = _LEAST
         while begin < end:
-            if conversation.is_visu and end - begin >= _FEW and conversation.closed is None:
+            both_ways = conversation.is_heard and conversation.is_spoken
+            if conversation.is_visu and end - begin >= _FEW and conversation.closed is None and both_ways:
                 place = bisect_left(peculiar, begin)
                 stop = min(peculiar[place] if place < len(peculiar) else end, end, begin + _MANY)
                 stop = begin + self._in_front_of_surplus(conversation, rows[begin:stop])
@@ -117,10 +134,43 @@ class Pairing:
         for row, stream, form, ask, order, arrival_ns in zip(*(column.tolist() for column in columns), strict=True):
             if conversation.closed is not None:
                 self._leave(conversation, order)
+            if conversation.waiting and not conversation.is_heard:
+                self._miss(conversation, order)
             if stream & 1:
+                if not conversation.is_spoken:
+                    self._note_unasked(conversation, row)
                 conversation.take_from_server(http.forms[form], order, arrival_ns, row, tell)
+                if not conversation.is_spoken and http.forms[form].what in (What.BEGIN, What.ANEW):
+                    conversation.acknowledged = self._one_way.acknowledged_at(stream, order)
             else:
                 conversation.take_from_client(http.forms[form], asks[ask], order, arrival_ns, row, tell)
+                if not conversation.is_heard and conversation.waiting and conversation.waiting[-1].order == order:
+                    conversation.note_acknowledged(self._one_way.acknowledged_at(stream, order))
+
+    def _miss(self, conversation: Conversation, before: int) -> None:
+        """Tell that a reply was not captured, of a server of which nothing was, as far as that is known before."""
+        if conversation.is_heard or not conversation.waiting:
+            return
+        first = conversation.waiting[0]
+        if first.acknowledged == UNKNOWN:
+            return
+        order, size = self._one_way.more_than(first.acknowledged, 2 * conversation.connection, first.order)
+        if order < before:
+            conversation.miss_reply(order, size, self._happened.append)
+
+    def _note_unasked(self, conversation: Conversation, row: int) -> None:
+        """Tell that a request was not captured, of a client of which nothing was, where a page has its reply."""
+        http, order = self._http, int(self._http.order[row])
+        form = http.forms[int(http.form[row])]
+        if form.what is not What.WHOLE or form.head is None or form.head.status != OK or form.answers_nobody:
+            return
+        if not is_like_reply(http.content(row) or b""):
+            return
+        acknowledged = self._one_way.acknowledged_at(2 * conversation.connection + 1, order)
+        size = more_bytes(acknowledged, conversation.acknowledged)
+        if size:
+            conversation.acknowledged = acknowledged
+            conversation.miss_request(order, size, self._happened.append)
 
     def _leave(self, conversation: Conversation, before: int) -> None:
         """Tell what a client that has closed its side does not wait for any more, as far as that is known before."""

@@ -31,7 +31,7 @@ def take_whole(
     """Pair the messages of connections that begin and are answered; return which ones these are, and what they say.
 
     Messages are by stream, and in each in its order; ``is_plain`` is as in ``plain_rows``. In connections that are
-    ``closed`` on one side, something waits.
+    ``closed`` on one side, or seen from one alone, something waits.
     """
     what = np.array([form.what for form in http.forms], np.int64)[http.form]
     begins = (what == What.BEGIN) | (what == What.ANEW)
@@ -100,4 +100,4 @@ def _note(
     spoke = np.zeros(len(start), np.bool_)
     spoke[visu] = True
     for number in connection[whole & ~ended & spoke].tolist():
-        conversations[number] = Conversation(number, is_visu=True, is_heard=True)
+        conversations[number] = Conversation(number, is_visu=True, is_heard=True, is_spoken=True)

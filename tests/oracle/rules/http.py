@@ -20,6 +20,8 @@ Readings, where the rules leave a choice:
 - a hole while the direction searches breaks the pairing once more; in step, one from the server is where the response
   is to the first request that waits
 - a response is being received where its status line is whole
+- a request is open where its head is whole and it is in chunks, or has a body and does not say how long that is. It
+  ends where it is answered: with its content where chunks are whole, one of chunks that end within one has none
 """
 
 from __future__ import annotations
@@ -176,6 +178,25 @@ def chunks(buffer: bytes, at: int) -> tuple[bytes, int | None]:
             raise Foreign(end + size)
 
 
+def whole_chunks(buffer: bytes, at: int) -> bytes | None:
+    """Return what is in the chunks up to the end of what came; None where the last of them is not whole."""
+    content = b""
+    while at < len(buffer):
+        end = line_end(buffer, at, at)
+        found = None if end is None else CHUNK_LINE.fullmatch(line(buffer, at, end))
+        if end is None or found is None:
+            return None
+        size = int(found[1], 16)
+        if size == 0:
+            return content
+        behind = buffer[end + size : end + size + 2]
+        if len(buffer) < end + size or not (behind.startswith(b"\n") or behind == b"\r\n"):
+            return None
+        content += buffer[end : end + size]
+        at = end + size + (1 if behind.startswith(b"\n") else 2)
+    return content
+
+
 def trailers(buffer: bytes, begin: int) -> int | None:
     at = begin
     while (end := line_end(buffer, at, begin)) is not None:
@@ -224,6 +245,23 @@ class Reader:
     def receiving(self) -> bool:
         """Whether a message has begun and not ended."""
         return self.in_step and self.buffer != b""
+
+    @property
+    def open(self) -> bool:
+        """Whether a request has begun that does not say where it ends."""
+        return self.head is not None and not self.response and self.framing in (TO_THE_END, CHUNKED)
+
+    def answered(self) -> Message:
+        """Take the open request for whole, since something answers it."""
+        assert self.head is not None
+        body: bytes | None = self.buffer[self.head.end :]
+        if self.framing == CHUNKED:
+            body = whole_chunks(self.buffer, self.head.end)
+        self.happened["open request answered"] += 1
+        self.happened["open request answered within a chunk"] += body is None
+        head, message = self.head, self.whole(len(self.buffer), body)
+        message.body = None if body is None else decoded(head, body)
+        return message
 
     def feed(self, data: bytes, time: int) -> Iterator[Message | Lost]:
         self.latest = time if self.latest is None else max(self.latest, time)

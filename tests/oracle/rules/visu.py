@@ -12,6 +12,9 @@ Readings, where the rules leave a choice:
 - a cut request counts in `cut` and makes its connection count, and that is all: its reply, or that it has none, counts
   nowhere
 - a request whose body is not known is none, whatever its target says; a reply is one that tells no more than its status
+- a request that does not say where it ends is whole where something comes that answers a request, and none waits: with
+  the frame of that, and the time at which the latest of it came. A response that is whole or cut is such a thing, a
+  hole in the server's direction while that is in step, and the end of that in order
 - requests that become whole after the server's direction has ended are unanswered where the connection ends by RST or a
   new one; where it ends in order, nothing happens
 - the frame that ended a connection is the one with which the last byte of the direction was there, not the one that
@@ -26,91 +29,24 @@ Readings, where the rules leave a choice:
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Collection
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from collections.abc import Collection, Iterator
+from typing import Any
 
 from tests.oracle.frame import Address as Node
 from tests.oracle.frame import Frame
 from tests.oracle.rules import visu_body
-from tests.oracle.rules.http import Lost, Message, Reader
+from tests.oracle.rules.http import Lost, Message
 from tests.oracle.rules.keys import node_order
-from tests.oracle.rules.streams import Connection, Delivery, End, Streams
+from tests.oracle.rules.streams import Connection, Delivery, Event, Streams
 from tests.oracle.rules.visu_body import Answered, Asked
 from tests.oracle.rules.visu_figures import Row, lacks_many, percentiles
 from tests.oracle.rules.visu_leaving import given_up
+from tests.oracle.rules.visu_one_way import OneWay
+from tests.oracle.rules.visu_talk import Home, Pair, Talk, Told, Waiting, Written
 
 SECOND = 1_000_000_000
 FRAMES_KEPT = 10
 COUNTED = ("reads", "writes", "entries", "replies", "refused", "unanswered", "cut", "miscounted", "ambiguous")
-
-Pair = tuple[Node, Node, int]
-"""Client, server, port."""
-Home = tuple[Node, int]
-"""A controller: its address, and its port where that is neither 80 nor 8080, else 0."""
-
-
-class Told(NamedTuple):
-    """A whole request or reply of WebVisu, and the frame with which it was there."""
-
-    frame: int
-    source: End
-    destination: End
-    kind: str
-    body: bytes
-
-
-@dataclass
-class Written:
-    """A variable that was written: when, by whom, over which value (None: nobody knows), and what became of it."""
-
-    time: int
-    frame: int
-    pair: Pair
-    variable: str
-    old: str | None
-    new: str | None
-    outcome: str = "open"
-    answer: int | None = None
-    status: int | None = None
-
-
-@dataclass
-class Waiting:
-    """A request that waits for its response: what it asks for, None where it is cut or none of WebVisu's."""
-
-    asked: Asked | None
-    message: Message
-    frame: int
-    writes: list[Written]
-
-
-class Talk:
-    """What is known of one connection."""
-
-    def __init__(self, connection: Connection, happened: Counter[str]) -> None:
-        (client, _), (server, port) = connection.client, connection.server
-        self.pair: Pair = (client, server, port)
-        self.home: Home = (server, 0 if port in (80, 8080) else port)
-        self.connection = connection
-        self.waiting: list[Waiting] = []
-        self.had_request = False
-        self.gap_bytes = 0
-        self.forgotten = False
-        """Whether the response that is being received answers nobody."""
-        self.readers: dict[bool, Reader] = {}
-        self.closed: int | None = None  # when the client closed its side
-        self.happened = happened
-
-    def reader(self, from_client: bool) -> Reader:
-        """Return the reader of a direction; it is there from the first that the direction delivers."""
-        if from_client not in self.readers:
-            in_step = self.connection.directions[from_client].began_with_syn
-            self.readers[from_client] = Reader(not from_client, in_step, self.first_is_head, self.happened)
-        return self.readers[from_client]
-
-    def first_is_head(self) -> bool:
-        return bool(self.waiting) and not self.forgotten and self.waiting[0].message.method == b"HEAD"
 
 
 class Visu:
@@ -122,6 +58,7 @@ class Visu:
         self.messages: list[Told] = []
         self.streams = Streams(ports, self.happened)
         self.talks: dict[Connection, Talk] = {}
+        self.one_way = OneWay()
         self.known: dict[Pair, Row] = defaultdict(Row)
         self.found: dict[tuple[str, Node, str], list[tuple[int, int]]] = defaultdict(list)
         self.lists: dict[Home, list[visu_body.Listed]] = defaultdict(list)
@@ -140,7 +77,13 @@ class Visu:
         for talk in given_up(frame, self.talks.values(), self.streams.ports, self.streams.servers):
             self.happened["given up"] += 1
             self.nobody_answers(talk)
-        for event in self.streams.observe(self.number, frame):
+        self.one_way.look_at(frame)
+        for talk in list(self.talks.values()):
+            if talk.connection in self.streams.connections.values() and (size := self.one_way.reply_bytes(talk)):
+                self.happened["reply of a server that nobody heard"] += 1
+                talk.gap_bytes += size
+                self.lost(talk, False, Lost(in_step=True))
+        for event in self.delivered(frame):
             if event.connection not in self.talks:
                 self.talks[event.connection] = Talk(event.connection, self.happened)
             talk = self.talks[event.connection]
@@ -158,9 +101,21 @@ class Visu:
                 else:
                     self.response(talk, one)
             if not isinstance(event, Delivery) and not event.from_client:
+                if not event.reset and not talk.waiting:
+                    self.end_open_request(talk)
                 self.nobody_answers(talk)
             elif not isinstance(event, Delivery) and not event.reset:
                 talk.closed = event.time
+
+    def delivered(self, frame: Frame) -> Iterator[Event]:
+        """Yield what a frame delivers; what begins with it is known before."""
+        events = self.streams.observe(self.number, frame)
+        while True:
+            event = next(events, None)
+            self.one_way.note_begin(self.streams.connections.values())
+            if event is None:
+                return
+            yield event
 
     def lost(self, talk: Talk, from_client: bool, what: Lost) -> None:
         self.happened["client lost step" if from_client else "server lost step"] += 1
@@ -190,7 +145,8 @@ class Visu:
             self.cut_request(talk, message)
         elif message.body is not None:
             asked = visu_body.asked(message.method, message.target, message.body)
-        talk.waiting.append(Waiting(asked, message, self.number, self.written(talk, asked)))
+        had = self.one_way.told_by(talk.connection, client=True)
+        talk.waiting.append(Waiting(asked, message, self.number, self.written(talk, asked), had))
         self.happened["several wait"] += len(talk.waiting) > 1
         if asked is None or message.body is None:
             self.happened["other request"] += 1
@@ -263,9 +219,17 @@ class Visu:
     def response(self, talk: Talk, message: Message) -> None:
         """Take a response that is whole, or dropped as cut; one of 1xx answers nothing."""
         forgotten, talk.forgotten = talk.forgotten, False
+        if not (forgotten or talk.waiting or 100 <= message.status < 200):
+            self.end_open_request(talk)
         if 100 <= message.status < 200:
             self.happened["1xx"] += 1
             return
+        if not forgotten and (size := self.one_way.request_bytes(talk, message)):
+            self.happened["request of a client that nobody heard"] += 1
+            talk.gap_bytes += size
+            talk.had_request = True
+            self.known[talk.pair].counts["cut"] += 1
+            self.find("NV808", talk)
         if forgotten or not talk.waiting:
             self.happened["response to a forgotten request" if forgotten else "response to nobody"] += 1
             return
@@ -294,6 +258,11 @@ class Visu:
         answer = visu_body.answered(waiting.asked, message.status, body)
         self.learn(talk, waiting, waiting.asked, message.status, answer)
         self.judge(talk, row, waiting.asked, message, answer)
+
+    def end_open_request(self, talk: Talk) -> None:
+        """Take a request that does not say where it ends for whole, where one is being received."""
+        if True in talk.readers and talk.readers[True].open:
+            self.request(talk, talk.readers[True].answered())
 
     def learn_names(self, talk: Talk, listed: visu_body.Listed | None) -> None:
         """Take a list; those known before that have a variable at none of the places of this one are not believed."""

@@ -18,7 +18,7 @@ from tests.oracle.tcp import ACK, RST, SYN, peel_tcp
 
 if TYPE_CHECKING:
     from tests.oracle.rules.streams import End
-    from tests.oracle.rules.visu import Talk
+    from tests.oracle.rules.visu_talk import Talk
 
 SECOND = 1_000_000_000
 ANOTHER_AFTER, FORGOTTEN_AFTER = SECOND, 10 * SECOND

@@ -20,7 +20,8 @@ from typing import Any, NamedTuple
 
 from tests.oracle.rules import visu_body
 from tests.oracle.rules.http import Message
-from tests.oracle.rules.visu import Home, Talk, Visu
+from tests.oracle.rules.visu import Visu
+from tests.oracle.rules.visu_talk import Home, Talk
 
 Value = bool | int | float | str | None
 

@@ -18,6 +18,7 @@ from nvscope.capture.open import open_source
 from nvscope.tracker.streams import Streams
 from nvscope.tracker.visu.http_forms import What
 from nvscope.tracker.visu.http_messages import HttpStreams
+from nvscope.tracker.visu.waiting_requests import Waiting
 from tests.capture.live.network import Host, cable, needs_namespaces
 from tests.capture.live.test_ring import wait_for_ring
 from tests.cli.test_visu_between_hosts import captured
@@ -119,7 +120,7 @@ def bodies_read(path: Path) -> tuple[Counter[bytes], int]:
     missing = 0
     for packets in open_source([path]):
         brought = streams.observe(packets, peel(packets, claims=Claims(tcp=(PORT,))).tcp, first_frame)
-        messages = http.read(packets.data, brought, lambda _: [])
+        messages = http.read(packets.data, brought, lambda _: Waiting())
         for row, number in enumerate(messages.form.tolist()):
             form, content = messages.forms[number], messages.content(row)
             missing += form.missing_bytes

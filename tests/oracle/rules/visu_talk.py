@@ -1,0 +1,82 @@
+"""What is known of a connection between a WebVisu and its controller, of what waits there, and of what was written."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from tests.oracle.frame import Address as Node
+from tests.oracle.rules.http import Message, Reader
+from tests.oracle.rules.streams import Connection, End
+from tests.oracle.rules.visu_body import Asked
+
+Pair = tuple[Node, Node, int]
+"""Client, server, port."""
+Home = tuple[Node, int]
+"""A controller: its address, and its port where that is neither 80 nor 8080, else 0."""
+
+
+class Told(NamedTuple):
+    """A whole request or reply of WebVisu, and the frame with which it was there."""
+
+    frame: int
+    source: End
+    destination: End
+    kind: str
+    body: bytes
+
+
+@dataclass
+class Written:
+    """A variable that was written: when, by whom, over which value (None: nobody knows), and what became of it."""
+
+    time: int
+    frame: int
+    pair: Pair
+    variable: str
+    old: str | None
+    new: str | None
+    outcome: str = "open"
+    answer: int | None = None
+    status: int | None = None
+
+
+@dataclass
+class Waiting:
+    """A request that waits for its response: what it asks for, None where it is cut or none of WebVisu's."""
+
+    asked: Asked | None
+    message: Message
+    frame: int
+    writes: list[Written]
+    acknowledged: int | None = None
+    """Up to where the client had acknowledged then, if it says so in the frame with which the request was whole."""
+
+
+class Talk:
+    """What is known of one connection."""
+
+    def __init__(self, connection: Connection, happened: Counter[str]) -> None:
+        (client, _), (server, port) = connection.client, connection.server
+        self.pair: Pair = (client, server, port)
+        self.home: Home = (server, 0 if port in (80, 8080) else port)
+        self.connection = connection
+        self.waiting: list[Waiting] = []
+        self.had_request = False
+        self.gap_bytes = 0
+        self.forgotten = False
+        """Whether the response that is being received answers nobody."""
+        self.readers: dict[bool, Reader] = {}
+        self.closed: int | None = None  # when the client closed its side
+        self.happened = happened
+
+    def reader(self, from_client: bool) -> Reader:
+        """Return the reader of a direction; it is there from the first that the direction delivers."""
+        if from_client not in self.readers:
+            in_step = self.connection.directions[from_client].began_with_syn
+            self.readers[from_client] = Reader(not from_client, in_step, self.first_is_head, self.happened)
+        return self.readers[from_client]
+
+    def first_is_head(self) -> bool:
+        return bool(self.waiting) and not self.forgotten and self.waiting[0].message.method == b"HEAD"
