@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -25,6 +27,7 @@ from tests.oracle.builders import MILLISECOND, START
 from tests.packets import batch_of
 from tests.program import run_text
 from tests.tracker.datalogger.logs import Row, write_log
+from tests.tracker.visu import shown_and_carried
 from tests.tracker.visu.shown_and_carried import GVL, level, plant
 
 VARIABLES = [("Plc/Main/nCount", "SMALLINT"), ("Plc/plant.rLevel", "FLOAT"), ("Plc/tRun", "INT"), ("Plc/sText", "TEXT")]
@@ -111,6 +114,31 @@ def test_the_project_says_which_variable_it_is(tmp_path: Path) -> None:
     project.write_text('definitions = ["plant.gvl"]\n[datalogger.variables]\n"Plc/other" = "plant:nCount"\n')
     found = hops([words[0], str(path), "--project", str(project)])
     assert (found["other"]["missed"], found["other"]["followed"]) == (0, 19)
+
+
+@pytest.mark.parametrize("only_changes", [False, True])
+@pytest.mark.parametrize(("back", "changes"), [(2, 15), (6, 16)], ids=["as before", "another"])
+def test_a_number_that_is_none_is_neither_missed_nor_another_value(
+    back: int, changes: int, only_changes: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:  # fmt: skip
+    # rLevel changes each 50 ms, is none from 150 to 299 ms, and then goes on, be it with what it was.
+    def sent(number: int) -> float:
+        return level(min(number, 2) if number < 3 else number - 6 + back)
+
+    monkeypatch.setattr(shown_and_carried, "level", lambda number: math.nan if 3 <= number < 6 else sent(number))
+    times = range(0, 1000, 10)
+    rows = [logged(at + 7, at) for at in times]
+    for row, at in zip(rows, times, strict=True):
+        values = list(row.values)
+        values[1] = None if 150 <= at < 300 else sent(at // 50)
+        rows[at // 10] = replace(row, values=tuple(values))
+    words = write(tmp_path, times, rows, only_changes=only_changes)
+    found = hops(words)["plant.rLevel"]
+    # Two before, one each 50 ms behind; what it is behind that is one where it is another than before.
+    assert (found["missed"], found["changes"], found["followed"]) == (0, changes, changes)
+    # Each change is late by 7 ms, and nobody knows of the time without a number.
+    assert found["differed_ns"] == 15 * 7 * MILLISECOND
+    assert found["observed_ns"] < 860 * MILLISECOND
 
 
 @examples(25)
