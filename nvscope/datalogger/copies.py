@@ -59,7 +59,8 @@ class Copies:
         for number in np.unique(stream).tolist():
             if interval_ns := self._interval_of(told.keys.place_key(number)[0]):
                 limits[stream == number] = interval_ns // 2
-        return np.where(has_moved, limits, np.minimum(limits, AT_ONCE_NS))
+        found: I64 = np.where(has_moved, limits, np.minimum(limits, AT_ONCE_NS))
+        return found
 
 
 def _first_moves(rows: DataRows) -> I64:
@@ -68,4 +69,5 @@ def _first_moves(rows: DataRows) -> I64:
     before = (rows.signature_before >> COUNTER_SHIFT).astype(np.uint16)
     differs[rows.start] = ~rows.fresh & (rows.counter[rows.start] != before)
     moves = np.append(np.flatnonzero(differs), len(rows))
-    return np.minimum(moves[np.searchsorted(moves, rows.start)], rows.stop)
+    found: I64 = np.minimum(moves[np.searchsorted(moves, rows.start)], rows.stop)
+    return found

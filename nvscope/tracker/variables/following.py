@@ -96,9 +96,11 @@ class Side:
 class Reached:
     """Which changes of the leader the follower took, too: of ``led`` that could be taken, ``reached``.
 
-    A change can be taken where the follower was known, and of another value. ``taken`` has an entry for each change
-    that is remembered of the leader: whether it is no more to be waited for. ``left`` are changes that were waited for
-    when nobody listened to the leader any more: what is told of the follower until somebody does decides on these.
+    A change can be taken where the follower was known, and of another value; or had been of the same one since before
+    the leader went away from it: where that comes back and the follower has not moved, it took neither. ``taken`` has
+    an entry for each change that is remembered of the leader: whether it is no more to be waited for. ``left`` are
+    changes that were waited for when nobody listened to the leader any more: what is told of the follower until
+    somebody does decides on these.
     """
 
     led: int = 0
@@ -117,7 +119,9 @@ class Reached:
         if follower.since_ns is not None:
             when, what = np.append(follower.times_ns, new[0]), np.append(follower.values, new[1])
             place = np.searchsorted(when, times, "right") - 1
-            fresh = (place >= 0) & (what[place] != values) & (what[place] != UNKNOWN)
+            before_ns = np.concatenate([[np.iinfo(np.int64).min], leader.times_ns, times])[-len(times) - 1 : -1]
+            fresh = (place >= 0) & (what[place] != UNKNOWN)
+            fresh &= (what[place] != values) | (when[place] <= before_ns)
             fresh &= _are_changes(leader.values, values)
         if leader.begins and not len(leader.times_ns) and len(fresh):
             fresh[0] = False  # what it had when it was first seen is no change

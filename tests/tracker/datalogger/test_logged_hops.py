@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -85,11 +86,16 @@ def write_again(folder: Path) -> list[str]:
     return [str(folder / "plant.pcap"), str(folder / "x.db"), "--gvl", str(folder / "plant.gvl")]
 
 
-def test_a_value_that_came_back_before_the_next_row_is_missed_once(tmp_path: Path) -> None:
-    # sText is ab, c, ab, c …: of two changes that follow each other between rows, the second gives what is logged.
+def test_a_value_that_came_back_before_the_next_row_was_changed_twice(tmp_path: Path) -> None:
+    # sText is ab, c, ab, c …: two changes between two rows give what is logged already, and neither is logged.
     rows = [logged(at + 5, at) for at in range(0, 1000, 100)]
     found = hops(write(tmp_path, range(0, 1000, 10), rows))
-    assert (found["sText"]["missed"], found["sText"]["changes"]) == (9, 0)
+    assert (found["sText"]["missed"], found["sText"]["changes"]) == (18, 0)
+
+
+def test_a_database_whose_clock_is_ahead_misses_nothing(tmp_path: Path) -> None:
+    rows = [logged(at - 30, at) for at in range(100, 1000, 10)]
+    assert hops(write(tmp_path, range(0, 1000, 10), rows))["sText"]["missed"] == 0
 
 
 def test_what_was_sent_behind_the_last_row_is_not_missed(tmp_path: Path) -> None:
@@ -169,3 +175,11 @@ def test_what_is_missed_is_what_nobody_logged_however_it_is_cut(
     logs = {was // 50 for was in sent}
     missed = [count for count, at in changes.items() if begin < at <= end and count not in logs]
     assert found["Plc/Main/nCount"]["missed"] == len(missed)
+    if late:
+        return  # what changed while the first row was on its way, is no change that it could have
+    shown = [at for at in telegrams if at == 0 or at // 50 % 2 != (at - every * 5) // 50 % 2]
+    logs_odd = [(10 * at, was // 50 % 2) for at, was in zip(sorted(samples), sent, strict=True)]
+    moves = [now for before, now in pairwise(logs_odd) if before[1] != now[1]]
+    # Each change of the database is the last one of the list to that value.
+    taken = {max(at for at in shown if at <= row and at // 50 % 2 == odd) for row, odd in moves}
+    assert found["Plc/sText"]["missed"] == len([at for at in shown if begin < at <= end and at not in taken])
