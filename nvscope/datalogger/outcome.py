@@ -84,7 +84,7 @@ def _where(counted: Counted, session: Session) -> str:
     if counted.left == counted.rows:
         told = f" in {files}{made_room}"
     elif counted.left:
-        told = f", of which {count(counted.left)} are left in {files}{made_room}"
+        told = f", of which {count(counted.left)} {'is' if counted.left == 1 else 'are'} left in {files}{made_room}"
     else:
         told = f", of which none is left in {files}{made_room}"
     return told
