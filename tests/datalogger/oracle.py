@@ -179,9 +179,9 @@ def known_values(
     known: list[dict[str, Value]] = [{}]
     # What is seen once more tells nothing: another sender may have said something else meanwhile.
     seen_twice = set().union(*(copies(packets, one) for one in lists.values()))
-    for place, packet in enumerate(packets):
+    for at_packet, packet in enumerate(packets):
         now = dict(known[-1])
-        if counts_for(packet, lists.get(packet.index)) and place not in seen_twice:
+        if counts_for(packet, lists.get(packet.index)) and at_packet not in seen_twice:
             at = 0
             for name, kind in lists[packet.index].telegrams[packet.subindex]:
                 for variable in called.get((packet.index, name), ()):
