@@ -119,6 +119,10 @@ class Records:
         """Return whether a column is NULL in all rows."""
         return not self._most[column]
 
+    def is_full(self, column: int) -> bool:
+        """Return whether something is stored in a column in all rows, as ``filled`` tells it."""
+        return bool(self._least[column] > _NULL)
+
     def cells(self, column: int, rows: I64 | None = None) -> Cells:
         """Return the values of a column, from 0, of all rows or of some."""
         types, start = self._types[column], self._starts[column]

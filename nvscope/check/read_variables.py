@@ -149,9 +149,11 @@ class ReadWatcher:
                         one.lasting.forget()
 
     def _take(self, told: Told, reader: _Reader, readings: Readings, *, lasts: bool) -> None:
+        # What is unknown ends how long a value lasts, and is none that can be judged.
+        told_of = readings.form != Form.NOTHING if lasts else readings.form > Form.NOTHING
         for number in np.flatnonzero(np.bincount(readings.variable)).tolist():
             own = self._watched(reader, number)
-            rows = np.flatnonzero((readings.variable == number) & (readings.form != Form.NOTHING))
+            rows = np.flatnonzero((readings.variable == number) & told_of)
             if own is None or not len(rows):
                 continue
             rows = rows[np.argsort(readings.row[rows], kind="stable")]
@@ -168,6 +170,7 @@ class ReadWatcher:
             if own is None:
                 continue
             known = own.lasting.fill(*read.rows_of(number))
+            known = known.take(known.form > Form.NOTHING)
             if len(known.row):
                 self._give(told, own.watch, known.row, known.bits.view(np.int64), known.stretch)
 

@@ -170,6 +170,10 @@ def datalog(
     planned = plan(sessions, inquiry.defined_layouts(), plant.datalogger, Targets(write, folder), partly=partly)
     _tell_of_plan(planned)
     if dry_run:
+        if not inquiry.read_once:
+            source = inquiry.open()
+            _refuse_databases(source)
+            source.stop()
         _check_ending(write)
         from nvscope.datalogger.forecast import forecast
 
@@ -187,12 +191,14 @@ def datalog(
     try:
         log = _logged(inquiry, source, planned, quiet=quiet, append=append, document_style=document_style)
     finally:
-        stays = aside.settle()
+        stays, troubles = aside.settle()
+        for told in troubles:
+            echo(f"nvscope: {visible(told)}.", err=True)
     if not quiet:
         _tell(log)
     for path in stays:
         echo(f"nvscope: {visible(path)}: what was there stays: no row came to take its place.", err=True)
-    lost = any(one.counted.not_written for one in log.sessions)
+    lost = bool(troubles) or any(one.counted.not_written for one in log.sessions)
     code = max(tell_of_losses(source.infos), ExitCode.DATA_LOSS if lost else ExitCode.GOOD)
     if code:
         raise typer.Exit(code)

@@ -160,6 +160,7 @@ def packets(
             "--gvl names variables in trees (-V), filters (-Y) and fields (-e)",
             next_step="add one of them; `nvscope vars` shows last values",
         )
+    from nvscope.capture.formats import are_databases
     from nvscope.cli.progress import watching
 
     captures = captured(paths, live, plant, ports)
@@ -231,13 +232,16 @@ def packets(
             err=True,
         )
     elif not telegrams.telegrams:
-        echo("nvscope: 0 frames, no telegram of network variables; `nvscope report` tells what to check.", err=True)
+        what = "no database has a row" if are_databases(source.infos) else "0 frames, no telegram of network variables"
+        echo(f"nvscope: {what}; `nvscope report` tells what to check.", err=True)
     elif not telegrams.shown:
-        read_count = units.count_of(telegrams.telegrams, "frame" if all_frames else "telegram")
+        of_rows = "row" if are_databases(source.infos) else "telegram"
+        read_count = units.count_of(telegrams.telegrams, "frame" if all_frames else of_rows)
         of_any = count is None and chosen_by and chosen_by.of_any_frame
         left = telegrams.frames - telegrams.telegrams if of_any else 0
         more = f" --all-frames looks at {units.count_of(left, 'other frame')} too." if left else ""
-        echo(f"nvscope: {read_count} read, the filter chooses none of them.{more}", err=True)
+        none = "does not choose it" if telegrams.telegrams == 1 else "chooses none of them"
+        echo(f"nvscope: {read_count} read, the filter {none}.{more}", err=True)
     elif chosen_by and (chosen_by.findings or chosen_by.causes):
         what = "finding" if not chosen_by.causes else "finding or cause" if chosen_by.findings else "cause"
         echo(f"nvscope: a {what} is shown by the telegrams of its first ten events, not by all.", err=True)

@@ -272,7 +272,11 @@ def _history(asked: VariablesAsked, name: str, listed: str | None, every: bool) 
                 out.write(face.begin())
             out.write(face.line(row_of_change(entry, secrets=asked.secrets)))
         out.flush()
-    if changes.came_from_nobody and read_source(name) is None and (problem := asked.nothing_defined):
+    if (
+        changes.came_from_nobody
+        and read_source(name) is None
+        and (problem := asked.nothing_of(listed, [], changes.source.infos))
+    ):
         raise problem
     changes.check()
     if not begun:

@@ -10,6 +10,7 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from nvscope.capture.source import LostSpan
+from nvscope.datalogger.copies import Copies
 from nvscope.datalogger.instants import HOLE_NS
 from nvscope.datalogger.judging import Judge
 from nvscope.datalogger.losses import STOPPED_INTERVALS, Drops, Losses
@@ -24,12 +25,16 @@ _NEVER, _LONGEST = -(1 << 63), (1 << 63) - 1
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """What came in a time: frames, and telegrams by list that could be decoded, or could not (``left_out``)."""
+    """What came in a time: frames, and telegrams by list that could be decoded, or could not (``left_out``).
+
+    ``copies`` are those of the former that came again, and make no row where each cycle makes one.
+    """
 
     frames: int
     duration_ns: int
     came: Mapping[ListKey, int]
     left_out: Mapping[ListKey, int]
+    copies: Mapping[ListKey, int]
 
 
 class DataLog:
@@ -48,6 +53,8 @@ class DataLog:
         self._losses = Losses(telegrams.keys)
         self._stops = _Stops(telegrams, judge)
         self._captured = Drops(judge.lost)
+        self._copies = Copies(self._cycle_ns)
+        self._copied = np.zeros(len(telegrams.keys), np.int64)
         self._seen: dict[SessionLog, int] = {}
         self._last_ns = _NEVER
         self._drops: int | None = None
@@ -62,8 +69,9 @@ class DataLog:
         keys = self._telegrams.keys
         came = dict(zip(keys, self._came.tolist(), strict=True))
         left_out = {key: sum(found.values()) for key, found in self._telegrams.left_out.items()}
+        copies = dict(zip(keys, self._copied.tolist(), strict=True))
         begin_ns = self._end_ns if self._begin_ns is None else self._begin_ns
-        return Heard(self._telegrams.frames, self._end_ns - begin_ns, came, left_out)
+        return Heard(self._telegrams.frames, self._end_ns - begin_ns, came, left_out, copies)
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
@@ -88,7 +96,8 @@ class DataLog:
             unseen = [frame for frame, span in dropped if not _shows(span, seen)]
             self._seen[session] = max(seen)
             losses[session] = [np.sort(np.concatenate([own, np.array(unseen, np.int64), holes])) for own in missing]
-        self._each(lambda session: session.take(told, rows, losses[session]))
+        once = self._without_copies(told, rows)
+        self._each(lambda session: session.take(told, once, losses[session]))
         if told.is_deaf:
             self._stops.forget()
             self._last_ns = _NEVER
@@ -102,6 +111,19 @@ class DataLog:
         if times_ns:
             self._begin_ns = min([*times_ns, *([] if self._begin_ns is None else [self._begin_ns])])
             self._end_ns = max(self._end_ns, *times_ns)
+
+    def _without_copies(self, told: Told, rows: DefinedRows) -> DefinedRows:
+        copies = self._copies.frames(told)
+        if not len(copies):
+            return rows
+        again = np.isin(rows.frame, copies, assume_unique=True)
+        self._copied += np.bincount(self._number[rows.place[again]], minlength=len(self._copied))
+        return rows.take(np.flatnonzero(~again))
+
+    def _cycle_ns(self, key: ListKey) -> int | None:
+        """Return the interval of a list, None where it has none or nobody knows it."""
+        defined_ns = self._judge.least_ns.get(key)
+        return interval_of(key, self._judge.judged().intervals_ns) if defined_ns is None else defined_ns or None
 
     def end(self) -> None:
         """Write all that is left, and close the files."""

@@ -46,7 +46,7 @@ def _of_session(planned: Planned, intervals_ns: dict[ListKey, int]) -> Iterator[
     if not planned.tasks and lost > 0:
         yield (
             f"  The ring buffer is too small: {session.sets_a_publishing} data sets come in a publishInterval, and "
-            f"bufferCapacity is {session.capacity}: {lost} of them are lost each time"
+            f"bufferCapacity is {session.capacity}: {lost} of them {'is' if lost == 1 else 'are'} lost each time"
         )
     width = max(len(visible(one.uri)) for one in planned.logged)
     for one in planned.logged:

@@ -29,7 +29,16 @@ def outcome(log: SessionLog, heard: Heard) -> Iterator[str]:
         )
     if counted.not_written:
         yield f"{name}: {count_of(counted.not_written, 'row')} not written: another program held the database."
+    yield from (f"{name}: {told}." for told in _copies(log, heard))
     yield from (f"{name}: {told}." for told in _missing(log, heard))
+
+
+def _copies(log: SessionLog, heard: Heard) -> Iterator[str]:
+    """Yield of which lists telegrams came again, where each cycle makes a row."""
+    for key in sorted(log.keys, key=str) if log.has_cycles else ():
+        if copies := heard.copies.get(key):
+            make = "makes no row of its own" if copies == 1 else "make no rows of their own"
+            yield f"{count_of(copies, 'telegram')} of {key} came again, byte for byte, and {make}"
 
 
 def _missing(log: SessionLog, heard: Heard) -> Iterator[str]:
@@ -75,7 +84,7 @@ def _where(counted: Counted, session: Session) -> str:
     if counted.left == counted.rows:
         told = f" in {files}{made_room}"
     elif counted.left:
-        told = f", of which {count(counted.left)} are left in {files}{made_room}"
+        told = f", of which {count(counted.left)} {'is' if counted.left == 1 else 'are'} left in {files}{made_room}"
     else:
         told = f", of which none is left in {files}{made_room}"
     return told

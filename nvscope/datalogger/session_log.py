@@ -97,6 +97,7 @@ class SessionLog:
         self._taken = np.stack([every if one.columns is None else one.columns for one in schedules])
         self._takes_all = bool(self._taken.all())
         self._sampled = np.array([isinstance(one.instants, Interval) for one in schedules], np.bool_)
+        self.has_cycles = not self._sampled.all()
         self._counts = Counts(len(logged), self._samples.dtype) if session.only_changes else None
         # With a task, no interval counts.
         self._ring = Ring(session.capacity, session.publish_ns if self._sampled.any() else None, self._sampled)

@@ -5,10 +5,21 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from itertools import count
+from typing import NamedTuple
 
 from nvscope.errors import CaptureError
 
 _SUFFIX = ".replaced"
+
+
+class Settled(NamedTuple):
+    """What became of files that were set aside.
+
+    ``stays`` are the databases that were put back, ``troubles`` sentences on files that are where nobody wants them.
+    """
+
+    stays: list[str]
+    troubles: list[str]
 
 
 class SetAside:
@@ -28,28 +39,55 @@ class SetAside:
                     kept = _free_name(path)
                     os.rename(path, kept)
                 except OSError as error:
-                    self.settle()
+                    # The others of its series are in their place still: nothing has taken that.
+                    next_step = "; ".join(["check its folder", *self._put_all_back()])
                     raise CaptureError(
-                        f"the file cannot be replaced: {error.strerror}", where=path, next_step="check its folder"
+                        f"the file cannot be replaced: {error.strerror}", where=path, next_step=next_step
                     ) from None
                 moved.append((path, kept))
 
-    def settle(self) -> list[str]:
-        """Remove what something took the place of; put back all else, and return which databases these are."""
-        stays = []
+    def _put_all_back(self) -> list[str]:
+        """Put all back that was set aside; return why some stays where it is."""
+        every = [one for moved in self._aside.values() for one in moved]
+        self._aside.clear()
+        return [told for path, kept in every if (told := _put_back(path, kept))]
+
+    def settle(self) -> Settled:
+        """Remove what something took the place of, and put back all else."""
+        settled = Settled([], [])
         for database, moved in self._aside.items():
             if not moved:
                 continue
-            taken = bool(self._files_of(database))
-            for path, kept in moved:
-                if taken:
-                    os.unlink(kept)
-                else:
-                    os.rename(kept, path)
-            if not taken:
-                stays.append(database)
+            try:
+                taken = bool(self._files_of(database))
+            except OSError as error:
+                kept = ", ".join(name for _, name in moved)
+                settled.troubles.append(f"{database}: what was there stays as {kept}: {error.strerror}")
+                continue
+            failed = [told for path, kept in moved if (told := _removed(kept) if taken else _put_back(path, kept))]
+            settled.troubles.extend(failed)
+            if not taken and not failed:
+                settled.stays.append(database)
         self._aside.clear()
-        return stays
+        return settled
+
+
+def _removed(kept: str) -> str:
+    """Remove a file; return why it stays, '' where it does not."""
+    try:
+        os.unlink(kept)
+    except OSError as error:
+        return f"{kept}: this file was replaced and cannot be removed: {error.strerror}; remove it by hand"
+    return ""
+
+
+def _put_back(path: str, kept: str) -> str:
+    """Put a file back to where it was; return why it stays where it is, '' where it does not."""
+    try:
+        os.rename(kept, path)
+    except OSError as error:
+        return f"{path}: what was there cannot be put back: {error.strerror}; it is {kept}: give it its name again"
+    return ""
 
 
 def _free_name(path: str) -> str:

@@ -1,8 +1,8 @@
 """Values that come one by one, with a row a value: in the long form beside those of lists, or by themselves.
 
 What a value is decides in which column it stands, as in ``nvscope.export.long``; one that is none of its type is a
-text, as it came. Times are nanoseconds. What could not be read has no row. By themselves, values have the columns that
-can hold something, and the place of the variable.
+text, as it came. Times are nanoseconds. What could not be read has no row; one without any value says that nobody
+knows it any more. By themselves, values have the columns that can hold something, and the place of the variable.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ class ReadTables:
             **{column: labels(which, [told_of(one) for one in own]) for column, told_of in self._further.items()},
             "integer": with_nulls(whole, bits_of(is_whole), pa.int64()),
             "real": with_nulls(np.where(is_real, bits.view(np.float64), 0.0), bits_of(is_real), pa.float64()),
-            "text": _texts(readings, rows, ~is_whole & ~is_real, hidden),
+            "text": _texts(readings, rows, ~is_whole & ~is_real & (form != Form.UNKNOWN), hidden),
         }
         arrays = [columns[field.name] if field.name in columns else pa.nulls(len(rows), field.type) for field in schema]
         return pa.table(arrays, schema=schema)

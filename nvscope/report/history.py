@@ -21,6 +21,7 @@ from nvscope.report.variables import (
     never_told,
     read_rows_by_list,
 )
+from nvscope.tracker.readings.form import UNKNOWN_TEXT
 from nvscope.version import head
 from nvscope.view.documents.history import HISTORY_SCHEMA
 from nvscope.view.documents.read_variables import NOT_IN_REPLIES
@@ -177,7 +178,7 @@ class Text:
             is_room &= display_width(new) + len(_FIRST) <= self._change or not _is_number(row["new"])
             first = _FIRST if is_room else ""
             return [Cell(shorten(new, max(self._change - len(first), 1)), Tone.STRONG), Cell(first, Tone.FAINT)]
-        if not row["changed"]:
+        if not row["changed"] and UNKNOWN_TEXT not in (row["old_text"], new):
             return [Cell(shorten(new, max(self._change, 1)))]
         room = max(self._change - len(_ARROW), 2)
         half = max(room - display_width(new), room // 2)

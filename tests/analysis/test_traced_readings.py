@@ -162,7 +162,10 @@ def test_null_and_texts_are_no_points(tmp_path: Path) -> None:
     path = write_log(tmp_path / "x.db", [("v", "INT")], [Row(100 * at, (one,)) for at, one in enumerate(values)])
     trace = trace_of(path, "v")
     assert trace.value.tolist() == [1.0, 2.5, 3.0, 4.0]
-    assert gaps(trace) == [5], "nobody knows a number while it was a text"
+    assert gaps(trace) == [3, 5], "nobody knows a number while it was a text, or unknown"
+    path = write_log(tmp_path / "y.db", [("v", "INT")], [Row(100 * at, (one,)) for at, one in enumerate([1, 2, None])])
+    row = row_of(whole(path), "v")
+    assert (row.text, row.readings, row.bounds, row.last_frame) == ("unknown", 2, ("1", "2"), 3)
 
 
 def test_databases_of_one_name_are_told_apart(tmp_path: Path) -> None:

@@ -114,8 +114,8 @@ _ROWS = st.lists(
 )  # fmt: skip
 
 
-Stored = tuple[int, int | None, bool]
-"""When a row is, in ms, its value, and whether anything may have been missed before it."""
+Stored = tuple[int, int | None, bool, bool]
+"""When a row is, in ms, its value, whether anything may have been missed before it, and whether NULL is a change."""
 
 
 def stored(rows: Sequence[Row], *, only_changes: bool) -> list[Stored]:
@@ -126,7 +126,8 @@ def stored(rows: Sequence[Row], *, only_changes: bool) -> list[Stored]:
         value, counters = (changed[0], changed[1::2]) if only_changes else (row.values[0], [None])
         begins_anew = all(one == 0 for one in counters)
         assert value is None or isinstance(value, int)
-        found.append((row.at, value, row.consistent == 0 or begins_anew))
+        to_null = value is None and (changed[1] is not None or not only_changes)
+        found.append((row.at, value, row.consistent == 0 or begins_anew, to_null))
     return found
 
 
@@ -136,8 +137,10 @@ def plain_frozen(rows: Sequence[Stored], most_ms: int, *, lasts: bool) -> tuple[
     last: object = None
     since = before = stretch = of = 0
     told = False
-    for at, value, parts in rows:
+    for at, value, parts, to_null in rows:
         stretch += parts
+        if to_null:
+            last = None
         is_known = lasts and value is None and last is not None and of == stretch
         if value is None and not is_known:
             continue

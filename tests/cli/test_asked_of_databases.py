@@ -128,3 +128,29 @@ def test_when_a_variable_changed_is_told_with_its_day(tmp_path: Path) -> None:
     assert title.endswith(", 2 variables logged")
     for line, changed in zip(told, (1_000, day_ms), strict=True):
         assert at_ms(changed).replace("T", " ")[:23] in line
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("report",), "No database has a row"),
+        (("packets",), "no database has a row"),
+        (("vars",), "the database has no row"),
+        (("vars", "--history", "*"), "the database has no row"),
+    ],
+)
+def test_of_a_database_without_rows_nobody_looks_for_a_network(
+    words: Sequence[str], told: str, tmp_path: Path
+) -> None:  # fmt: skip
+    path = write_log(tmp_path / "x.db", [("a", "INT")], [])
+    done = run_text(words[0], path, *words[1:])
+    assert told in done.stdout + done.stderr
+    assert not any(word in done.stdout + done.stderr for word in ("interface", "web visualization", "definition"))
+
+
+def test_one_row_and_one_page_are_no_more_than_one(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "x.db", [("a", "INT")], [Row(0, (1,))])
+    assert "1 row read, the filter does not choose it." in run_text("packets", path, "-Y", "db.row == 7").stderr
+    whole = Path(GENUINE).read_bytes()
+    (tmp_path / "y.db").write_bytes(whole[:-4096])
+    assert "1 of its 23 pages is missing at its end" in run_text("vars", str(tmp_path / "y.db")).stderr

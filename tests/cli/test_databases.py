@@ -186,6 +186,16 @@ def test_a_row_is_a_line_with_its_values() -> None:
     ]
 
 
+def test_records_have_all_variables_of_a_row(tmp_path: Path) -> None:
+    variables = [("a", "INT"), ('b,"c', "INT"), ("d", "INT")]
+    path = write_log(tmp_path / "x.db", variables, [Row(0, (1, 2, None)), Row(9, (None, None, None))])
+    words = ("packets", path, "-e", "db.row", "-e", "db.variable", "-T")
+    assert json.loads(run_text(*words, "json").stdout) == [
+        {"db.row": 1, "db.variable": ["a", 'b,"c']}, {"db.row": 2, "db.variable": None}
+    ]  # fmt: skip
+    assert list(csv.reader(io.StringIO(run_text(*words, "csv").stdout)))[1:] == [["1", 'a,b,"c'], ["2", ""]]
+
+
 def test_a_tree_tells_each_value_with_its_place_and_counter() -> None:
     done = run_text("packets", GENUINE, "-V", "-c", "1")
     assert "table log_changes_575121309, row id 1" in done.stdout

@@ -277,3 +277,20 @@ def test_a_counter_and_a_variable_have_not_one_name(here: Path) -> None:
     (here / "c.xml").write_text(text, encoding="utf-8")
     done = logged(here)
     assert (done.returncode, "It is the counter of 'a/a': leave one of both out" in done.stderr) == (2, True)
+
+
+@pytest.mark.parametrize("words", [(), ("--dry-run",)])
+def test_rows_of_databases_are_refused_before_anything_is_done(here: Path, words: tuple[str, ...]) -> None:
+    assert logged(here).returncode == 0
+    done = datalog(here, "log.db", "--config", "c.xml", "--gvl", ".", "-w", "other.db", *words)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "rows of databases are not logged again, and no capture is given" in done.stderr
+    done = datalog(here, "plant.pcap", "log.db", "--config", "c.xml", "--gvl", ".", "-w", "other.db", *words)
+    assert done.returncode == 0
+    assert "log.db: rows of databases are not logged again." in done.stderr
+
+
+def test_a_capture_that_is_not_there_is_told_also_where_nothing_would_be_written(here: Path) -> None:
+    done = datalog(here, "none.pcap", "--config", "c.xml", "--gvl", ".", "--dry-run")
+    assert done.returncode != 0
+    assert "none.pcap" in done.stderr

@@ -181,9 +181,11 @@ def known_values(
     for name, place in session.variables.items():
         called.setdefault(place, []).append(name)
     known: list[dict[str, Value]] = [{}]
-    for packet in packets:
+    # What is seen once more tells nothing: another sender may have said something else meanwhile.
+    seen_twice = set().union(*(copies(packets, one) for one in lists.values()))
+    for at_packet, packet in enumerate(packets):
         now = dict(known[-1])
-        if counts_for(packet, lists.get(packet.index)):
+        if counts_for(packet, lists.get(packet.index)) and at_packet not in seen_twice:
             at = 0
             for name, kind in lists[packet.index].telegrams[packet.subindex]:
                 for variable in called.get((packet.index, name), ()):
@@ -229,6 +231,7 @@ def cycles(packets: Sequence[Packet], defined: DefinedList) -> list[tuple[int, i
     longest_ns = (defined.interval_ns or 2 * UNKNOWN_INTERVAL_NS) // 2
     going: dict[str, tuple[int, int]] = {}
     over: list[tuple[int, int]] = []
+    seen_twice = copies(packets, defined)
     now = packets[0].time_ns
     for place, packet in enumerate(packets):
         if packet.time_ns < now - SET_BACK_NS:
@@ -236,7 +239,7 @@ def cycles(packets: Sequence[Packet], defined: DefinedList) -> list[tuple[int, i
             over += going.values()
             going.clear()
         now = max(now, packet.time_ns)
-        if packet.index != defined.index or not counts_for(packet, defined):
+        if packet.index != defined.index or not counts_for(packet, defined) or place in seen_twice:
             continue
         if packet.node in going:
             before = packets[going[packet.node][1]]
@@ -246,6 +249,31 @@ def cycles(packets: Sequence[Packet], defined: DefinedList) -> list[tuple[int, i
         if packet.subindex == last_subindex:
             over.append(going.pop(packet.node))
     return sorted([*over, *going.values()], key=lambda cycle: cycle[1])
+
+
+def copies(packets: Sequence[Packet], defined: DefinedList) -> set[int]:
+    """Return the places of telegrams of a list that are the one before of their stream, seen once more.
+
+    A sender may say the same with the same counter in each cycle: what is half an interval late is no copy, nor, of one
+    that has shown one counter alone, what is 10 ms late. A list without an interval repeats nothing by itself.
+    """
+    found: set[int] = set()
+    last: dict[object, Packet] = {}
+    counts: set[object] = set()
+    for place, packet in enumerate(packets):
+        if not packet.is_data or packet.index != defined.index or packet.port != defined.port:
+            continue
+        before = last.get(packet.stream)
+        last[packet.stream] = packet
+        if before is None:
+            continue
+        if before.counter != packet.counter:
+            counts.add(packet.stream)
+        limits = [] if defined.interval_ns is None else [defined.interval_ns // 2]
+        limits += [] if packet.stream in counts else [UNKNOWN_INTERVAL_NS]
+        if before.content == packet.content and all(abs(packet.time_ns - before.time_ns) < limit for limit in limits):
+            found.add(place)
+    return found
 
 
 def count_changes(found: Iterable[Sample]) -> None:

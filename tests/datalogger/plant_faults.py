@@ -56,6 +56,22 @@ def repeat(rng: random.Random, packets: list[Packet]) -> None:
     in_order(packets)
 
 
+def mirror(rng: random.Random, packets: list[Packet]) -> None:
+    """From some time on, each packet is captured twice."""
+    since_ns, late_ns = packets[somewhere(rng, packets)].time_ns, rng.choice([300, 2_000, 4 * MS, 12 * MS])
+    again = [replace(one, time_ns=one.time_ns + late_ns, drops=0) for one in packets if one.time_ns >= since_ns]
+    packets += again
+    in_order(packets)
+
+
+def stand_still(rng: random.Random, packets: list[Packet]) -> None:
+    """From some time on, a stream sends the same telegram again and again."""
+    chosen = packets[somewhere(rng, packets)]
+    for place, packet in enumerate(packets):
+        if packet.stream == chosen.stream and packet.time_ns >= chosen.time_ns:
+            packets[place] = replace(packet, counter=chosen.counter, data=chosen.data)
+
+
 def restart(rng: random.Random, packets: list[Packet]) -> None:
     chosen = packets[somewhere(rng, packets)]
     first: dict[object, int] = {}
@@ -127,6 +143,7 @@ def drop(rng: random.Random, packets: list[Packet]) -> None:
 
 Fault = Callable[[random.Random, list[Packet]], None]
 WHILE_SENT: Sequence[Fault] = (
-    lose, lose, overtake, lose_and_overtake, lose_and_overtake, repeat, restart, stop, misshape, malform, stranger,
+    lose, lose, overtake, lose_and_overtake, lose_and_overtake, repeat, restart, stand_still, stop, misshape, malform,
+    stranger,
 )  # fmt: skip
-WHILE_CAPTURED: Sequence[Fault] = (late_stamp, set_back, pause, drop)
+WHILE_CAPTURED: Sequence[Fault] = (mirror, late_stamp, set_back, pause, drop)

@@ -93,12 +93,12 @@ VALUE_OF_LOG: Schema = {"type": ["number", "string", "null"]}
 _LOGGED_VALUE: Properties = {
     "unit": unknown(),
     "value": VALUE_OF_LOG | {"description": "as it is stored; null of bytes, of what is no finite number, and of NULL"},
-    "text": maybe(text("as an engineer writes it; bytes in hexadecimal")),
+    "text": maybe(text("as an engineer writes it; bytes in hexadecimal; unknown where nobody knows it any more")),
 }
 _LOGGED_VARIABLE: Properties = {
     **_OF_LOG,
     **_LOGGED_VALUE,
-    "last_ns": maybe(time("of the last row with a value")),
+    "last_ns": maybe(time("of the last row with a value, or from which on it is unknown")),
     "changed_ns": maybe(time("of the last change, or of the first value")),
     "rows": whole("with a value: where only changes are stored, those with a change"),
     "changes": whole(),
@@ -197,6 +197,10 @@ def history() -> Schema:
     of_nobody = (*of_lists, "sender", "telegrams")
     of_log = {name: part for name, part in _OF_LOG.items() if name != "type"}
     logged_change = {**change, **of_log, "unit": unknown(), "old": VALUE_OF_LOG, "new": VALUE_OF_LOG}
+    logged_change["changed"] = truth(
+        "it is another value than the last one that was known; false where --all tells one that stayed, and where it "
+        "becomes unknown"
+    )
     logged_variable = {**variable, **_OF_LOG, "rows": whole("with a value", 1)}
     told = {
         "change": change, "page_change": page_change, "variable": variable, "page_variable": page_variable,

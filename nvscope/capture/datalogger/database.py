@@ -109,9 +109,12 @@ def _opened(path: str, stack: ExitStack) -> LogDatabase:
     notes = [*place.notes]
     if file.pages_missing:
         missing, counted = file.pages_missing, file.pages + file.pages_missing
-        notes.append(f"cut short: {missing} of its {counted} pages are missing at its end")
+        notes.append(
+            f"cut short: {missing} of its {counted} pages {'is' if missing == 1 else 'are'} missing at its end"
+        )
     if schema.left_out:
-        notes.append(f"{schema.left_out} more tables were not looked at")
+        were = "table was" if schema.left_out == 1 else "tables were"
+        notes.append(f"{schema.left_out} more {were} not looked at")
     return LogDatabase(place.path, file, schema, damages, tuple(notes), place.doubt)
 
 

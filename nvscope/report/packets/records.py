@@ -2,7 +2,8 @@
 
 All of them are written piece by piece, in constant memory. Each is a ``Face``. Separated fields are as tshark writes
 them; in CSV and JSON every number is decimal, and times but dates are whole nanoseconds, with ``_ns`` behind the name
-of their field: under its own name, which Wireshark has too, it would be taken for seconds.
+of their field: under its own name, which Wireshark has too, it would be taken for seconds. The variables of a frame are
+an array in JSON, and one cell of CSV with commas in between; of several VLAN tags it is the outermost.
 """
 
 from __future__ import annotations
@@ -94,7 +95,7 @@ class Csv:
         return ",".join(map(_csv_cell, _names(self._fields))) + "\n"
 
     def render(self, rows: FrameRows) -> Iterator[str]:
-        yield _lines([cells.texts(field, rows, _csv_cell, raw=True) for field in self._fields], ",")
+        yield _lines([_csv_cells(field, rows) for field in self._fields], ",")
 
     def end(self) -> str:
         return ""
@@ -112,6 +113,13 @@ def _names(fields: Sequence[TelegramField]) -> list[str]:
                 name = f"var.{name}"  # as the columns of exported values
         names.append(name)
     return names
+
+
+def _csv_cells(field: TelegramField, rows: FrameRows) -> list[str]:
+    if not cells.listed(field):
+        return cells.texts(field, rows, _csv_cell, raw=True)
+    # All of them are one cell.
+    return [_csv_cell(cell) for cell in cells.texts(field, rows, str, raw=True)]
 
 
 def _csv_cell(text: str) -> str:

@@ -3,7 +3,8 @@
 What the project says goes before names. By its name, ``Arp.Plc.Eclr/Prg1.Speed`` is a variable ``Prg1.Speed`` of any
 list, else ``Speed`` of a list ``Prg1``, else ``Speed`` of any list, as those who log have it
 (``nvscope.datalogger.logged``). A number is the same where its bits are, in the width of its column: a WORD may be
-stored with a sign. Times are numbers in the unit of their type.
+stored with a sign. Times are numbers in the unit of their type. A number that is none is NULL in a database: nobody can
+tell whether it has that of the list.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from nvscope.tracker.datalogger.variables import DatabaseVariable
 from nvscope.tracker.readings.form import Form
 from nvscope.tracker.readings.likeness import plain
 from nvscope.tracker.readings.readings import Readings
+from nvscope.tracker.variables.following import UNKNOWN
 from nvscope.tracker.variables.values import Block
 
 _BYTES = {"TINYINT": 1, "SMALLINT": 2, "INT": 4, "BIGINT": 8}
@@ -68,6 +70,7 @@ class DatabaseLikeness:
             bits[form != Form.WHOLE] = _NO_NUMBER
         elif declared in _REALS:
             bits[form != Form.REAL] = _NO_NUMBER
+        bits[form == Form.UNKNOWN] = UNKNOWN
         return bits
 
     def of_list(self, variable: DatabaseVariable, element: Element, offset: int, data: U8) -> U64:
@@ -81,7 +84,8 @@ class DatabaseLikeness:
         numbers = Block(0, 1, offset, kind).cells_of(data).reshape(len(data)).view(scalar.dtype)
         if scalar.kind is ScalarKind.REAL:
             with np.errstate(invalid="ignore"):
-                bits: U64 = (numbers.astype(np.float64) + 0.0).view(np.uint64)
+                reals = numbers.astype(np.float64) + 0.0
+            bits: U64 = np.where(np.isnan(reals), UNKNOWN, reals.view(np.uint64))
             return bits
         whole = numbers.astype(np.uint64) if numbers.dtype.kind in "bu" else numbers.astype(np.int64).view(np.uint64)
         size = _BYTES[variable.type.upper()]

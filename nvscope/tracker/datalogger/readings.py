@@ -1,15 +1,16 @@
 """Readings of databases: the values that their rows hold.
 
-NULL is no value: where only changes are stored, it was what it had been; else nobody knows it. ConsistentDataSeries 0
-says that data was lost before a row, all counters at 0 that the logger began anew, and a row id that is not the next
-one that rows are missing, as where a page is damaged; a file of a series may be missing, too: changes may be missing
-there, and how long a value lasted is not known.
+NULL is no value: it was what it had been, or nobody knows it (``nvscope.tracker.datalogger.unknown_values``): then that
+is a reading, behind a value, and no stretch goes on across it. ConsistentDataSeries 0 says that data was lost before a
+row, all counters at 0 that the logger began anew, and a row id that is not the next one that rows are missing, as where
+a page is damaged; a file of a series may be missing, too: changes may be missing there, and how long a value lasted is
+not known.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import blake2b
 from typing import ClassVar
 
@@ -23,11 +24,15 @@ from dissectors.datalogger.rows import RowBatch, consistent
 from dissectors.datalogger.tables import LogTable
 from nvscope.engine.told import Told
 from nvscope.tracker.datalogger.late_rows import LATE_PERCENT
+from nvscope.tracker.datalogger.unknown_values import CountedUnknown, SampledUnknown, Unknown
 from nvscope.tracker.datalogger.variables import DatabaseVariable, DatabaseVariables
-from nvscope.tracker.readings.form import Form
+from nvscope.tracker.readings.form import UNKNOWN_TEXT, Form
 from nvscope.tracker.readings.readings import LEFT_OUT, MOST_AT_ONCE, Readings
 
-_FORMS = np.zeros(len(Stored), np.int64)
+_APART = 1 << 40
+"""Between the numbers of stretches of a variable that was unknown in between: no file has so many rows."""
+
+_FORMS = np.full(len(Stored), int(Form.UNKNOWN))
 _FORMS[Stored.INTEGER], _FORMS[Stored.REAL] = Form.WHOLE, Form.REAL
 _FORMS[Stored.TEXT], _FORMS[Stored.BLOB] = Form.TEXT, Form.RAW
 
@@ -51,6 +56,11 @@ class ReadRows:
         self._parts: dict[tuple[str, LogTable], int] = {}
         self.missed = 0
         self._came: list[tuple[I64, I64, I64]] = []
+        self._unknown: dict[RowTable, CountedUnknown | SampledUnknown] = {}
+        self._apart: dict[int, int] = {}
+        """How often variables were unknown that had a value before, by number."""
+        self._apart_at: dict[int, list[I64]] = {}
+        """The packets of that in the batch read last."""
 
     @property
     def known(self) -> Sequence[DatabaseVariable]:
@@ -64,19 +74,15 @@ class ReadRows:
 
     def of(self, told: Told, part: RowBatch) -> Iterator[Readings]:
         """Yield the readings of a batch, in stretches of so many that memory stays bounded."""
-        tables = [
-            _TableRows(
-                table, rows, records, self.numbers_of(table, told.max_streams),
-                self._stretches(table, records, part.logged.rowid[rows]),
-            )
-            for table, rows, records in part.by_table()
-        ]  # fmt: skip
+        tables = [self._table_rows(told, part, *one) for one in part.by_table()]
+        self._apart_at.clear()
         self._came = [(one.numbers, part.row[one.rows], one.stretch) for one in tables if one.table.log.only_changes]
         chosen = None if told.chosen is None else told.chosen[part.row]
         variables = max((len(one.numbers) for one in tables), default=1)
         most = max(MOST_AT_ONCE // max(variables, 1), 1)
         for begin in range(0, len(part), most):
-            found = [cells for one in tables for cells in one.cells(begin, begin + most, chosen)]
+            found = [self._set_apart(part, one) for table in tables for one in table.cells(begin, begin + most, chosen)]
+            found = [one for one in found if len(one.rows)]
             if found:
                 yield self._readings(part.row, found, in_turn=len(tables) > 1)
 
@@ -93,15 +99,47 @@ class ReadRows:
         """
         own = [(rows, stretch) for numbers, rows, stretch in self._came if (numbers == number).any()]
         rows, stretch = (np.concatenate([np.empty(0, np.int64), *(one[at] for one in own)]) for at in range(2))
+        if apart := self._apart.get(number):
+            at = np.sort(np.concatenate([np.empty(0, np.int64), *self._apart_at.get(number, [])]))
+            stretch = stretch + (apart - len(at) + np.searchsorted(at, rows, "right")) * _APART
         return rows, stretch
 
-    def _stretches(self, table: RowTable, records: Records, rowid: I64) -> I64:
+    def _table_rows(self, told: Told, part: RowBatch, table: RowTable, rows: I64, records: Records) -> _TableRows:
+        restarts = _restarts(table, records)
+        find = self._unknown.get(table)
+        if find is None:
+            find = CountedUnknown(table.log) if table.log.only_changes else SampledUnknown(table.log)
+            self._unknown[table] = find
+        unknown = find.of(records, restarts) if isinstance(find, CountedUnknown) else find.of(records)
+        return _TableRows(
+            table, rows, records, self.numbers_of(table, told.max_streams),
+            self._stretches(table, records, part.logged.rowid[rows], restarts), unknown,
+        )  # fmt: skip
+
+    def _set_apart(self, part: RowBatch, column: _Column) -> _Column:
+        """Let a variable be unknown behind a value only, and each such row begin a stretch of its own."""
+        unknown = column.cells.form == Stored.NULL
+        apart = self._apart.get(column.number)
+        if not unknown.any():
+            self._apart.setdefault(column.number, 0)
+            return replace(column, stretch=column.stretch + apart * _APART) if apart else column
+        if apart is None:
+            # Nobody has known it yet.
+            first = int(unknown.argmin()) if not unknown.all() else len(unknown)
+            column, unknown, apart = column.behind(first), unknown[first:], 0
+            if not len(unknown):
+                return column
+        self._apart_at.setdefault(column.number, []).append(part.row[column.rows[unknown]])
+        self._apart[column.number] = apart + int(np.count_nonzero(unknown))
+        return replace(column, stretch=column.stretch + (apart + np.cumsum(unknown)) * _APART)
+
+    def _stretches(self, table: RowTable, records: Records, rowid: I64, restarts: Bool) -> I64:
         """Return numbers of rows that are the same where nothing was lost between these."""
         lost = ~consistent(records)
         if table.series not in self._stretch:
             lost[0] = False  # there is nothing before it
         self.missed += int(np.count_nonzero(lost))
-        lost |= _restarts(table, records)
+        lost |= restarts
         # Loggers number rows one by one, and delete the oldest alone: others that are missing cannot be read any more.
         lost |= np.diff(rowid, prepend=self._last_row.get(table, int(rowid[0]) - 1)) > 1
         self._last_row[table] = int(rowid[-1])
@@ -160,7 +198,7 @@ class ReadRows:
 
 @dataclass(frozen=True, slots=True)
 class _Column:
-    """The values of one variable in some rows of a table, by their positions in the batch; none is NULL."""
+    """The values of one variable in some rows of a table, by their positions in the batch; NULL where it is unknown."""
 
     number: int
     rows: I64
@@ -169,11 +207,17 @@ class _Column:
     data: U8
     encoding: str
 
+    def behind(self, first: int) -> _Column:
+        """Return it without the values in front of one."""
+        cells = self.cells
+        kept = Cells(cells.form[first:], cells.bits[first:], cells.start[first:], lambda: cells.stop[first:])
+        return replace(self, rows=self.rows[first:], cells=kept, stretch=self.stretch[first:])
+
     def text(self, at: int) -> str:
         """Return a value as text, '' of a number."""
         form = self.cells.form[at]
         if form < Stored.TEXT:
-            return ""
+            return UNKNOWN_TEXT if form == Stored.NULL else ""
         content = self.data[self.cells.start[at] : self.cells.stop[at]].tobytes()
         return content.hex(" ") if form == Stored.BLOB else content.decode(self.encoding, "replace")
 
@@ -187,23 +231,26 @@ class _TableRows:
     records: Records
     numbers: I64
     stretch: I64
+    unknown: Unknown
 
     def cells(self, begin: int, end: int, chosen: Bool | None) -> Iterator[_Column]:
-        """Yield the values in the rows from one position to before another, of those that are chosen."""
+        """Yield values and where there is none, from one position to before another, in the rows that are chosen."""
         own = np.arange(*np.searchsorted(self.rows, (begin, end)).tolist())
         if chosen is not None:
             own = own[chosen[self.rows[own]]]
-        for number, logged in zip(self.numbers.tolist(), self.table.log.variables, strict=True):
-            if number < 0 or not len(own) or self.records.is_empty(logged.column):
+        for place, (number, logged) in enumerate(zip(self.numbers.tolist(), self.table.log.variables, strict=True)):
+            unknown = self.unknown.get(place)
+            if number < 0 or not len(own) or (unknown is None and self.records.is_empty(logged.column)):
                 continue
-            cells, filled = self.records.cells(logged.column, own), own
-            there = np.flatnonzero(cells.form)
-            if len(there) < len(own):
-                filled = own[there]
-                cells = self.records.cells(logged.column, filled)
-            if len(filled):
+            # Numbers that are none are among them where somebody wrote the file byte by byte.
+            kept = self.records.filled(logged.column)[own]
+            if unknown is not None:
+                kept |= np.isin(own, unknown, assume_unique=True)
+            there = own if kept.all() else own[kept]
+            if len(there):
                 yield _Column(
-                    number, self.rows[filled], cells, self.stretch[filled], self.records.data, self.table.encoding
+                    number, self.rows[there], self.records.cells(logged.column, there), self.stretch[there],
+                    self.records.data, self.table.encoding,
                 )  # fmt: skip
 
 

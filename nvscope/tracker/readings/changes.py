@@ -45,11 +45,11 @@ class ChangeMemory:
         self._last = _LastColumns()
 
     def steps(self, readings: Readings, wanted: Bool | None = None) -> Steps:
-        """Take readings, those that are ``wanted``, which follow those before; what could not be read is passed over.
+        """Take readings, those that are ``wanted``, which follow those before; those without a value are passed over.
 
         A change is another value, not another text: 1.0 and 1.00 of a REAL are equal.
         """
-        has_value = readings.form != Form.NOTHING
+        has_value = readings.form > Form.NOTHING
         rows = np.flatnonzero(has_value if wanted is None else has_value & wanted)
         variable = readings.variable[rows]
         bound = int(variable.max(initial=-1)) + 1
@@ -67,3 +67,28 @@ class ChangeMemory:
         ends = np.append(begins[1:], True) if len(begins) else begins
         last.form[variable[ends]], last.bits[variable[ends]] = form[ends], bits[ends]
         return Steps(order, begins, fresh, differs)
+
+
+class UnknownMemory:
+    """Which variables are unknown, by number: no more what they were, and nobody knows what they are."""
+
+    def __init__(self) -> None:
+        self._unknown: set[int] = set()
+
+    def turns(self, readings: Readings) -> Bool:
+        """Take readings, which follow those before; return where a variable becomes unknown, or is known again."""
+        found = np.zeros(len(readings), np.bool_)
+        unknown = readings.form == Form.UNKNOWN
+        if not self._unknown and not unknown.any():
+            return found
+        rows = np.flatnonzero(readings.form != Form.NOTHING)
+        order = rows[np.argsort(readings.variable[rows], kind="stable")]
+        variable, now = readings.variable[order], unknown[order]
+        begins = np.append(True, variable[1:] != variable[:-1])[: len(order)]
+        before = np.append(False, now[:-1])[: len(order)]
+        before[begins] = [number in self._unknown for number in variable[begins].tolist()]
+        found[order] = now != before
+        ends = np.append(begins[1:], True)[: len(order)]
+        for number, is_unknown in zip(variable[ends].tolist(), now[ends].tolist(), strict=True):
+            (self._unknown.add if is_unknown else self._unknown.discard)(number)
+        return found

@@ -11,9 +11,18 @@ HIDDEN = "(hidden)"
 """In place of a value that is a password, or may be one."""
 
 
-class Form(IntEnum):
-    """What a value is. ``RAW``: no more is known than its text; ``NOTHING``: it could not be read."""
+UNKNOWN_TEXT = "unknown"
+"""In place of a value that is ``Form.UNKNOWN``."""
 
+
+class Form(IntEnum):
+    """What a value is, and below 1 why there is none.
+
+    ``RAW``: no more is known than its text. ``NOTHING``: it could not be read. ``UNKNOWN``: it is no more what it was
+    before, and what it is, nobody knows.
+    """
+
+    UNKNOWN = -1
     NOTHING = 0
     RAW = 1
     TEXT = 2

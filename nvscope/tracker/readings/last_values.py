@@ -10,7 +10,7 @@ from dissectors.batch import I64, U64
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.told import Told
 from nvscope.tracker.readings.changes import ChangeMemory, Steps
-from nvscope.tracker.readings.form import Form, cut_text
+from nvscope.tracker.readings.form import UNKNOWN_TEXT, Form, cut_text
 from nvscope.tracker.readings.readings import Readings, ReadValues
 
 _LEAST, _MOST = np.iinfo(np.int64).min, np.iinfo(np.int64).max
@@ -20,10 +20,10 @@ class ValueColumns(KeyedColumns):
     """One row a variable.
 
     ``readings`` is how often it had a value, ``unreadable`` how often the controller could not read it; ``changes``
-    counts those that are another value than before, ``changed_ns`` is when it was last (its first time before that).
-    ``form`` is the last ``Form``. ``secret_frame`` is the last frame with a value that was, or may have been, a
-    password, 0 without any. Bounds are those of numbers: of whole ones, or of REALs; the least is above the most
-    where there was none.
+    counts those that are another value than the last one that was known, ``changed_ns`` is when it was last (its first
+    time before that). ``form`` is the last ``Form``; where that is UNKNOWN, the last time and frame are of that.
+    ``secret_frame`` is the last frame with a value that was, or may have been, a password, 0 without any. Bounds are
+    those of numbers: of whole ones, or of REALs; the least is above the most where there was none.
     """
 
     readings: I64
@@ -84,9 +84,14 @@ class LastValues:
         nothing = readings.variable[readings.form == Form.NOTHING]
         columns.unreadable[: len(columns)] += np.bincount(nothing, minlength=len(columns))
         steps = self._memory.steps(readings)
-        order = steps.order
-        if not len(order):
-            return
+        if len(steps.order):
+            self._take_values(told, readings, steps)
+        unknown = np.flatnonzero(readings.form == Form.UNKNOWN)
+        if len(unknown):
+            self._take_unknown(told, readings, unknown)
+
+    def _take_values(self, told: Told, readings: Readings, steps: Steps) -> None:
+        columns, order = self.columns, steps.order
         variable, time_ns = readings.variable[order], told.packets.ts_ns[readings.row[order]]
         first = steps.begins & (columns.readings[variable] == 0)
         columns.changed_ns[variable[first]] = time_ns[first]
@@ -106,6 +111,20 @@ class LastValues:
         columns.form[own], columns.bits[own] = readings.form[last], readings.bits[last]
         for number, place in zip(own.tolist(), last.tolist(), strict=True):
             self.texts[number] = cut_text(readings.text(place))
+
+    def _take_unknown(self, told: Told, readings: Readings, unknown: I64) -> None:
+        """Let variables be unknown behind which no value came."""
+        columns = self.columns
+        last = np.full(len(columns), -1)
+        rows = np.flatnonzero(readings.form != Form.NOTHING)
+        # Assigned in order, so that the last one is what stays.
+        last[readings.variable[rows]] = rows
+        ends = unknown[last[readings.variable[unknown]] == unknown]
+        own = readings.variable[ends]
+        columns.last_ns[own] = told.packets.ts_ns[readings.row[ends]]
+        columns.last_frame[own] = readings.row[ends] + told.first_frame
+        columns.form[own], columns.bits[own] = Form.UNKNOWN, 0
+        self.texts.update(dict.fromkeys(own.tolist(), UNKNOWN_TEXT))
 
     def _bound(self, readings: Readings, steps: Steps) -> None:
         """Widen the bounds of numbers: by values that are not as those before."""

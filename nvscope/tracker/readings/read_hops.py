@@ -30,7 +30,7 @@ MOST_PAIRS = 10_000
 
 @dataclass(slots=True, kw_only=True)
 class _End(Side):
-    """An end of a pair; ``now`` are the bits of its last value, None before any."""
+    """An end of a pair; ``telegrams`` had a value, ``now`` are the bits of its last one, None before any."""
 
     now: int | None = None
 
@@ -163,6 +163,7 @@ class ReadHops:
                 continue
             values = self._likeness.of_read(known, readings, own)
             _add(compared.end, told.packets.ts_ns[readings.row[own]], values, fresh)
+            compared.end.telegrams -= int(np.count_nonzero(readings.form[own] == Form.UNKNOWN))
             last = int(own[-1])
             compared.end.last = Reading(
                 Form(int(readings.form[last])), int(readings.bits[last]), readings.text(last),

@@ -11,7 +11,7 @@ import numpy as np
 from dissectors.batch import I64, Bool
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.told import Told
-from nvscope.tracker.readings.changes import ChangeMemory, Steps
+from nvscope.tracker.readings.changes import ChangeMemory, Steps, UnknownMemory
 from nvscope.tracker.readings.form import MOST_CHARACTERS, Form, cut_text
 from nvscope.tracker.readings.readings import Readings, ReadValues, ReadVariable
 
@@ -32,7 +32,7 @@ class Reading:
 class ReadEntry:
     """One variable in one message or row: its value there, and the one before, None where nobody knows that.
 
-    ``name`` is what it was called then.
+    ``name`` is what it was called then; ``changed`` says that it is another value than the last one that was known.
     """
 
     frame: int
@@ -78,7 +78,7 @@ class _Shown:
 
 
 class ValueHistory:
-    """The changes of wanted variables, told as batches come; however these are cut, it is the same.
+    """The changes of wanted variables, and where they are unknown, as batches come; however these are cut, the same.
 
     With ``every``, each value is told, changed or not. A time between changes is left out where a clock steps back,
     and where some may have been missed between them. ``tracks`` are by number of ``read.known``.
@@ -89,6 +89,7 @@ class ValueHistory:
         self.tracks = TrackColumns()
         self._every = every
         self._memory = ChangeMemory()
+        self._unknown = UnknownMemory()
         self._last: dict[int, Reading] = {}
         self._shown: list[_Shown] = []
 
@@ -116,7 +117,8 @@ class ValueHistory:
         self._count(readings.variable[steps.order], time_ns, steps, stretch)
         fresh, differs = np.zeros(len(readings), np.bool_), np.zeros(len(readings), np.bool_)
         fresh[steps.order], differs[steps.order] = steps.fresh, steps.differs
-        rows = np.flatnonzero(readings.form != Form.NOTHING if self._every else fresh | differs)
+        turns = self._unknown.turns(readings)
+        rows = np.flatnonzero(readings.form != Form.NOTHING if self._every else fresh | differs | turns)
         # In the order of the capture, which is that of each variable alone so far.
         rows = rows[np.argsort(readings.row[rows], kind="stable")]
         return _Shown(told, readings, rows, fresh[rows], differs[rows])

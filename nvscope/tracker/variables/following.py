@@ -21,6 +21,9 @@ CHANGES_KEPT = 1024
 _DECIDING = 64
 """So many values of who goes on decide on what was left when nobody listened to the other end any more."""
 
+UNKNOWN = np.uint64(0x7FF8_0000_0000_0003)
+"""The bits of what nobody knows, or what the other end cannot hold: it is no change, and no time with it counts."""
+
 Changed = tuple[I64, U64]
 """Times and values of changes."""
 
@@ -86,16 +89,18 @@ class Side:
     @property
     def is_known(self) -> bool:
         """Whether its value is known now."""
-        return bool(len(self.values)) and self.until_ns is None
+        return bool(len(self.values)) and self.until_ns is None and self.values[-1] != UNKNOWN
 
 
 @dataclass(slots=True)
 class Reached:
     """Which changes of the leader the follower took, too: of ``led`` that could be taken, ``reached``.
 
-    A change can be taken where the follower was known, and of another value. ``taken`` has an entry for each change
-    that is remembered of the leader: whether it is no more to be waited for. ``left`` are changes that were waited for
-    when nobody listened to the leader any more: what is told of the follower until somebody does decides on these.
+    A change can be taken where the follower was known, and of another value; or had been of the same one since before
+    the leader went away from it: where that comes back and the follower has not moved, it took neither. ``taken`` has
+    an entry for each change that is remembered of the leader: whether it is no more to be waited for. ``left`` are
+    changes that were waited for when nobody listened to the leader any more: what is told of the follower until
+    somebody does decides on these.
     """
 
     led: int = 0
@@ -114,7 +119,10 @@ class Reached:
         if follower.since_ns is not None:
             when, what = np.append(follower.times_ns, new[0]), np.append(follower.values, new[1])
             place = np.searchsorted(when, times, "right") - 1
-            fresh = (place >= 0) & (what[place] != values)
+            before_ns = np.concatenate([[np.iinfo(np.int64).min], leader.times_ns, times])[-len(times) - 1 : -1]
+            fresh = (place >= 0) & (what[place] != UNKNOWN)
+            fresh &= (what[place] != values) | (when[place] <= before_ns)
+            fresh &= _are_changes(leader.values, values)
         if leader.begins and not len(leader.times_ns) and len(fresh):
             fresh[0] = False  # what it had when it was first seen is no change
         self.led += int(np.count_nonzero(fresh))
@@ -184,6 +192,17 @@ class Pair(Generic[AnySide]):
     reached: Reached | None = None
 
 
+def _are_changes(before: U64, values: U64) -> Bool:
+    """Tell which of new values, each of which is not the one before it, are another one than was known last."""
+    every = np.concatenate([before, values])
+    known = every != UNKNOWN
+    if known.all():
+        return np.ones(len(values), np.bool_)
+    last = np.append(-1, np.maximum.accumulate(np.where(known, np.arange(len(every)), -1))[:-1])
+    changes: Bool = known & (last >= 0) & (every[last] != every)
+    return changes[len(before) :]
+
+
 def remember(end: Side, fresh: tuple[I64, U64] | None) -> None:
     if fresh is None:
         return
@@ -217,8 +236,10 @@ def _follow(
     """
     lead_ns, lead = np.concatenate([leader.times_ns, led[0]]), np.concatenate([leader.values, led[1]])
     times, values = new
+    counts = _are_changes(follower.values, values)
     if not len(follower.times_ns):
-        times, values = times[1:], values[1:]  # the first telegram is no change
+        counts[:1] = False  # the first telegram is no change
+    times, values = times[counts], values[counts]
     nothing = np.empty(0, np.int64)
     if not len(lead) or not len(times):
         return nothing
@@ -270,7 +291,9 @@ def _differ(pair: Pair[Any], first: tuple[I64, U64], second: tuple[I64, U64]) ->
     for end, mine in ((pair.first, is_first), (pair.second, ~is_first)):
         last = np.maximum.accumulate(np.where(mine, np.arange(len(times)), -1))
         before = end.values[-1] if len(end.values) else np.uint64(0)
-        now.append((np.where(last >= 0, values[last], before), (last >= 0) | end.is_known))
+        now.append(
+            (np.where(last >= 0, values[last], before), np.where(last >= 0, values[last] != UNKNOWN, end.is_known))
+        )  # fmt: skip
     (one, knows_one), (other, knows_other) = now
     known = knows_one & knows_other
     until = np.append(times[1:], times[-1])

@@ -7,6 +7,7 @@ from typing import Any
 from nvscope.definition.value import value_of
 from nvscope.tracker.readings.form import HIDDEN
 from nvscope.tracker.readings.read_hops import ListEnd, ReadEnd, ReadHops
+from nvscope.tracker.variables.following import UNKNOWN
 from nvscope.view.documents.hops import direction_of, figures
 from nvscope.view.documents.read_rows import shape_of
 from nvscope.view.documents.read_variables import reading_json, reading_text, reading_unit
@@ -35,7 +36,7 @@ def read_hop_rows(hops: ReadHops, end_ns: int | None, *, secrets: bool = False) 
                 "type": listed.element.type.name,
                 "from": ends[not follows],
                 "to": ends[follows],
-                **figures(pair, end_ns, equal=listed.now == read.now, follows=follows),
+                **figures(pair, end_ns, equal=listed.now == read.now != int(UNKNOWN), follows=follows),
                 **({"hidden": hidden} if shape.may_fail else {}),
                 **({} if missed is None else {"missed": missed}),
             }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from math import isfinite
 
 import numpy as np
@@ -17,6 +17,7 @@ from nvscope.view.rows.frames import FrameRows
 
 _BITS = ("0", "1")
 _JSON_BITS = ("false", "true")
+_NULL = "null"
 
 
 def texts(
@@ -27,18 +28,28 @@ def texts(
     Numbers decimal or with 0x, times in seconds, bytes as hexadecimal digits, bits as 0 and 1; of real numbers that are
     no numbers, NaN, inf and -inf; of a field that a frame has several times all of them, with commas in between.
     ``shown`` makes what a text may hold safe for where it is written. ``raw``: numbers are those of JSON, decimal
-    (programs take one with 0x for a text), times but dates in nanoseconds, and the first one only.
+    (programs take one with 0x for a text), times but dates in nanoseconds, and the first one only unless they are
+    ``listed``.
     """
     cells = _own_texts(field, rows, shown, raw=raw)
-    if not raw:
-        for one in field.further:
-            further = one.exists(rows)
-            if further is not None and not further.any():
-                break
-            cells = [
-                f"{cell},{more}" if more else cell for cell, more in zip(cells, texts(one, rows, shown), strict=True)
-            ]
+    for one in _further(field, rows) if listed(field) or not raw else ():
+        further = _own_texts(one, rows, shown, raw=raw)
+        cells = [f"{cell},{more}" if more else cell for cell, more in zip(cells, further, strict=True)]
     return cells
+
+
+def listed(field: TelegramField) -> bool:
+    """Tell whether JSON has a field as an array of all that a frame has; of numbers it is the first one, a number."""
+    return bool(field.further) and field.type is FieldType.TEXT
+
+
+def _further(field: TelegramField, rows: FrameRows) -> Iterator[TelegramField]:
+    """Yield the fields of what some frame has once more."""
+    for one in field.further:
+        exists = one.exists(rows)
+        if exists is not None and not exists.any():
+            return
+        yield one
 
 
 def _own_texts(field: TelegramField, rows: FrameRows, shown: Callable[[str], str], *, raw: bool) -> list[str]:
@@ -60,8 +71,18 @@ def json_texts(field: TelegramField, rows: FrameRows) -> list[str]:
 
     Numbers and bits are what they are in JSON, null where they are not finite. Absolute times are strings of
     nanoseconds, since JavaScript cannot hold them as numbers, or of the date; durations are numbers of nanoseconds.
-    Bytes are strings of hexadecimal digits. Of a field that a frame has several times, it is the first one.
+    Bytes are strings of hexadecimal digits. Of a field that a frame may have several times, it is the first one, or an
+    array of all if they are ``listed``.
     """
+    cells = _own_json_texts(field, rows)
+    if not listed(field):
+        return cells
+    several = [cells, *(_own_json_texts(one, rows) for one in _further(field, rows))]
+    told = (",".join(cell for cell in row if cell != _NULL) for row in zip(*several, strict=True))
+    return [f"[{one}]" if one else _NULL for one in told]
+
+
+def _own_json_texts(field: TelegramField, rows: FrameRows) -> list[str]:
     column = field.column(rows)
     if isinstance(column, AddressColumn):
         cells = _quoted(addresses(column))
@@ -75,10 +96,10 @@ def json_texts(field: TelegramField, rows: FrameRows) -> list[str]:
     elif field.type is FieldType.TIME:
         cells = _quoted(moments.iso(column, zoned=field.zoned) if field.calendar else map(str, column.tolist()))
     elif field.type is FieldType.REAL:
-        cells = [text if isfinite(float(text)) else "null" for text in map(str, column)]
+        cells = [text if isfinite(float(text)) else _NULL for text in map(str, column)]
     else:
         cells = list(map(str, column.tolist()))
-    return _where_known(cells, field.exists(rows), "null")
+    return _where_known(cells, field.exists(rows), _NULL)
 
 
 def addresses(column: AddressColumn) -> list[str]:

@@ -45,7 +45,8 @@ class RowTree:
         )
         yield title_entry(VARIABLES, [Cell(facts)])
         for value in values:
-            changed = f", {value.counter} changes" if value.counter else ""
+            changes = "change" if value.counter == "1" else "changes"
+            changed = f", {value.counter} {changes}" if value.counter else ""
             content = packet[value.start : value.stop]
             yield field_entry(
                 value.start, content, visible(value.variable.name), [Cell(visible(value.text))],

@@ -193,7 +193,8 @@ def test_rows_of_a_file_that_is_cut_are_those_of_the_pages_that_are_left(tmp_pat
         path.write_bytes(raw[: pages * 1024 + 100])
         with opened(str(path)) as database:
             missing = len(raw) // 1024 - pages
-            assert f"cut short: {missing} of its {len(raw) // 1024} pages are missing at its end" in database.notes
+            are = "is" if missing == 1 else "are"
+            assert f"cut short: {missing} of its {len(raw) // 1024} pages {are} missing at its end" in database.notes
         rows, damages = read(path)
         assert len(rows) < len(whole)
         assert set(rows) <= set(whole)

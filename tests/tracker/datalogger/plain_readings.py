@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import sqlite3
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -18,11 +18,11 @@ Value = Any
 
 @dataclass
 class Reading:
-    """One value: in which row of all, from 1, when, and in which stretch without a loss."""
+    """One value: in which row of all, from 1, when, and in which stretch without a loss; None is an unknown one."""
 
     frame: int
     time_ns: int
-    stretch: int
+    stretch: tuple[int, int]
     value: Value
 
     @property
@@ -36,7 +36,19 @@ class Variable:
     """The values of one variable, in their order."""
 
     name: str
-    readings: list[Reading] = field(default_factory=list)
+    every: list[Reading] = field(default_factory=list)
+
+    @property
+    def readings(self) -> list[Reading]:
+        """Those of which the value is known."""
+        return [one for one in self.every if one.value is not None]
+
+    def take(self, frame: int, time_ns: int, stretch: int, value: Value) -> None:
+        """Take what a row says of it; it is unknown behind a value only, and what comes then is another stretch."""
+        if value is None and not self.every:
+            return
+        gone = sum(one.value is None for one in self.every) + (value is None)
+        self.every.append(Reading(frame, time_ns, (stretch, gone), value))
 
     @property
     def changes(self) -> list[tuple[Reading, Reading]]:
@@ -73,9 +85,30 @@ def stored_rows(paths: Sequence[Path], table: str = "log_1") -> Iterator[tuple[l
                 yield names, number, tuple(row)
 
 
-def read(paths: Sequence[Path]) -> list[Variable]:
-    """Return the variables of databases of one series, in the order of their columns."""
+class Tasks:
+    """Which variables are sampled together, as far as rows have told: those that stand in one row."""
+
+    def __init__(self, reals: Collection[str]) -> None:
+        self._reals = reals
+        self._together: list[set[str]] = []
+
+    def unknown(self, values: dict[str, Value]) -> set[str]:
+        """Take the values of a row; return which of those that are NULL were to be sampled in it."""
+        there = {name for name, value in values.items() if value is not None}
+        if there:
+            touched = [one for one in self._together if one & there]
+            self._together = [one for one in self._together if not one & there]
+            own = there.union(*touched)
+            self._together.append(own)
+            return own - there
+        only_reals = [one for one in self._together if one <= set(self._reals)]
+        return set().union(*(only_reals or self._together))
+
+
+def read(paths: Sequence[Path], reals: Collection[str] = ()) -> list[Variable]:
+    """Return the variables of databases of one series, in the order of their columns; ``reals`` hold real numbers."""
     found: dict[str, Variable] = {}
+    tasks, counts = Tasks(reals), dict[str, int]()
     frame = stretch = 0
     before: int | None = None
     for names, number, row in stored_rows(paths):
@@ -92,8 +125,16 @@ def read(paths: Sequence[Path]) -> list[Variable]:
         begins_anew = bool(counters) and len(counters) == len(counted) and all(one == 0 for one in counters)
         if row[1] == 0 or begins_anew:
             stretch += 1
+        unknown = set() if counters else tasks.unknown(values)
+        for name in counted if counters else ():
+            count = values[name + COUNT_SUFFIX]
+            if isinstance(count, int):
+                went_on = name in counts and counts[name] != count
+                if values[name] is None and (went_on or begins_anew):
+                    unknown.add(name)
+                counts[name] = count
         for name in counted:
             variable = found.setdefault(name, Variable(name))
-            if values[name] is not None:
-                variable.readings.append(Reading(frame, when, stretch, values[name]))
+            if values[name] is not None or name in unknown:
+                variable.take(frame, when, stretch, values[name])
     return list(found.values())

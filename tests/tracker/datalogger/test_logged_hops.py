@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +28,7 @@ from tests.oracle.builders import MILLISECOND, START
 from tests.packets import batch_of
 from tests.program import run_text
 from tests.tracker.datalogger.logs import Row, write_log
+from tests.tracker.visu import shown_and_carried
 from tests.tracker.visu.shown_and_carried import GVL, level, plant
 
 VARIABLES = [("Plc/Main/nCount", "SMALLINT"), ("Plc/plant.rLevel", "FLOAT"), ("Plc/tRun", "INT"), ("Plc/sText", "TEXT")]
@@ -82,11 +86,16 @@ def write_again(folder: Path) -> list[str]:
     return [str(folder / "plant.pcap"), str(folder / "x.db"), "--gvl", str(folder / "plant.gvl")]
 
 
-def test_a_value_that_came_back_before_the_next_row_is_missed_once(tmp_path: Path) -> None:
-    # sText is ab, c, ab, c …: of two changes that follow each other between rows, the second gives what is logged.
+def test_a_value_that_came_back_before_the_next_row_was_changed_twice(tmp_path: Path) -> None:
+    # sText is ab, c, ab, c …: two changes between two rows give what is logged already, and neither is logged.
     rows = [logged(at + 5, at) for at in range(0, 1000, 100)]
     found = hops(write(tmp_path, range(0, 1000, 10), rows))
-    assert (found["sText"]["missed"], found["sText"]["changes"]) == (9, 0)
+    assert (found["sText"]["missed"], found["sText"]["changes"]) == (18, 0)
+
+
+def test_a_database_whose_clock_is_ahead_misses_nothing(tmp_path: Path) -> None:
+    rows = [logged(at - 30, at) for at in range(100, 1000, 10)]
+    assert hops(write(tmp_path, range(0, 1000, 10), rows))["sText"]["missed"] == 0
 
 
 def test_what_was_sent_behind_the_last_row_is_not_missed(tmp_path: Path) -> None:
@@ -111,6 +120,31 @@ def test_the_project_says_which_variable_it_is(tmp_path: Path) -> None:
     project.write_text('definitions = ["plant.gvl"]\n[datalogger.variables]\n"Plc/other" = "plant:nCount"\n')
     found = hops([words[0], str(path), "--project", str(project)])
     assert (found["other"]["missed"], found["other"]["followed"]) == (0, 19)
+
+
+@pytest.mark.parametrize("only_changes", [False, True])
+@pytest.mark.parametrize(("back", "changes"), [(2, 15), (6, 16)], ids=["as before", "another"])
+def test_a_number_that_is_none_is_neither_missed_nor_another_value(
+    back: int, changes: int, only_changes: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:  # fmt: skip
+    # rLevel changes each 50 ms, is none from 150 to 299 ms, and then goes on, be it with what it was.
+    def sent(number: int) -> float:
+        return level(min(number, 2) if number < 3 else number - 6 + back)
+
+    monkeypatch.setattr(shown_and_carried, "level", lambda number: math.nan if 3 <= number < 6 else sent(number))
+    times = range(0, 1000, 10)
+    rows = [logged(at + 7, at) for at in times]
+    for row, at in zip(rows, times, strict=True):
+        values = list(row.values)
+        values[1] = None if 150 <= at < 300 else sent(at // 50)
+        rows[at // 10] = replace(row, values=tuple(values))
+    words = write(tmp_path, times, rows, only_changes=only_changes)
+    found = hops(words)["plant.rLevel"]
+    # Two before, one each 50 ms behind; what it is behind that is one where it is another than before.
+    assert (found["missed"], found["changes"], found["followed"]) == (0, changes, changes)
+    # Each change is late by 7 ms, and nobody knows of the time without a number.
+    assert found["differed_ns"] == 15 * 7 * MILLISECOND
+    assert found["observed_ns"] < 860 * MILLISECOND
 
 
 @examples(25)
@@ -141,3 +175,11 @@ def test_what_is_missed_is_what_nobody_logged_however_it_is_cut(
     logs = {was // 50 for was in sent}
     missed = [count for count, at in changes.items() if begin < at <= end and count not in logs]
     assert found["Plc/Main/nCount"]["missed"] == len(missed)
+    if late:
+        return  # what changed while the first row was on its way, is no change that it could have
+    shown = [at for at in telegrams if at == 0 or at // 50 % 2 != (at - every * 5) // 50 % 2]
+    logs_odd = [(10 * at, was // 50 % 2) for at, was in zip(sorted(samples), sent, strict=True)]
+    moves = [now for before, now in pairwise(logs_odd) if before[1] != now[1]]
+    # Each change of the database is the last one of the list to that value.
+    taken = {max(at for at in shown if at <= row and at // 50 % 2 == odd) for row, odd in moves}
+    assert found["Plc/sText"]["missed"] == len([at for at in shown if begin < at <= end and at not in taken])

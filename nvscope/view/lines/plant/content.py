@@ -83,7 +83,7 @@ def why_no_list(report: Report) -> str:
     if _lies_elsewhere(capture):
         return "No frame of the capture lies in the time that was asked for"
     if not capture["frames"]:
-        return "The capture holds no frames"
+        return "No database has a row" if _are_databases(capture) else "The capture holds no frames"
     if not capture["telegrams"]:
         if capture["frames"] == 1:
             return "The only frame is not a telegram of network variables"
@@ -187,6 +187,11 @@ def filter_cells(chosen: Mapping[str, Any], all_telegrams: int, besides: str = "
     return [Cell("shown: what "), Cell(chosen["expression"], Tone.STRONG), Cell(f" chooses{told}{besides}")]
 
 
+def _are_databases(capture: Row) -> bool:
+    """Tell whether nothing but databases was read."""
+    return bool(capture["sources"]) and all(source["format"] in DATABASES for source in capture["sources"])
+
+
 def _lies_elsewhere(capture: Row) -> bool:
     """Tell whether there are frames, but none in the part of the capture that the report is about."""
     return not capture["frames"] and any(source["frames"] for source in capture["sources"])
@@ -196,6 +201,9 @@ _NO_FRAMES = (
     "Was the right interface recorded, and is its link up?",
     "Was there a capture filter that lets nothing pass? Record once without one.",
     "Was the file copied before the recording was stopped?",
+)
+_NO_ROWS = (
+    "Has its logger run since the file was made? It writes rows in blocks; `nvscope audit FILE.db` tells of it.",
 )
 _NOTHING_CAME = {
     "interface": (
@@ -228,6 +236,8 @@ def advice(report: Report) -> tuple[str, ...]:
     if _lies_elsewhere(capture):
         return ("Without --from-time and --to-time, the report says when the capture begins and ends.",)
     if not capture["frames"]:
+        if _are_databases(capture):
+            return _NO_ROWS
         formats = [source["format"] for source in capture["sources"]]
         return next((told for form, told in _NOTHING_CAME.items() if form in formats), _NO_FRAMES)
     if capture["telegrams"]:

@@ -43,12 +43,12 @@ def remarks(report: Report) -> Sequence[str]:
     names, told = node_names(report), []
     for row in report.get("visu_unchanging", ()):
         server = names.get(row["server"], row["server"])
-        every = units.count(row["variables"])
+        every = units.count_of(row["variables"], "variable")
         for kind, what in (("unchanged", "never changed"), ("unreadable", "could never be read (???)")):
             if count := len(row[kind]) + row[f"{kind}_cut"]:
                 more = f" and {units.count(count - _MOST_NAMED)} more" if count > _MOST_NAMED else ""
                 named = "; ".join(row[kind][:_MOST_NAMED])
-                told.append(f"{server}: {units.count(count)} of {every} variables {what}: {named}{more}.")
+                told.append(f"{server}: {units.count(count)} of {every} {what}: {named}{more}.")
     return told
 
 

@@ -1,0 +1,138 @@
+"""Unknown values: in which rows NULL says that nobody knows what a variable is, and not that nothing is new.
+
+Where only changes are stored, it is that where the counter beside it has gone on, or the logger begins anew: the value
+is none that a database can hold, as a number that is none. Where every value is stored, it is that in the rows of its
+own task; in those of the others, its column is NULL because it is not sampled there. Which variables are of one task
+stands nowhere: those are that are stored in one row. Each row is judged by itself and those before it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from dissectors.batch import I64, U64, Bool
+from dissectors.datalogger.records import Form, Records
+from dissectors.datalogger.tables import LogTable
+
+_REALS = ("FLOAT", "DOUBLE")
+
+Unknown = Mapping[int, I64]
+"""The rows, rising, in which variables are unknown, by their places in the table; none of one that is known in all."""
+
+_Matrix = npt.NDArray[np.bool_]
+
+
+class CountedUnknown:
+    """Finds them in a table of changes, stretch by stretch of its rows."""
+
+    def __init__(self, table: LogTable) -> None:
+        self._variables = table.variables
+        self._counts: list[int | None] = [None] * len(table.variables)
+
+    def of(self, records: Records, restarts: Bool) -> Unknown:
+        """Return where variables are unknown in rows that follow those before; ``restarts``: the logger begins anew."""
+        found: dict[int, I64] = {}
+        for place, variable in enumerate(self._variables):
+            assert variable.counter is not None
+            if records.is_empty(variable.counter):
+                continue
+            counted = records.filled(variable.counter)
+            half = counted > records.filled(variable.column)
+            if half.any():
+                rows = self._rows(place, records, counted, half, restarts)
+                if len(rows):
+                    found[place] = rows
+            else:
+                last = len(counted) - 1 - int(counted[::-1].argmax())
+                self._take(place, records, np.array([last]))
+        return found
+
+    def _rows(self, place: int, records: Records, counted: Bool, half: Bool, restarts: Bool) -> I64:
+        rows, counts = self._take(place, records, np.flatnonzero(counted))
+        if not len(rows):
+            return rows
+        goes_on = np.append(True, counts[1:] != counts[:-1])
+        before = self._before
+        goes_on[0] = before is not None and int(counts[0]) != before
+        return rows[half[rows] & (goes_on | restarts[rows])]
+
+    def _take(self, place: int, records: Records, rows: I64) -> tuple[I64, I64]:
+        """Return those of some rows in which a counter is a number, and what it is; keep the last in mind."""
+        column = self._variables[place].counter
+        assert column is not None
+        cells = records.cells(column, rows)
+        whole = cells.form == Form.INTEGER
+        rows, counts = rows[whole], cells.integers[whole]
+        self._before = self._counts[place]
+        if len(counts):
+            self._counts[place] = int(counts[-1])
+        return rows, counts
+
+
+class SampledUnknown:
+    """Finds them in a table that stores every value, stretch by stretch of its rows."""
+
+    def __init__(self, table: LogTable) -> None:
+        self._columns = [one.column for one in table.variables]
+        self._is_real: Bool = np.array([one.declared.upper() in _REALS for one in table.variables], np.bool_)
+        self._group: I64 = np.arange(len(self._columns))
+        self._seen: Bool = np.zeros(len(self._columns), np.bool_)
+        self._weights: U64 = np.random.default_rng(0).integers(1, 1 << 63, len(self._columns)).astype(np.uint64)
+
+    def of(self, records: Records) -> Unknown:
+        """Return where variables are unknown in rows that follow those before."""
+        own = [place for place, column in enumerate(self._columns) if not records.is_empty(column)]
+        if all(self._seen[own]) and len(np.unique(self._group[self._seen])) <= 1:
+            return self._of_one(records)
+        filled = np.array([records.filled(column) for column in self._columns], np.bool_)
+        found: dict[int, list[I64]] = {}
+        for first, stop in self._parts(filled):
+            for place, rows in self._of_part(filled[:, first:stop]):
+                found.setdefault(place, []).append(rows + first)
+        return {place: np.concatenate(rows) for place, rows in found.items()}
+
+    def _of_one(self, records: Records) -> Unknown:
+        """Return them of variables that all are of one task, as mostly."""
+        found: dict[int, I64] = {}
+        for place in np.flatnonzero(self._seen).tolist():
+            if not records.is_full(self._columns[place]):
+                found[place] = np.flatnonzero(~records.filled(self._columns[place]))
+        return found
+
+    def _parts(self, filled: _Matrix) -> Iterator[tuple[int, int]]:
+        """Yield stretches of rows in which no more becomes known of tasks, once what is known in each is."""
+        shape = np.zeros(filled.shape[1], np.uint64)
+        for place, weight in enumerate(self._weights):
+            shape += filled[place] * weight
+        first_rows = np.sort(np.unique(shape, return_index=True)[1])
+        begin = 0
+        for row in first_rows.tolist():
+            own = np.flatnonzero(filled[:, row])
+            if not len(own) or (self._seen[own].all() and (self._group[own] == self._group[own[0]]).all()):
+                continue
+            if row > begin:
+                yield begin, row
+            begin = row
+            self._seen[own] = True
+            self._group[np.isin(self._group, self._group[own])] = int(self._group[own].min())
+        yield begin, filled.shape[1]
+
+    def _of_part(self, filled: _Matrix) -> Iterator[tuple[int, I64]]:
+        of_row = np.where(filled.any(axis=0), self._group[filled.argmax(axis=0)], -1)
+        unsaid = of_row < 0
+        groups = self._of_rows_without_any() if unsaid.any() else ()
+        for place in np.flatnonzero(self._seen & ~filled.all(axis=1)).tolist():
+            group = int(self._group[place])
+            rows = np.flatnonzero(~filled[place] & ((of_row == group) | (unsaid & (group in groups))))
+            if len(rows):
+                yield place, rows
+
+    def _of_rows_without_any(self) -> Sequence[int]:
+        """Return the tasks that a row without any value may be of: those that can have nothing else but numbers that
+        are none, if there are such ones."""
+        groups = np.unique(self._group[self._seen])
+        of_reals = [group for group in groups.tolist() if self._is_real[self._seen & (self._group == group)].all()]
+        return of_reals or groups.tolist()
