@@ -258,7 +258,7 @@ def test_where_only_telegrams_count_the_way_to_frames_is_told(capture: Path) -> 
     assert not (capture.parent / "out.csv").exists()
 
 
-_NOTHING = "1 telegram read, the filter chooses none of them."
+_NOTHING = "1 telegram read, the filter does not choose it."
 
 
 @pytest.mark.parametrize(

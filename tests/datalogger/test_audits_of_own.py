@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 from hypothesis import given
 
 from nvscope.datalogger.audit.audit import Audit, audited
+from nvscope.datalogger.audit.time_strip import Mark
 from tests.datalogger.drawn_runs import Runs, runs
 from tests.datalogger.oracle import EPOCH_TICKS, UTC_KIND
 from tests.datalogger.recording import files_of, record
@@ -59,9 +60,9 @@ def assert_covers_no_time_between(drawn: Runs, times_ns: list[int], audit: Audit
     between = [later - earlier for earlier, later in pairwise(times_ns) if drawn.run_of(earlier) < drawn.run_of(later)]
     session = drawn.session
     longest_ns = max(session.sampling_ns, session.publish_ns, *(one.interval_ns or 0 for one in drawn.plants[0].lists))
-    missing_ns = sum(table.audit.missing_ns for table in audit.tables)
+    missing_ns = sum(table.audit.coverage.missing_ns for table in audit.tables)
     assert missing_ns >= sum(between) - len(between) * longest_ns, told(audit)
-    starts = sum(table.audit.restarts + table.audit.told for table in audit.tables)
+    starts = sum(table.audit.restarts + table.audit.coverage.gaps[Mark.TOLD] for table in audit.tables)
     assert starts >= len(between), told(audit)
 
 

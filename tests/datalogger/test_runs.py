@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from nvscope.datalogger.audit.audit import Audit, audited
+from nvscope.datalogger.audit.time_strip import Mark
 from tests.datalogger.audit.built import Row, only_changes, write
 from tests.datalogger.audit.test_planted import told
 from tests.datalogger.plants import configuration, gvl, plant, rows_of, simulated
@@ -55,8 +56,8 @@ def test_what_is_not_known_yet_begins_anew_too(tmp_path: Path) -> None:
     audit = audited([str(tmp_path / "log.db")])
     assert told(audit) == [(*STARTED, (101,))]
     (table,) = audit.tables
-    assert (table.audit.restarts, table.audit.told) == (1, 0)
-    assert table.audit.missing_ns == table.audit.off_ns == 55_050_000_000
+    assert (table.audit.restarts, table.audit.coverage.gaps[Mark.TOLD]) == (1, 0)
+    assert table.audit.coverage.missing_ns == table.audit.coverage.off_ns == 55_050_000_000
     assert [one.unknown for one in table.audit.figures] == [0, 2]
     assert [one.changes for one in table.audit.figures] == [199, 196]
 
@@ -98,7 +99,7 @@ def test_a_run_may_begin_a_file(tmp_path: Path, *, is_there: bool) -> None:
     assert [rows[0][2:] for rows in closed] == [(1, 0, 0), *[(0, 0, 0)] * (len(closed) - 1)]
     audit = audited([str(tmp_path / "log.db")])
     assert told(audit) == []
-    assert audit.tables[0].audit.missing_ns == (len(closed) - 1) * 55_050_000_000
+    assert audit.tables[0].audit.coverage.missing_ns == (len(closed) - 1) * 55_050_000_000
 
 
 def test_a_start_that_knows_not_all_is_told_once(tmp_path: Path) -> None:
