@@ -14,6 +14,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from nvscope.engine.told import Told
+from nvscope.enumeration import first_few
 from nvscope.errors import UsageError
 from nvscope.tracker.datalogger.on_demand import NAME as DATABASES
 from nvscope.tracker.readings.observed import Observed
@@ -173,10 +174,9 @@ def nothing_asked(listed: str, known: Iterable[ReadVariable]) -> UsageError:
     """Return the error that nothing came of what stands for a list, with those of which something did."""
     source = read_source(listed) or SOURCES[0]
     lists = list(dict.fromkeys(one.list for one in known))
-    more = f" and {len(lists) - _MOST_NEAR} more" if len(lists) > _MOST_NEAR else ""
     return UsageError(
         f"{source.nothing} '{listed.strip()[:80]}'{source.behind}",
-        next_step=f"there are {', '.join(lists[:_MOST_NEAR]) or 'none'}{more}",
+        next_step=f"there are {first_few(lists, _MOST_NEAR) or 'none'}",
     )
 
 

@@ -11,7 +11,8 @@ from dissectors.batch import Bool
 from nvscope.causes.case import PAUSE_PERCENT, Case, Draft, Explained, slack_ns
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.ways import device_in_words
-from nvscope.causes.words import joined, lists_in_words, moment
+from nvscope.causes.words import lists_in_words, moment
+from nvscope.enumeration import joined
 from nvscope.findings.kind import Severity
 from nvscope.findings.loss import COUNTER_ERRATIC, COUNTER_SCOPE, COUNTER_UNUSED
 from nvscope.units import count_of

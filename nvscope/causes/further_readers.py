@@ -10,8 +10,9 @@ import numpy as np
 
 from nvscope.causes.case import Case, Draft, Explained, slack_ns
 from nvscope.causes.readers import READER_SILENT
-from nvscope.causes.words import joined, lists_in_words, moment
+from nvscope.causes.words import lists_in_words, moment
 from nvscope.engine.keys import FrameKind
+from nvscope.enumeration import joined
 from nvscope.findings.kind import Severity
 from nvscope.units import count
 

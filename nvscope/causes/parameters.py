@@ -14,6 +14,7 @@ from nvscope.causes.case import Case, Draft, Explained
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.words import span_in_words
 from nvscope.engine.runs import distinct
+from nvscope.enumeration import first_few
 from nvscope.findings.kind import FindingKind
 from nvscope.findings.parameter import SDO_ERROR_REPLY, SDO_TIMEOUT, SDO_UNEXPECTED_REPLY
 from nvscope.tracker.parameter.events import Place, place_of
@@ -154,9 +155,8 @@ def _what(case: Case, own: I64) -> str:
     found = [case.findings[place] for place in _distinct(case, own)]
     nodes = list(dict.fromkeys(case.address(one.node) for one in found if one.node is not None))
     names = list(dict.fromkeys(_called(case, one.variable) for one in found))
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
     asking = f"of {', '.join(nodes[:_NAMED])} " if nodes else ""
-    return f"{asking}for {', '.join(names[:_NAMED])}{more}"
+    return f"{asking}for {first_few(names, _NAMED)}"
 
 
 def _called(case: Case, variable: str) -> str:

@@ -13,8 +13,9 @@ from nvscope.causes.kind import CauseKind
 from nvscope.causes.node_streams import NodeStream, Pause
 from nvscope.causes.spans import touching
 from nvscope.causes.ways import ways_in_words, ways_of
-from nvscope.causes.words import joined, moment
+from nvscope.causes.words import moment
 from nvscope.engine.runs import distinct
+from nvscope.enumeration import joined
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NO_ACKNOWLEDGEMENT, UNEXPECTED_ACKNOWLEDGEMENT
 from nvscope.findings.can import INCOMPLETE_CYCLE
 from nvscope.findings.capture import CLOCK_STEP, MIRRORED_TWICE

@@ -15,9 +15,10 @@ from nvscope.causes.kind import CauseKind
 from nvscope.causes.node_streams import NodeStream
 from nvscope.causes.symptoms import Symptoms
 from nvscope.causes.ways import device_in_words, hardware_in_words
-from nvscope.causes.words import joined, lists_in_words, moment
+from nvscope.causes.words import lists_in_words, moment
 from nvscope.engine.keys import FrameKind
 from nvscope.engine.runs import rows_by
+from nvscope.enumeration import joined
 from nvscope.findings.answers import NO_ACKNOWLEDGEMENT
 from nvscope.findings.consistency import CHECKSUM_CHANGED, SEVERAL_SENDERS, SHAPE_CHANGED
 from nvscope.findings.counter_takeovers import COUNTER_SHARED

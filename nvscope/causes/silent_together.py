@@ -10,7 +10,8 @@ from nvscope.causes.case import PAUSE_PERCENT, Case, Draft
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.node_streams import Pause, lists_of_streams
 from nvscope.causes.spans import MOMENT_NS
-from nvscope.causes.words import joined, lists_in_words, span_in_words
+from nvscope.causes.words import lists_in_words, span_in_words
+from nvscope.enumeration import joined
 from nvscope.findings.loss import TELEGRAM_GAP
 from nvscope.tracker.summary import ListSummary
 from nvscope.units import count_of, duration

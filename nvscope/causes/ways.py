@@ -8,7 +8,7 @@ import numpy as np
 
 from dissectors.vendors import vendor_of
 from nvscope.causes.case import Case
-from nvscope.causes.words import joined
+from nvscope.enumeration import joined
 from nvscope.tracker.evidence.presence import BY_ARP, HARDWARE_BITS
 
 _VLAN_SHIFT = 48
@@ -53,8 +53,7 @@ def ways_in_words(ways: list[Way]) -> str:
     ):
         different = list(dict.fromkeys(values))
         if len(different) > 1:
-            more = f" and {len(different) - _NAMED} more" if len(different) > _NAMED else ""
-            parts.append(f"{noun} {joined(different[:_NAMED]) if not more else ', '.join(different[:_NAMED])}{more}")
+            parts.append(f"{noun} {joined(different, _NAMED)}")
     return "; ".join(parts)
 
 

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 
 from nvscope.causes.case import Case
+from nvscope.enumeration import joined
 from nvscope.findings.facts import AnyList
 from nvscope.units import count, count_of
 
@@ -52,11 +53,6 @@ def lists_in_words(case: Case, lists: Sequence[AnyList]) -> str:
         return f"{len(each)} {noun}s"
     names = [_name(case, entry) for entry in sorted(each.values(), key=lambda entry: entry.key)]
     return f"{noun}{'s' if len(names) > 1 else ''} {joined(names)}"
-
-
-def joined(words: Sequence[str]) -> str:
-    """Return words as they stand in a sentence: ``a, b and c``."""
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 def moments_in_words(case: Case, times: int, since_ns: int, last_ns: int) -> str:

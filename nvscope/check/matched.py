@@ -8,6 +8,7 @@ from nvscope import units
 from nvscope.check.deciding import Decided
 from nvscope.check.run import Checked
 from nvscope.check.verdict import Verdict
+from nvscope.enumeration import first_few
 from nvscope.list_key import ListKey
 from nvscope.view.escape import visible
 from nvscope.view.lines.table import Cell, Line, Tone, wrap
@@ -36,13 +37,11 @@ def _matched(found: Checked, decided: Decided) -> str:
     rule = decided.rule
     variables = list(dict.fromkeys(one.variable for one in decided.subjects if one.variable))
     if variables:
-        more = f" and {len(variables) - _MOST_LISTS} more" if len(variables) > _MOST_LISTS else ""
-        return f"{rule.check.name}: {', '.join(map(visible, variables[:_MOST_LISTS]))}{more}"
+        return f"{rule.check.name}: {first_few([*map(visible, variables)], _MOST_LISTS)}"
     if not rule.lists and rule.check.subject not in ("list", "stream"):
         return f"{rule.check.name}: {rule.check.subject}"
     names = [_name(found, key) for key in decided.lists]
-    more = f" and {len(names) - _MOST_LISTS} more" if len(names) > _MOST_LISTS else ""
-    return f"{rule.check.name}: {', '.join(names[:_MOST_LISTS]) or 'no list'}{more}"
+    return f"{rule.check.name}: {first_few(names, _MOST_LISTS) or 'no list'}"
 
 
 def _name(found: Checked, key: ListKey) -> str:

@@ -12,6 +12,7 @@ import typer
 
 from nvscope.cli.streams import refuse_streams_onto
 from nvscope.cli.terminal import echo
+from nvscope.enumeration import first_few
 from nvscope.errors import UsageError
 
 if TYPE_CHECKING:
@@ -131,10 +132,9 @@ def tell_of_missing(inquiry: Inquiry, seen: SeenLists) -> None:
     from nvscope.view.escape import visible
 
     missing = seen.missing(inquiry.project.definition)
-    told = [visible(f"{entry.name} ({list_key(str(key))})") for key, entry in missing[:_MOST_NAMED]]
-    more = f" and {len(missing) - _MOST_NAMED} more" if len(missing) > _MOST_NAMED else ""
-    if told:
-        lists = f"{', '.join(told)}{more} {'is' if len(missing) == 1 else 'are'} defined"
+    if missing:
+        told = first_few([visible(f"{entry.name} ({list_key(str(key))})") for key, entry in missing], _MOST_NAMED)
+        lists = f"{told} {'is' if len(missing) == 1 else 'are'} defined"
         echo(f"nvscope: {lists}, but not one telegram of {'it' if len(missing) == 1 else 'them'} was seen.", err=True)
 
 
@@ -161,10 +161,9 @@ def tell_of_lists(inquiry: Inquiry) -> None:
         echo(f"nvscope: {what}; neither it nor what follows it can be shown.", err=True)
     unnamed = [visible(entry.name) for entry in definition.lists if entry.list_id is None and entry.variables]
     if unnamed:
-        more = f" and {len(unnamed) - _MOST_NAMED} more" if len(unnamed) > _MOST_NAMED else ""
-        names, were = ", ".join(unnamed[:_MOST_NAMED]), "was" if len(unnamed) == 1 else "were"
+        names, were = first_few(unnamed, _MOST_NAMED), "was" if len(unnamed) == 1 else "were"
         echo(
-            f"nvscope: {names}{more} {were} not looked for: no file says the list identifier. Write it into "
+            f"nvscope: {names} {were} not looked for: no file says the list identifier. Write it into "
             f'nvscope.toml: [lists.N] and below it name = "{unnamed[0]}".',
             err=True,
         )

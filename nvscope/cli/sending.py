@@ -11,6 +11,7 @@ import typer
 
 from nvscope.capture.live.can.word import PREFIX
 from nvscope.cli.terminal import echo
+from nvscope.enumeration import first_few
 from nvscope.errors import ExitCode, UsageError
 from nvscope.view.escape import visible
 
@@ -160,7 +161,6 @@ def tell_of_sent(
 
     noun = "frame" if target.is_can else "telegram"
     targets = list(sender.targets)
-    more = f" and {len(targets) - _MOST_TARGETS} more" if len(targets) > _MOST_TARGETS else ""
     if quiet:
         pass
     elif not timing.sent:
@@ -170,9 +170,7 @@ def tell_of_sent(
     else:
         told = f"nvscope: {count_of(timing.sent, noun)} sent"
         if timing.p50_ns is not None and timing.p99_ns is not None and timing.worst_ns is not None:
-            told += (
-                f" to {visible(', '.join(targets[:_MOST_TARGETS]))}{more}; late by {duration(timing.p50_ns)} (p50), "
-            )
+            told += f" to {visible(first_few(targets, _MOST_TARGETS))}; late by {duration(timing.p50_ns)} (p50), "
             told += f"{duration(timing.p99_ns)} (p99), {duration(timing.worst_ns)} (worst)"
         echo(f"{told}.", err=True)
     for remark in () if quiet else sender.remarks():

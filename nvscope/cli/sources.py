@@ -16,6 +16,7 @@ import typer
 from nvscope.cli.completion import expressions
 from nvscope.cli.terminal import echo
 from nvscope.duration import parse_duration
+from nvscope.enumeration import first_few
 from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
@@ -268,9 +269,8 @@ def tell_of_losses(infos: Sequence[SourceInfo]) -> ExitCode:
 
     for info in infos:
         if info.topics:
-            told = visible(", ".join(info.topics[:_MOST_TOPICS]))
-            more = f" and {len(info.topics) - _MOST_TOPICS} more" if len(info.topics) > _MOST_TOPICS else ""
-            echo(f"nvscope: {visible(info.path)}: no packets are in it; its topics are {told}{more}.", err=True)
+            told = visible(first_few(info.topics, _MOST_TOPICS))
+            echo(f"nvscope: {visible(info.path)}: no packets are in it; its topics are {told}.", err=True)
         for note in info.notes:
             echo(f"nvscope: {visible(info.path)}: {visible(note)}.", err=True)
     _tell_of_closed_files(infos)

@@ -12,9 +12,10 @@ from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import ListDefinition
 from nvscope.definition.packing import TelegramLayout, known_fronts, undescribed, unknown_of
 from nvscope.definition.variables import Element
+from nvscope.enumeration import first_few
 from nvscope.errors import UsageError
 from nvscope.list_key import ANY_CHANNEL, ListKey, Transport
-from nvscope.units import cob_id, count, list_key
+from nvscope.units import cob_id, list_key
 
 _MOST_NEAR = 3
 _MOST_LISTS = 6
@@ -135,14 +136,13 @@ def _in_order(names: frozenset[str], elements: Sequence[Element]) -> list[str]:
 
 def unplaced_text(unplaced: Sequence[tuple[str, Element]]) -> str:
     """Return which elements nobody can find, and why; of many, the first few."""
-    names = ", ".join(name for name, _ in unplaced[:_MOST_NAMED])
-    more = f" and {count(len(unplaced) - _MOST_NAMED)} more" if len(unplaced) > _MOST_NAMED else ""
+    names = first_few([name for name, _ in unplaced], _MOST_NAMED)
     cause, verb = unplaced[0][1], "is" if len(unplaced) == 1 else "are"
     told = f"{cause.name} : {cause.type.name}, whose size is not known"
     if unplaced[0][0] == cause.name:
         # Frames of CAN that begin with it are not looked for.
-        return f"nobody knows where {names}{more} {verb}, from {told}, on"
-    return f"nobody knows where {names}{more} {verb}, behind {told}"
+        return f"nobody knows where {names} {verb}, from {told}, on"
+    return f"nobody knows where {names} {verb}, behind {told}"
 
 
 def _nothing_named(rest: str, wanted: str, names: Mapping[str, str], found: Selection) -> UsageError:
@@ -234,9 +234,9 @@ def keys_named(lists: Sequence[tuple[ListKey, str]], given: str) -> set[ListKey]
     found = {key for key, name in lists if wanted in (name.lower(), *map(str.lower, _as_written(key))) and wanted}
     if not found:
         named = [f"{name} ({list_key(str(key))})" if name else list_key(str(key)) for key, name in lists]
-        more = f" and {len(lists) - _MOST_LISTS} more" if len(lists) > _MOST_LISTS else ""
-        next_step = f"there are {', '.join(named[:_MOST_LISTS]) or 'none'}{more}"
-        by_name = {name.lower(): place for place, (_, name) in enumerate(lists) if name} if more else {}
+        next_step = f"there are {first_few(named, _MOST_LISTS) or 'none'}"
+        is_cut = len(lists) > _MOST_LISTS
+        by_name = {name.lower(): place for place, (_, name) in enumerate(lists) if name} if is_cut else {}
         if near := get_close_matches(wanted, by_name, _MOST_NEAR, 0.6):
             next_step = f"near it: {', '.join(named[by_name[name]] for name in near)}; {next_step}"
         if channel := _channel_of(given.strip(), lists):

@@ -6,10 +6,11 @@ from collections import Counter
 from collections.abc import Collection, Iterator
 from ipaddress import IPv4Address, IPv4Interface
 
-from nvscope.doctor.case import Case, ipv4, named
+from nvscope.doctor.case import Case, ipv4
 from nvscope.doctor.expected import EVERYBODY
 from nvscope.doctor.facts.machine import Interface, Machine
 from nvscope.doctor.result import Result, State
+from nvscope.enumeration import first_few
 from nvscope.units import count_of
 
 NAME = "addresses"
@@ -33,7 +34,7 @@ def judge_addresses(case: Case) -> Iterator[Result]:
         f"{entry.name} {own} (broadcast {own.network.broadcast_address})"
         for entry in case.interfaces for own in entry.addresses
     ]  # fmt: skip
-    told = f"of this machine: {named(own)}" if own else "no interface has one, and none is needed to capture"
+    told = f"of this machine: {first_few(own)}" if own else "no interface has one, and none is needed to capture"
     yield Result(NAME, State.OK, told)
 
 
@@ -47,7 +48,7 @@ def _twins(case: Case) -> Iterator[Result]:
         yield Result(
             NAME, State.PROBLEM,
             f"{source} is an address of this machine, and of another device: its telegrams come from "
-            f"{named(sorted(hardware))}",
+            f"{first_few(sorted(hardware))}",
             f"give this machine another address in that network (`ip addr del {source}/BITS dev NAME`, then add one): "
             "what is for one of both comes to the other, too", source, f"{source} is an address of this machine, too",
         )  # fmt: skip
@@ -67,7 +68,7 @@ def _targets(case: Case, machine: Machine) -> Iterator[Result]:
             seen[target] += times
             senders.setdefault(target, set()).add(flow.source)
     for target, times in sorted(seen.items()):
-        told[target] = f"{count_of(times, 'telegram')} of {named(sorted(senders[target]))} went to"
+        told[target] = f"{count_of(times, 'telegram')} of {first_few(sorted(senders[target]))} went to"
     for target, words in told.items():
         if case.is_subnet(target):
             continue
@@ -126,8 +127,8 @@ def _neighbours(case: Case, told: Collection[str]) -> Iterator[Result]:
     for name, sources in strange.items():
         yield Result(
             NAME, State.NOTE,
-            f"{named(sorted(map(case.expected.name_of, sources)))} broadcast{'s' if len(sources) == 1 else ''} on the "
-            f"wire of {name}, from an address in no network of it",
+            f"{first_few(sorted(map(case.expected.name_of, sources)))} broadcast{'s' if len(sources) == 1 else ''} on "
+            f"the wire of {name}, from an address in no network of it",
             f"programs here may not get that (reverse-path filter), and cannot answer: give {name} an address in that "
             f"network, `ip addr add ADDRESS/24 dev {name}`, or correct the one of the sender", name,
         )  # fmt: skip
@@ -143,8 +144,8 @@ def _nodes(case: Case, machine: Machine) -> Iterator[Result]:
     if far and any(entry.addresses for entry in case.interfaces):
         yield Result(
             NAME, State.NOTE if case.heard else State.PROBLEM,
-            f"in no network of this machine ({_own(case)}): {named([case.expected.name_of(text) for text in far])}; "
-            "nothing came of it",
+            f"in no network of this machine ({_own(case)}): "
+            f"{first_few([case.expected.name_of(text) for text in far])}; nothing came of it",
             f"broadcasts do not cross routers: give the interface an address in that network, `ip addr add ADDRESS/24 "
             f"dev {_some_interface(case)}`, or capture there", far[0], f"{far[0]} is in no network of this machine",
         )  # fmt: skip
@@ -160,7 +161,7 @@ def _twice(machine: Machine) -> Iterator[Result]:
     for network, entries in places.items():
         if len(entries) > 1:
             yield Result(
-                NAME, State.NOTE, f"in one network, {network}: {named(entries)}",
+                NAME, State.NOTE, f"in one network, {network}: {first_few(entries)}",
                 "answers of this machine go out by one of them only: give each interface a network of its own",
                 entries[0],
             )  # fmt: skip
@@ -172,7 +173,7 @@ def _is_subnet(address: IPv4Address) -> bool:
 
 
 def _own(case: Case) -> str:
-    return named([entry.told for entry in case.interfaces if entry.addresses]) or "it has no address"
+    return first_few([entry.told for entry in case.interfaces if entry.addresses]) or "it has no address"
 
 
 def _some_interface(case: Case) -> str:

@@ -154,12 +154,6 @@ def ipv4(text: str) -> IPv4Address | None:
         return None
 
 
-def named(words: Sequence[str], most: int = 3) -> str:
-    """Return some words behind commas, and how many there are more."""
-    more = f" and {len(words) - most} more" if len(words) > most else ""
-    return ", ".join(words[:most]) + more
-
-
 def _order(text: str) -> tuple[int, int, str]:
     known = ipv4(text)
     return (0, int(known), "") if known else (1, 0, text)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from dissectors.netvar import PORT
 from nvscope.capture.live.udp_socket import UdpAddress
 from nvscope.definition.project import Project
+from nvscope.enumeration import first_few
 from nvscope.list_key import ListKey
 from nvscope.units import list_key
 
@@ -26,8 +27,7 @@ class Target:
     @property
     def told(self) -> str:
         """The lists as people read them, of many the first one."""
-        more = f" and {len(self.lists) - 1} more" if len(self.lists) > 1 else ""
-        return f"{self.lists[0]}{more}"
+        return first_few(self.lists, 1)
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from nvscope.doctor.case import Case, ipv4, named
+from nvscope.doctor.case import Case, ipv4
 from nvscope.doctor.expected import EVERYBODY
 from nvscope.doctor.facts.firewall_rules import Fate
 from nvscope.doctor.facts.traffic import Flow
 from nvscope.doctor.result import Result, State
+from nvscope.enumeration import first_few
 from nvscope.units import count_of
 
 NAME = "firewall"
@@ -30,7 +31,7 @@ def judge_firewall(case: Case) -> Iterator[Result]:
     if dropped:
         proof = f"; {count_of(lost, 'telegram')} came in, and no program got one" if is_lost else ""
         yield Result(
-            NAME, state, f"the firewall drops UDP {named(list(map(str, dropped)))} ({what.read_with}){proof}",
+            NAME, state, f"the firewall drops UDP {first_few(list(map(str, dropped)))} ({what.read_with}){proof}",
             f"let it in, such as with `ufw allow {dropped[0]}/udp`, or by `udp dport {dropped[0]} accept` in front of "
             f"the rule that drops it: `sudo nft list ruleset` shows its table and chain; {_SEES}",
             brief=f"the firewall drops UDP {dropped[0]}",
@@ -47,11 +48,13 @@ def judge_firewall(case: Case) -> Iterator[Result]:
     elif depends:
         yield Result(
             NAME, State.UNKNOWN,
-            f"what the firewall does with UDP {named(list(map(str, depends)))} hangs on the sender, or on rules "
+            f"what the firewall does with UDP {first_few(list(map(str, depends)))} hangs on the sender, or on rules "
             f"that are not understood here ({what.read_with})", f"look at them: `sudo nft list ruleset`; {_SEES}",
         )  # fmt: skip
     elif what.fates:
-        yield Result(NAME, State.OK, f"the firewall lets UDP {named(list(map(str, case.ports)))} in ({what.read_with})")
+        yield Result(
+            NAME, State.OK, f"the firewall lets UDP {first_few(list(map(str, case.ports)))} in ({what.read_with})"
+        )
     elif case.machine.may_capture is None:
         yield Result(NAME, State.UNKNOWN, "what the firewall does is not known on this system")
     else:

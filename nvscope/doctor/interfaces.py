@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from nvscope.doctor.case import Case, named
+from nvscope.doctor.case import Case
 from nvscope.doctor.facts.machine import Interface
 from nvscope.doctor.result import Result, State
+from nvscope.enumeration import first_few
 
 NAME = "interfaces"
 
@@ -35,15 +36,15 @@ def judge_interfaces(case: Case) -> Iterator[Result]:
     bare = [one for one in usable if not one.addresses]
     if usable and len(bare) == len(usable):
         yield Result(
-            NAME, State.NOTE, f"up, without an IPv4 address: {named([one.name for one in bare])}",
+            NAME, State.NOTE, f"up, without an IPv4 address: {first_few([one.name for one in bare])}",
             f"a capture sees all (-i {bare[0].name}); programs and udp:// get no subnet broadcast without an address: "
             f"`ip addr add ADDRESS/BITS dev {bare[0].name}`",
         )  # fmt: skip
     elif usable:
-        told = named([one.told for one in usable if one.addresses])
+        told = first_few([one.told for one in usable if one.addresses])
         yield Result(NAME, State.OK, f"up, with a carrier: {told}")
     elif found and all(one.is_loopback for one in found):
-        yield Result(NAME, State.OK, f"up, and leading to this machine alone: {named([one.told for one in found])}")
+        yield Result(NAME, State.OK, f"up, and leading to this machine alone: {first_few([one.told for one in found])}")
 
 
 def _down(one: Interface, *, is_note: bool) -> Result:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from nvscope.doctor.case import Case, ipv4, named
+from nvscope.doctor.case import Case, ipv4
 from nvscope.doctor.result import Result, State
+from nvscope.enumeration import first_few
 
 NAME = "multicast"
 
@@ -19,12 +20,12 @@ def judge_multicast(case: Case) -> Iterator[Result]:
         return
     joined = case.machine.groups if case.machine else None
     if joined is None:
-        yield Result(NAME, State.UNKNOWN, f"whether {named(groups)} is joined is not known here")
+        yield Result(NAME, State.UNKNOWN, f"whether {first_few(groups)} is joined is not known here")
         return
     for group in groups:
         where = sorted({one.interface for one in joined if one.group == group})
         if where:
-            yield Result(NAME, State.OK, f"{group} is joined on {named(where)}", about=group)
+            yield Result(NAME, State.OK, f"{group} is joined on {first_few(where)}", about=group)
             continue
         told = next((f"{one.told} goes to" for one in case.expected.targets if str(one.address) == group), "")
         yield Result(

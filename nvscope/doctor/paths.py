@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from nvscope.doctor.case import Case, ipv4, named
+from nvscope.doctor.case import Case, ipv4
 from nvscope.doctor.facts.traffic import Flow
 from nvscope.doctor.result import Result, State
+from nvscope.enumeration import first_few
 from nvscope.units import count_of
 
 VLAN, ROUTERS, UNREACHABLE, CONVERSATIONS, ARP = "vlan", "routers", "unreachable", "conversations", "arp"
@@ -38,12 +39,12 @@ def judge_vlan(case: Case) -> Iterator[Result]:
         yield Result(VLAN, State.OK, "no telegram has a VLAN tag that this machine does not take away")
         return
     plain = any(flow.vlan <= 0 for flow, _ in case.heard)
-    told, first = named([str(tag) for tag in sorted(tags)]), min(tags)
+    told, first = first_few([str(tag) for tag in sorted(tags)]), min(tags)
     interface = next((case.places[flow.place].name for flow, _ in case.foreign if flow.vlan == first), "NAME")
     where = f"here: `ip link add link {interface} name vlan{first} type vlan id {first}`; or " if case.machine else ""
     yield Result(
         VLAN, State.NOTE if plain or case.machine is None else State.PROBLEM,
-        f"{count_of(sum(tags.values()), 'telegram')} of {named(_tagged(case, tags))} have the VLAN tag {told}: "
+        f"{count_of(sum(tags.values()), 'telegram')} of {first_few(_tagged(case, tags))} have the VLAN tag {told}: "
         "programs without an interface of that VLAN do not get them",
         f"{where}let the switch take the tag away at this port (untagged, access). A capture sees them; "
         f"a capture filter needs `vlan {first} and …`", told,

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from nvscope.doctor.case import Case, named
+from nvscope.doctor.case import Case
 from nvscope.doctor.facts.sockets import BoundPort
 from nvscope.doctor.result import Result, State
+from nvscope.enumeration import first_few
 
 NAME = "ports"
 
@@ -25,11 +26,11 @@ def judge_ports(case: Case) -> Iterator[Result]:
         else:
             free.append(str(port))
     if free:
-        yield Result(NAME, State.OK, f"UDP {named(free)}: nobody has {'it' if len(free) == 1 else 'them'}")
+        yield Result(NAME, State.OK, f"UDP {first_few(free)}: nobody has {'it' if len(free) == 1 else 'them'}")
 
 
 def _held(case: Case, port: int, holders: Sequence[BoundPort]) -> Result:
-    told = named(list(dict.fromkeys(one.told for one in holders)))
+    told = first_few(list(dict.fromkeys(one.told for one in holders)))
     hint = "" if all(one.process for one in holders) else f"; `sudo ss -ulpn sport = :{port}` tells which program it is"
     for_all = any(one.is_for_all for one in holders)
     shared = next((one.is_shared for one in holders if one.is_for_all), None)
@@ -40,7 +41,7 @@ def _held(case: Case, port: int, holders: Sequence[BoundPort]) -> Result:
             f"end that program, or capture on the interface, which shares with all: -i NAME{hint}", str(port),
             f"{told} has UDP {port} for itself",
         )  # fmt: skip
-    where = "" if for_all else f" at {named(sorted({one.address for one in holders}))}"
+    where = "" if for_all else f" at {first_few(sorted({one.address for one in holders}))}"
     shares = ", and shared" if shared else ""
     return Result(
         NAME, State.NOTE, f"UDP {port} is bound by {told}{where}{shares}",

@@ -6,9 +6,10 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from dissectors.netvar import IDENTITY
-from nvscope.doctor.case import Case, named
+from nvscope.doctor.case import Case
 from nvscope.doctor.facts.traffic import Flow, Stranger
 from nvscope.doctor.result import Result, State
+from nvscope.enumeration import first_few
 from nvscope.units import count_of, duration
 
 TELEGRAMS, OTHER_PORTS, IDENTITY_CHECK, LISTS = "telegrams", "other-ports", "identity", "lists"
@@ -58,9 +59,9 @@ def told_of(case: Case, flows: Sequence[tuple[Flow, int]]) -> str:
     times = sum(times for _, times in flows)
     ports = sorted({flow.port for flow, _ in flows})
     places = sorted({case.places[flow.place].name for flow, _ in flows})
-    where = f", by {named(places)}" if case.machine else ""
-    told = f"{count_of(times, 'telegram')} of {count_of(len(lists), 'list')} on UDP {named(list(map(str, ports)))}"
-    return f"{told} from {named(senders)}{where}"
+    where = f", by {first_few(places)}" if case.machine else ""
+    told = f"{count_of(times, 'telegram')} of {count_of(len(lists), 'list')} on UDP {first_few(list(map(str, ports)))}"
+    return f"{told} from {first_few(senders)}{where}"
 
 
 def judge_other_ports(case: Case) -> Iterator[Result]:
@@ -81,7 +82,7 @@ def judge_other_ports(case: Case) -> Iterator[Result]:
         yield Result(OTHER_PORTS, State.OK, "no telegram on another port")
         return
     ports = sorted({flow.port for flow, _ in other})
-    told, first = named(list(map(str, ports))), ports[0]
+    told, first = first_few(list(map(str, ports))), ports[0]
     yield Result(
         OTHER_PORTS, State.NOTE if case.heard else State.PROBLEM,
         f"{told_of(case, other)}; expected on {case.expected.told_ports}",
@@ -104,8 +105,8 @@ def judge_identity(case: Case) -> Iterator[Result]:
         times = sum(times for _, times in ascii_ones)
         yield Result(
             IDENTITY_CHECK, state,
-            f"{count_of(times, 'telegram')} of {named(case.senders(ascii_ones))} begin with the letter 0 (30 2d 53 33) "
-            f"in place of a byte 0 ({_RIGHT})",
+            f"{count_of(times, 'telegram')} of {first_few(case.senders(ascii_ones))} begin with the letter 0 (30 2d "
+            f"53 33) in place of a byte 0 ({_RIGHT})",
             "correct the sender: controllers take no such telegram; nvscope reads it, and says so (NV106)",
             brief="the telegrams begin with a letter 0, which controllers do not take",
         )  # fmt: skip
@@ -114,8 +115,8 @@ def judge_identity(case: Case) -> Iterator[Result]:
         what = f", {_NEAR[begin]}" if begin in _NEAR else ""
         yield Result(
             IDENTITY_CHECK, state,
-            f"{count_of(sum(mine.values()), 'datagram')} of {named(sorted({one.source for one in mine}))} to UDP "
-            f"{named(sorted({str(one.port) for one in mine}))} look like telegrams, and begin with {begin.hex(' ')}"
+            f"{count_of(sum(mine.values()), 'datagram')} of {first_few(sorted({one.source for one in mine}))} to UDP "
+            f"{first_few(sorted({str(one.port) for one in mine}))} look like telegrams, and begin with {begin.hex(' ')}"
             f"{what}; a telegram begins with {_RIGHT}",
             "correct the sender, or, if another device means it so, read it by its port: "
             f"`-d udp.port=={min(one.port for one in mine)},nvl`",
@@ -125,8 +126,10 @@ def judge_identity(case: Case) -> Iterator[Result]:
         begins = sorted({one.begin.hex(" ") for one in others})
         yield Result(
             IDENTITY_CHECK, state,
-            f"{count_of(sum(others.values()), 'datagram')} to UDP {named(sorted({str(one.port) for one in others}))} "
-            f"of {named(sorted({one.source for one in others}))} are no telegrams: they begin with {named(begins)}",
+            f"{count_of(sum(others.values()), 'datagram')} to UDP "
+            f"{first_few(sorted({str(one.port) for one in others}))} of "
+            f"{first_few(sorted({one.source for one in others}))} are no telegrams: they begin with "
+            f"{first_few(begins)}",
             "another protocol has this port: find out which program sends it, or take another port for the lists",
             brief="other datagrams have this port",
         )  # fmt: skip
@@ -147,15 +150,15 @@ def judge_lists(case: Case) -> Iterator[Result]:
     if seen and not came:
         yield Result(
             LISTS, State.PROBLEM,
-            f"not one of the defined lists came ({named(missing)}); what comes is list {named(unknown)}",
+            f"not one of the defined lists came ({first_few(missing)}); what comes is list {first_few(unknown)}",
             "compare identifier and port in the list's properties with the definitions that were named; perhaps these "
             "are of another project", brief="the lists that come are not the defined ones",
         )  # fmt: skip
     elif not seen:
         yield Result(LISTS, State.OK, f"{count_of(len(known), 'list')} defined, nothing to compare them with")
     elif missing or unknown:
-        parts = [f"{named(missing)} did not come"] if missing else []
-        parts += [f"nobody defined list {named(unknown)}"] if unknown else []
+        parts = [f"{first_few(missing)} did not come"] if missing else []
+        parts += [f"nobody defined list {first_few(unknown)}"] if unknown else []
         yield Result(
             LISTS, State.NOTE, f"{count_of(len(came), 'defined list')} came; {'; '.join(parts)}",
             "a list that is sent on change or event rests meanwhile; listen longer with --for 60s" if missing

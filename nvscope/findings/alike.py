@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from dissectors.can.pdo import EXTENDED
+from nvscope.enumeration import first_few
 from nvscope.findings.badness import badness
 from nvscope.findings.cob_ids import OF_ONE_LIST
 from nvscope.findings.finding import Finding
@@ -38,10 +39,9 @@ def taken_together(findings: Iterable[Finding], keys: Mapping[int, ListKey]) -> 
 
 def _one(found: Sequence[Finding], channel: str, keys: Mapping[int, ListKey]) -> Finding:
     worst = max(found, key=lambda finding: badness(finding.code, finding.extent, finding.count))
-    named = ", ".join(_identifier(finding, keys) for finding in found[:_NAMED])
-    more = f" and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
+    named = first_few([_identifier(finding, keys) for finding in found], _NAMED)
     message = (
-        f"{count_of(len(found), 'identifier')} of {channel} show this: {named}{more}. {_identifier(worst, keys)}: "
+        f"{count_of(len(found), 'identifier')} of {channel} show this: {named}. {_identifier(worst, keys)}: "
         f"{worst.message}"
     )
     first = [finding.first_ns for finding in found if finding.first_ns is not None]

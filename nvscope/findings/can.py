@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from nvscope.enumeration import first_few
 from nvscope.findings.finding import Finding, events_of
 from nvscope.findings.kind import FindingKind, Severity
 from nvscope.tracker.event_kinds import EventKind
@@ -136,5 +137,4 @@ def _silent(entry: CanListSummary, defined: Sequence[Pdo]) -> str:
     """Return the COB-IDs of a list that were never seen; of many, the first few."""
     seen = {stream.subindex for stream in entry.streams}
     missing = [cob_id(entry.key.identifier + pdo.subindex) for pdo in defined if pdo.subindex not in seen]
-    more = f" and {len(missing) - _MOST_NAMED} more" if len(missing) > _MOST_NAMED else ""
-    return ", ".join(missing[:_MOST_NAMED]) + more
+    return first_few(missing, _MOST_NAMED)

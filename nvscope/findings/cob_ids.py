@@ -11,7 +11,8 @@ from itertools import groupby
 from typing import TYPE_CHECKING
 
 from nvscope.definition import codes
-from nvscope.findings.definition_names import file_name, together
+from nvscope.enumeration import MOST_NAMED, joined
+from nvscope.findings.definition_names import file_name
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind, Severity
 from nvscope.tracker.event_kinds import FRAMES_KEPT
@@ -94,7 +95,7 @@ def _identity(taken: CobIds) -> tuple[str, int, int]:
 
 
 def _overlap(one: CobIds, others: Sequence[CobIds], shared: Sequence[int]) -> str:
-    named = together([f"{_name(other)} ({file_name(other.list)}, {other.text})" for other in others])
+    named = joined([f"{_name(other)} ({file_name(other.list)}, {other.text})" for other in others], MOST_NAMED)
     take = "takes" if len(others) == 1 else "take"
     return f"{_name(one)} ({file_name(one.list)}) takes {one.text}; {named} {take} {_ranges(shared)} too."
 
@@ -155,7 +156,7 @@ def _company(evidence: Evidence, hit: Sequence[IdentifierBits]) -> str:
 
 
 def _nodes(numbers: Set[int]) -> str:
-    return together([f"node {number}" for number in sorted(numbers)])
+    return joined([f"node {number}" for number in sorted(numbers)], MOST_NAMED)
 
 
 def _ranges(cob_ids: Sequence[int]) -> str:
@@ -164,7 +165,7 @@ def _ranges(cob_ids: Sequence[int]) -> str:
         [cob_id for _, cob_id in run]
         for _, run in groupby(enumerate(sorted(cob_ids)), key=lambda pair: pair[1] - pair[0])
     ]
-    return together([cob_id_range(run[0], run[-1]) for run in runs])
+    return joined([cob_id_range(run[0], run[-1]) for run in runs], MOST_NAMED)
 
 
 def _name(taken: CobIds) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from nvscope.enumeration import first_few
 from nvscope.findings.finding import Events, Finding
 from nvscope.findings.kind import FindingKind, Severity
 from nvscope.tracker.event_kinds import EventKind
@@ -121,11 +122,10 @@ def judge_consistency(facts: Facts) -> Iterator[Finding]:
 def _several_senders(facts: Facts, entry: ListSummary, together: SendersTogether) -> Finding:
     """Each sender but the first is an event, at its first data telegram of a recording in which others send too."""
     names = [facts.address(node) for node in entry.senders if node in together.nodes]
-    shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
     at_least = "At least " if facts.misses_data(entry.number) else ""
     return Finding(
-        SEVERAL_SENDERS, f"{at_least}{count(len(names))} nodes send this list: {shown}.", together.further,
-        together.first_ns, together.last_ns, together.frames, entry.number,
+        SEVERAL_SENDERS, f"{at_least}{count(len(names))} nodes send this list: {first_few(names, 4)}.",
+        together.further, together.first_ns, together.last_ns, together.frames, entry.number,
     )  # fmt: skip
 
 

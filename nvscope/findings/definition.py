@@ -6,7 +6,8 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from nvscope.findings.definition_names import file_name, together
+from nvscope.enumeration import MOST_NAMED, joined
+from nvscope.findings.definition_names import file_name
 from nvscope.findings.finding import Finding, events_of
 from nvscope.findings.kind import FindingKind, Severity
 from nvscope.units import list_key
@@ -188,7 +189,7 @@ def _unknown(
     message = f"No definition is for list {number} on port {port}.{near}"
     hint = ""
     if alike:
-        lists = together([f"{_place(key, port)} ({file_name(facts.defined[key])})" for key in alike])
+        lists = joined([f"{_place(key, port)} ({file_name(facts.defined[key])})" for key in alike], MOST_NAMED)
         verb, have = ("is", "has") if len(alike) == 1 else ("are", "have")
         question = _question(alike, entry.key)
         hint = f"{_capital(lists)} {verb} silent and {have} exactly this shape: {question}"
@@ -206,7 +207,7 @@ def _silent(facts: Facts, key: ListKey, alike: Sequence[ListKey]) -> Finding:
     message = f"List {name} is defined, but not one {'frame' if known.on_can else 'telegram'} of it was seen."
     hint = ""
     if alike:
-        lists = together([_place(other, key.port) for other in alike])
+        lists = joined([_place(other, key.port) for other in alike], MOST_NAMED)
         verb, have = ("is", "has") if len(alike) == 1 else ("are", "have")
         hint = f"{_capital(lists)} {verb} sent, {have} exactly this shape and no definition: {_question(alike, key)}"
     return Finding(SILENT_LIST, message, 1, facts.summary.start_ns, facts.summary.end_ns, hint=hint, key=key)

@@ -26,14 +26,6 @@ def names_of_definitions(lists: Sequence[ListDefinition]) -> list[str]:
     return [f"{entry.name} in {file}, line {entry.position.line}" for entry, file in zip(lists, short, strict=True)]
 
 
-def together(names: Sequence[str], most: int = 3) -> str:
-    """Return names as one says them: ``a``, ``a and b``, ``a, b and c``, ``a, b, c and 4 more``."""
-    shown = list(names[:most])
-    if len(names) > most:
-        return f"{', '.join(shown)} and {len(names) - most} more"
-    return " and ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
-
-
 def how_to_compare(a: ListDefinition, b: ListDefinition, shows: str) -> str:
     """Return how to see what differs between two definitions; ``shows`` says what the command for it does."""
     files = [entry.position.file for entry in (a, b)]

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from nvscope.findings.enumeration import enumerated
+from nvscope.enumeration import first_few
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind, Severity
 from nvscope.tracker.event_kinds import FRAMES_KEPT
@@ -109,7 +109,7 @@ def _unknown_writer(
     streams = [stream for of_node in sent.values() for stream in of_node]
     telegrams = sum(stream.telegrams for stream in streams)
     names = [facts.address(node) for node in sent]
-    who = names[0] if len(sent) == 1 else f"{count(len(sent))} nodes ({enumerated(names)})"
+    who = names[0] if len(sent) == 1 else f"{count(len(sent))} nodes ({first_few(names)})"
     message = f"{who} sent {count_of(telegrams, 'telegram')} of this list: "
     hint = ""
     if own:

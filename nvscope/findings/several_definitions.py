@@ -6,7 +6,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import permutations
 from typing import TYPE_CHECKING, NamedTuple
 
-from nvscope.findings.definition_names import how_to_compare, names_of_definitions, together
+from nvscope.enumeration import MOST_NAMED, joined
+from nvscope.findings.definition_names import how_to_compare, names_of_definitions
 from nvscope.findings.finding import Events, events_of
 from nvscope.findings.misfits import Mismatch, all_of, tell_misfits
 from nvscope.units import since as told_since
@@ -112,7 +113,7 @@ class _Sender:
             hint = f"{shown}; keep the definition that is in the program of the sender."
         elif wrong:
             verb = "fit" if others else "fits"
-            fitting = together([self.names[place] for place in self.right])
+            fitting = joined([self.names[place] for place in self.right], MOST_NAMED)
             message = f"{fitting} {verb} what {self.address} sends; {'; '.join(wrong)}."
             about = self.misfits(self.wrong[0])[0]
             shows = "shows what a reader of the latter gets"
@@ -176,7 +177,7 @@ class _Sender:
         said = " / ".join(f"{part.first} : {part.first_type}" if part else "nothing" for part in (run.a, run.b))
         of_telegram = f" of SubIndex {subindex}" if len(self.candidates[first]) > 1 else ""
         return (
-            f"{both}{together(names)} fit what {self.address} sends, and differ from byte {run.first_byte}"
+            f"{both}{joined(names, MOST_NAMED)} fit what {self.address} sends, and differ from byte {run.first_byte}"
             f"{of_telegram} on ({said}): the telegrams cannot tell which is right; values are shown by "
             f"{self._shown(subindex)}."
         ), subindex

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from nvscope.findings.enumeration import enumerated
+from nvscope.enumeration import first_few
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import FindingKind, Severity
 from nvscope.tracker.event_kinds import FRAMES_KEPT
@@ -114,7 +114,7 @@ def _finding(facts: Facts, nodes: Mapping[int, SentByNode], why: str) -> Finding
             "this network that has the address of another one."
         )
     names = [facts.address(node) for node in nodes]
-    who = names[0] if len(names) == 1 else f"{count(len(names))} nodes ({enumerated(names)})"
+    who = names[0] if len(names) == 1 else f"{count(len(names))} nodes ({first_few(names)})"
     first, last, frames = (
         [value for one in nodes.values() if (value := getattr(one, name)) is not None]
         for name in ("first_ns", "last_ns", "frame")

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from nvscope import units
-from nvscope.findings.enumeration import enumerated
+from nvscope.enumeration import first_few
 from nvscope.findings.finding import Events, Finding, events_of
 from nvscope.findings.kind import FindingKind, Severity
 from nvscope.units import count, count_of
@@ -167,13 +167,13 @@ def _finding(
     """Return the finding of one host, or of several, with what each wrote."""
     writer, written = next(iter(hosts.items()))
     if len(hosts) > 1:
-        writer, written = f"{count(len(hosts))} hosts ({enumerated([*hosts])})", _together(hosts.values())
+        writer, written = f"{count(len(hosts))} hosts ({first_few([*hosts])})", _together(hosts.values())
     events = written.events
     assert events is not None
     is_sdo = variable.startswith("sdo/")
     how = "by SDO" if is_sdo else "by WebVisu"
     number = f"{'at least ' if at_least else ''}{count_of(events.count, 'time')}"
-    names = f" ({enumerated([*written.names])})" if written.names else ""
+    names = f" ({first_few([*written.names])})" if written.names else ""
     message = f"{writer} wrote {number} to {partner} {how}{names}: "
     if written.is_stranger:
         assert security.writers is not None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
+from nvscope.enumeration import first_few
 from nvscope.tracker.visu.events import OK, OTHER_STATUS
 from nvscope.units import count, count_of
 
@@ -31,11 +32,10 @@ def refused_reads(client: str, server: str, statuses: Statuses) -> str:
 def refused_writes(client: str, server: str, variables: Sequence[str], statuses: Statuses) -> str:
     """Return that a server refused writes of some variables, and with which statuses, if another one than 200."""
     times = sum(number for _, number in statuses)
-    names = "; ".join(variables[:_MOST_NAMED])
-    more = f" and {count(len(variables) - _MOST_NAMED)} more" if len(variables) > _MOST_NAMED else ""
+    names = first_few(variables, _MOST_NAMED, between="; ")
     why = [one for one in statuses if one[0] != OK]
     told = f": HTTP status {_listed(why, of=times)}" if why else ""
-    return f"{server} refused {count_of(times, 'write')} of {names}{more} by {client}{told}"
+    return f"{server} refused {count_of(times, 'write')} of {names} by {client}{told}"
 
 
 def next_step(statuses: Statuses) -> str:

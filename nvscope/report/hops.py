@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from nvscope import units
+from nvscope.enumeration import first_few
 from nvscope.view.lines.plant.content import Report, Row
 from nvscope.view.lines.plant.tables import Measure, duration_cell
 from nvscope.view.lines.table import NOTHING, Cell, Column, Tone
@@ -34,9 +35,7 @@ def remarks(report: Report) -> Sequence[str]:
             "controller and that of the capture."
         )
     if different := report["hops_of_other_types"]:
-        named = ", ".join(different[:_MOST_NAMED])
-        more = f" and {len(different) - _MOST_NAMED} more" if len(different) > _MOST_NAMED else ""
-        told.append(f"Not compared, since their types differ: {named}{more}.")
+        told.append(f"Not compared, since their types differ: {first_few(different, _MOST_NAMED)}.")
     return told
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from nvscope import units
+from nvscope.enumeration import first_few
 from nvscope.report.ansi import paint
 from nvscope.view.escape import visible_document
 from nvscope.view.lines.table import Cell, Column, Line, Tone, align, wrap
@@ -108,9 +109,8 @@ def _telegram(telegram: Row, width: int, wide: bool) -> Iterator[Line]:
         if layout["behind_bits"] > _WORTH_TELLING_BITS:
             continue
         other = [field for field in layout["fields"] if (field["offset"], field["bytes"]) not in best]
-        shown = ", ".join(f"{field['offset']} {field['type']}" for field in other[:_MOST_FIELDS_TOLD])
-        more = f" and {len(other) - _MOST_FIELDS_TOLD} more" if len(other) > _MOST_FIELDS_TOLD else ""
-        told = f"Nearly as plausible ({layout['behind_bits']:.1f} bits behind): {shown}{more}."
+        shown = first_few([f"{field['offset']} {field['type']}" for field in other], _MOST_FIELDS_TOLD)
+        told = f"Nearly as plausible ({layout['behind_bits']:.1f} bits behind): {shown}."
         yield from wrap([Cell(told, Tone.FAINT)], width, 2, 4)
 
 

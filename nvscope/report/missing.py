@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from nvscope import units
+from nvscope.enumeration import first_few
 from nvscope.view.lines.plant.content import Row
 from nvscope.view.lines.plant.happenings import severity_of, symbol
 from nvscope.view.lines.table import Cell, Line, Tone, wrap
@@ -73,19 +74,15 @@ def _entry(row: Row) -> Entry:
 
 def _named(row: Row) -> str:
     """Return the first variables that a row names."""
-    shown = row["variables"][:_MOST_NAMED]
-    return _together(shown, len(row["variables"]) - len(shown) + row["variables_cut"])
+    variables = row["variables"]
+    return first_few(variables, _MOST_NAMED, of=len(variables) + row["variables_cut"])
 
 
 def _folded(rows: Sequence[Row]) -> Entry:
     lists = units.count_of(len(rows), "list")
-    names = [row["list_name"] or units.list_key(row["lists"][0]) for row in rows[:_MOST_NAMED]]
+    names = [row["list_name"] or units.list_key(row["lists"][0]) for row in rows]
     what = f"{lists} were never seen"
     if rows[0]["kind"] == NEVER_CHANGED:
         number = sum(len(row["variables"]) + row["variables_cut"] for row in rows)
         what = f"{units.count_of(number, 'variable')} of {lists} never changed, others did"
-    return Entry(symbol(severity_of(rows[0])), what, _together(names, len(rows) - len(names)), rows[0]["next"])
-
-
-def _together(names: Sequence[str], more: int) -> str:
-    return f"{', '.join(names)}{f' and {units.count(more)} more' if more else ''}"
+    return Entry(symbol(severity_of(rows[0])), what, first_few(names, _MOST_NAMED), rows[0]["next"])

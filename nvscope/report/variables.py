@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from nvscope import units
+from nvscope.enumeration import first_few
 from nvscope.report import missing
 from nvscope.report.ansi import paint
 from nvscope.view.documents.variables import ASSUMED
@@ -173,8 +174,7 @@ def never_told(
 def _named(told: str, names: Sequence[str], width: int) -> Sequence[Line]:
     if not names:
         return []
-    more = f" and {units.count(len(names) - _MOST_NAMED)} more" if len(names) > _MOST_NAMED else ""
-    return wrap([Cell(f"{told}: {'; '.join(names[:_MOST_NAMED])}{more}.", Tone.WARNING)], width, 2, 4)
+    return wrap([Cell(f"{told}: {first_few(names, _MOST_NAMED, between='; ')}.", Tone.WARNING)], width, 2, 4)
 
 
 def _telegrams(rows: Sequence[Mapping[str, Any]]) -> str:

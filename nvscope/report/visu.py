@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from nvscope import units
+from nvscope.enumeration import first_few
 from nvscope.report.ansi import paint
 from nvscope.report.sdo import MIN_WIDTH, Failure
 from nvscope.tracker.readings.form import HIDDEN
@@ -202,9 +203,8 @@ def _open_end(document: Document) -> str:
 
 def _unreadable(document: Document) -> tuple[str, str]:
     names = [_name(one) for one in document["variables"] if one["state"] == "unreadable"]
-    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
     return (
-        f"the controller cannot read {', '.join(names[:3])}{more} ({_UNREADABLE})",
+        f"the controller cannot read {first_few(names)} ({_UNREADABLE})",
         "addresses change with every download to the controller: take names from its own lists, not from old files",
     )
 

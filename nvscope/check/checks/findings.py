@@ -11,6 +11,7 @@ from nvscope.check.check import Check, Evidence
 from nvscope.check.happened_while import Happened, judged_of, judged_while, title_of, watch_what_happens
 from nvscope.check.parameters import AMOUNT, Parameter, one_of
 from nvscope.check.verdict import Judged, Verdict
+from nvscope.enumeration import first_few
 from nvscope.findings.catalogue import CATALOGUE as FINDINGS
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import Severity
@@ -26,8 +27,7 @@ _SECOND_NS = 1_000_000_000
 
 
 def _told(titles: list[str]) -> str:
-    more = f" and {len(titles) - _MOST_NAMED} more" if len(titles) > _MOST_NAMED else ""
-    return "; ".join(titles[:_MOST_NAMED]) + more
+    return first_few(titles, _MOST_NAMED, between="; ")
 
 
 def _lists_of(known: Evidence, finding: Finding) -> set[ListKey]:

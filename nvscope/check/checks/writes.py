@@ -16,6 +16,7 @@ from nvscope.check.verdict import Judged, Verdict
 from nvscope.check.who_asks import NODES, PROTOCOLS, SDO, WHO, Asking, Nodes
 from nvscope.check.written_places import PLACES, Places, Written
 from nvscope.check.written_while import Times, WrittenWhile, watch_writes
+from nvscope.enumeration import first_few
 from nvscope.list_key import ListKey
 from nvscope.units import count_of
 
@@ -129,9 +130,7 @@ def _told(known: Evidence, broken: Sequence[tuple[Written, Times]], kept: Mappin
 
 
 def _few(names: Sequence[str]) -> str:
-    several = list(dict.fromkeys(names))
-    more = f" and {len(several) - _MOST_NAMED} more" if len(several) > _MOST_NAMED else ""
-    return ", ".join(several[:_MOST_NAMED]) + more
+    return first_few(list(dict.fromkeys(names)), _MOST_NAMED)
 
 
 def _value(known: Evidence, written: Written, times: Times, kept: Mapping[int, Write]) -> str:

@@ -9,6 +9,7 @@ from textual.app import ComposeResult
 from textual.timer import Timer
 
 from nvscope import units
+from nvscope.enumeration import joined
 from nvscope.list_key import Transport
 from nvscope.tui.bars import Bar
 from nvscope.tui.lines_view import LinesView
@@ -186,8 +187,7 @@ class VariablesView(View):
         for group in self._rows.groups:
             if not isinstance(group, StreamGroup):
                 counts[group.seen.holder] = counts.get(group.seen.holder, 0) + 1
-        told = [units.count_of(count, holder) for holder, count in counts.items()]
-        return " and ".join([", ".join(told[:-1]), told[-1]] if len(told) > 1 else told)
+        return joined([units.count_of(count, holder) for holder, count in counts.items()])
 
     # What is below the table.
 

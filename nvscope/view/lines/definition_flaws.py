@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from nvscope.definition.model import AssumedBase, Definition, ListDefinition, Problem, UnknownName
+from nvscope.enumeration import first_few
 from nvscope.units import count
 from nvscope.view.escape import visible
 
@@ -23,9 +24,8 @@ def definition_flaws(definition: Definition, lists: Sequence[ListDefinition] | N
     if names := [flaw for flaw in flaws if isinstance(flaw, UnknownName)]:
         yield _unknown_names(names)
     if bases := [flaw for flaw in flaws if isinstance(flaw, AssumedBase)]:
-        told = [visible(base.name[:_MOST_CHARACTERS]) for base in bases[:_MOST_TOLD]]
-        more = f" and {count(len(bases) - _MOST_TOLD)} more" if len(bases) > _MOST_TOLD else ""
-        yield f"base type not in this export, INT assumed: {', '.join(told)}{more}."
+        told = first_few([visible(base.name[:_MOST_CHARACTERS]) for base in bases], _MOST_TOLD)
+        yield f"base type not in this export, INT assumed: {told}."
 
 
 def _problems(what: str, problems: Sequence[Problem]) -> Iterator[str]:

@@ -8,6 +8,7 @@ from nvscope import units
 from nvscope.causes.cause import Cause
 from nvscope.causes.ways import device_in_words
 from nvscope.engine.keys import FrameKind
+from nvscope.enumeration import first_few
 from nvscope.findings.kind import Severity
 from nvscope.tracker.event_kinds import EventKind
 from nvscope.view.escape import visible
@@ -97,9 +98,7 @@ def node_lines(matrix: Matrix, node: int, clock: Clock, now_ns: int, width: int)
     facts: list[str] = []
     for verb, own in (("sends", _places(matrix, node, sends=True)), ("reads", _places(matrix, node, sends=False))):
         if own:
-            told = ", ".join(matrix.names[place] for place in own[:_MOST_NAMES])
-            more = f" and {len(own) - _MOST_NAMES} more" if len(own) > _MOST_NAMES else ""
-            facts.append(f"{verb} {told}{more}")
+            facts.append(f"{verb} {first_few([matrix.names[place] for place in own], _MOST_NAMES)}")
     hardware = matrix.facts.contacts.hardware_of(node)
     if hardware:
         facts.append(f"hardware {', '.join(visible(device_in_words(one)) for one in hardware[:_MOST_NAMES])}")

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from nvscope import units
+from nvscope.enumeration import first_few
 from nvscope.view.lines.plant.content import Report, Row, node_names
 from nvscope.view.lines.plant.tables import Measure, count_cell, duration_cell, rare_cell, used, with_port
 from nvscope.view.lines.table import Cell, Column, Tone
@@ -46,9 +47,8 @@ def remarks(report: Report) -> Sequence[str]:
         every = units.count_of(row["variables"], "variable")
         for kind, what in (("unchanged", "never changed"), ("unreadable", "could never be read (???)")):
             if count := len(row[kind]) + row[f"{kind}_cut"]:
-                more = f" and {units.count(count - _MOST_NAMED)} more" if count > _MOST_NAMED else ""
-                named = "; ".join(row[kind][:_MOST_NAMED])
-                told.append(f"{server}: {units.count(count)} of {every} {what}: {named}{more}.")
+                named = first_few(row[kind], _MOST_NAMED, of=count, between="; ")
+                told.append(f"{server}: {units.count(count)} of {every} {what}: {named}.")
     return told
 
 
