@@ -10,10 +10,12 @@ import gc
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from uuid import uuid4
 
 import pytest
 from hypothesis import HealthCheck, settings
 
+from tests import once
 from tests.laws import FULL_EXAMPLES
 
 QUICK_EXAMPLES = 8
@@ -32,6 +34,13 @@ def pytest_configure(config: pytest.Config) -> None:
     settings.register_profile("quick", quick)
     settings.register_profile("full", untimed, max_examples=FULL_EXAMPLES, derandomize=False, print_blob=True)
     settings.load_profile("full" if config.getoption("full") else "quick")
+    if not hasattr(config, "workerinput") and config.getoption("testrunuid", None) is None:
+        config.option.testrunuid = uuid4().hex
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    if not hasattr(config, "workerinput"):
+        once.forget(config.getoption("testrunuid"))
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import atexit
 import json
 import shlex
 from collections.abc import Iterator
-from functools import cache
 from pathlib import Path
-from shutil import rmtree
 from tempfile import TemporaryDirectory, mkdtemp
 from typing import Any
 
 from nvscope.errors import ExitCode
 from nvscope.view.documents.drawn import plain
+from tests import once
 from tests.program import run
 from tests.schemas.asking import make_asking
 from tests.schemas.odd_database import make_odd_database
@@ -175,7 +173,7 @@ def asked(command: str, folder: Path = ROOT) -> dict[str, Any]:
     return dict(json.loads(_printed(command, folder)))
 
 
-@cache
+@once.made_once
 def _printed(command: str, folder: Path) -> bytes:
     verb, *words = shlex.split(command)
     done = run(verb, *words, "--json", cwd=folder)
@@ -183,11 +181,10 @@ def _printed(command: str, folder: Path) -> bytes:
     return done.stdout
 
 
-@cache
+@once.made_once
 def odd_plant() -> Path:
     """Return the folder of an odd plant, which is there as long as the tests are."""
-    folder = Path(mkdtemp())
-    atexit.register(rmtree, folder, ignore_errors=True)
+    folder = Path(mkdtemp(dir=once.folder()))
     make_odd_plant(folder)
     make_odd_logs(folder)
     make_asking(folder)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from copy import deepcopy
-from functools import cache
 from pathlib import Path
 from typing import Any, get_args
 
@@ -14,6 +13,7 @@ from jsonschema import Draft202012Validator
 
 from nvscope.plc.parameter.document import Verdict
 from nvscope.plc.visu.document import Verdict as VisuVerdict
+from tests.once import made_once
 from tests.report_laws import broken_laws
 from tests.schemas.asked_parameters import documents_of_parameters
 from tests.schemas.asked_visu import documents_of_visu
@@ -97,7 +97,7 @@ def test_what_is_told_of_scenarios_is_valid(path: Path) -> None:
     assert broken_laws(report) == []
 
 
-@cache
+@made_once
 def of_parameters() -> tuple[dict[str, Any], ...]:
     return tuple(documents_of_parameters())
 
@@ -108,7 +108,7 @@ def test_what_is_told_of_parameters_is_valid() -> None:
     assert told == set(get_args(Verdict)) - {"cancelled", "busy"}
 
 
-@cache
+@made_once
 def of_visu() -> tuple[dict[str, Any], ...]:
     return tuple(documents_of_visu())
 
@@ -118,7 +118,7 @@ def test_what_is_told_of_a_webvisu_is_valid() -> None:
     assert {document["outcome"] for document in of_visu()} == set(get_args(VisuVerdict)) - {"cancelled"}
 
 
-@cache
+@made_once
 def corpus() -> tuple[dict[str, Any], ...]:
     """Return all documents; whoever changes one changes a copy."""
     printed = (asked(command) for command in COMMANDS)
