@@ -21,7 +21,7 @@ from nvscope.datalogger.audit.row_ids import RowIds
 from nvscope.datalogger.audit.stamps import Stamps
 from nvscope.datalogger.audit.tasks import Tasks
 from nvscope.datalogger.audit.time_strip import Mark
-from nvscope.datalogger.audit.unknown_rows import count_unknown, lacking_rows
+from nvscope.datalogger.audit.unknown_rows import lacking_rows
 from nvscope.datalogger.audit.values import Figures, Values
 from nvscope.findings.datalogger import SERIES_BROKEN
 from nvscope.units import duration
@@ -66,6 +66,8 @@ class TableAudit:
         self.table = table
         self.names = tuple(one.name for one in table.variables)
         self.rows = self.restarts = 0
+        self.losses = 0
+        """How many rows say that data was lost before them, the first of all aside."""
         self.coverage = Coverage()
         self.tasks = Tasks(table)
         self._ids = RowIds()
@@ -103,19 +105,22 @@ class TableAudit:
         notes = self._notes[-1]
         timed = chunk.times.valid
         self.rows += len(chunk)
-        known = self._values.stretches.copy()
         self.coverage.take(chunk.time_ns if timed.all() else chunk.time_ns[timed])
         self._stamps.take(chunk, timed, notes)
         self._look_at_intervals(chunk, timed, notes)
         self._ids.take(chunk, notes)
+        lost = np.flatnonzero(chunk.lost)
+        if not self._begun and len(lost) and not lost[0]:
+            lost = lost[1:]  # there is nothing before it: documents have 0 there, controllers 1
+        if len(lost):
+            self.losses += len(lost)
+            notes.of(topics.LOST).add(chunk.rowid[lost], chunk.time_ns[lost], timed[lost])
         if len(chunk.unsaid):
             rows = chunk.unsaid
             notes.of(topics.UNSAID).add(chunk.rowid[rows], chunk.time_ns[rows], timed[rows])
         if chunk.begins_file and self.overlaps_now and self._judge is not None:
             # What a file repeats of the one before is no change.
             self._judge.forget()
-            self._values.forget()
-            known = self._values.stretches.copy()
         if self._judge is not None:
             self._judge.take(chunk, notes)
             for start in self._judge.restarts:
@@ -125,11 +130,6 @@ class TableAudit:
             self._judge.restarts.clear()
         else:
             self._look_at_values(chunk)
-            lost = chunk.lost.copy()
-            lost[0] &= self._begun and not chunk.begins_file
-            self._note_lost(chunk, np.flatnonzero(lost), timed, notes)
-        if self._judge is not None:
-            count_unknown(self.table, chunk, known, self._judge.partly, self._values.figures)
         self._begun = True
         if timed.any():
             self._before_ns = int(chunk.time_ns[timed][-1])
@@ -326,10 +326,6 @@ class TableAudit:
             other = ~np.isin(chunk.rowid[own], started)
             self.coverage.miss(Mark.TOLD, own_before_ns[other], chunk.time_ns[own[other]])
         self._uncovered.clear()
-
-    def _note_lost(self, chunk: Chunk, rows: I64, timed: Bool, notes: Notes) -> None:
-        if len(rows):
-            notes.of(topics.LOST).add(chunk.rowid[rows], chunk.time_ns[rows], timed[rows])
 
     def _new_intervals(self, group: int) -> Intervals:
         intervals = Intervals(self._asked_ns)

@@ -69,7 +69,8 @@ def coverage(table: AuditedTable) -> str:
         listed = ", ".join(f"{units.count(time.gaps[mark])} {what}" for mark, what in _GAPS.items() if time.gaps[mark])
         parts.append(f"{units.duration(missing_ns)} missing in {units.count_of(gaps, 'gap')} ({listed})")
     elif not gaps:
-        parts.append("no gap" if audit.interval_ns is not None else "no loss is told")
+        lost = f"loss is told before {units.count_of(audit.losses, 'row')}" if audit.losses else "no loss is told"
+        parts.append("no gap" if audit.interval_ns is not None else lost)
     if time.off_ns:
         starts = units.count_of(audit.restarts, "new start")
         parts.append(f"off for up to {units.duration(time.off_ns)} in front of {starts}")

@@ -94,7 +94,7 @@ class _Changes:
         self.alone: dict[str, int] = defaultdict(int)
         self.fell_from: dict[str, int] = {}
         self.losses = 0
-        self.start: list[tuple[int, bool, dict[str, str]]] = []
+        self.start: list[tuple[int, dict[str, str]]] = []
         self.seen_beginning = False
         self.unknown: set[str] = set()
 
@@ -119,7 +119,7 @@ class _Changes:
         self.unknown = unknown if len(counted) == len(self.names) else set()
         if first:
             self.seen_beginning = zero
-        if lost and not first and not zero:
+        if lost and not first:
             self.tell("NV951", "note", None, rowid)
         if not zero and self.start and set(counted) - {name for *_, own in self.start for name in own}:
             self.close()
@@ -136,7 +136,7 @@ class _Changes:
                 continue
             says[name] = self.judge_cell(name, value, count, rowid, zero=zero)
         if zero:
-            self.take_zero(rowid, lost, says)
+            self.take_zero(rowid, says)
 
     def judge_cell(self, name: str, value: Any, count: int, rowid: int, *, zero: bool) -> str:
         known = name in self.count
@@ -181,10 +181,10 @@ class _Changes:
         self.stored.add(name)
         return says
 
-    def take_zero(self, rowid: int, lost: bool, says: dict[str, str]) -> None:
+    def take_zero(self, rowid: int, says: dict[str, str]) -> None:
         if {name for *_, own in self.start for name in own} & set(says):
             self.close()
-        self.start.append((rowid, lost, says))
+        self.start.append((rowid, says))
         missing = set(self.names) - {name for *_, own in self.start for name in own}
         if not missing or (self.seen_beginning and not missing & self.stored):
             if any(one != "unknown" for *_, own in self.start for one in own.values()):
@@ -192,10 +192,7 @@ class _Changes:
             self.start = []
 
     def close(self) -> None:
-        known = any(one != "unknown" for *_, own in self.start for one in own.values())
-        for rowid, lost, says in self.start:
-            if lost and known:
-                self.tell("NV951", "note", None, rowid)
+        for rowid, says in self.start:
             for name, one in says.items():
                 if one in ("back", "stuck"):
                     self.tell("NV954", "error", name, rowid)
