@@ -20,6 +20,15 @@ _WAITING = 50_000
 
 _MOST_KEPT = 200_000
 _MOST_VALUES = 1 << 18
+_FEW = 36
+"""Of fewer intervals, one alone may be another than the rest: two pauses among them may well be usual."""
+
+_FEW_ALIKE_SHARE = 8
+"""Those of few are alike within an eighth of the median: within a quarter, five of six are by chance, too."""
+
+_LEAST_ALIKE = 5
+"""So many have to be alike before one that is not says anything."""
+
 _PERHAPS = 11, 10
 """What is longer than the usual interval so far by this may turn out to be a gap."""
 
@@ -94,13 +103,23 @@ class Intervals:
 
     @property
     def is_regular(self) -> bool:
-        """Whether there is a usual interval at all: telegrams that are sent on events have none."""
+        """Whether there is a usual interval at all: telegrams that are sent on events have none.
+
+        The fewer intervals there are, the fewer of them may be others: what comes in bursts seems to be regular, too,
+        until there were many.
+        """
         median_ns = self.median_ns
         if median_ns is None:
             return False
         self._merge_waiting()
-        alike = np.abs(self._values - median_ns) * ALIKE_SHARE <= median_ns
-        return int(self._counts[alike].sum()) * REGULAR_SHARE >= self.count
+        share = _FEW_ALIKE_SHARE if self.count < _FEW else ALIKE_SHARE
+        near = np.abs(self._values - median_ns) * share <= median_ns
+        alike = int(self._counts[near].sum())
+        others = self.count - alike
+        if not others:
+            return True
+        most = max(1, 2 * self.count * self.count // _FEW**2)
+        return alike >= _LEAST_ALIKE and others <= most and alike * REGULAR_SHARE >= self.count
 
     def take(self, gaps: Gaps) -> None:
         """Take the intervals between rows, all of which are longer than nothing, as what may be gaps."""

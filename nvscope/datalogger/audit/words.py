@@ -15,6 +15,9 @@ from nvscope.findings.kind import FindingKind, Severity
 
 _GAPS = {Mark.TOLD: "told by the logger", Mark.GAP: "not told", Mark.UNREAD: "not readable"}
 _MOST_NAMED = 3
+_ROWS_OF_NO_INTERVAL = 8
+"""Of fewer rows, nobody can say that they come at no regular interval."""
+
 _LONGEST_VALUE = 24
 
 Names = Callable[[str], str]
@@ -48,7 +51,7 @@ def about(table: AuditedTable, names: Names) -> list[str]:
     parts.append("changes only" if audit.table.only_changes else "every value")
     if audit.interval_ns is not None:
         parts.append(f"every {units.duration(audit.interval_ns)}")
-    elif not audit.table.only_changes and audit.rows > 2:
+    elif not audit.table.only_changes and audit.rows >= _ROWS_OF_NO_INTERVAL:
         parts.append("at no regular interval")
     if audit.task_count > 1:
         parts.append(units.count_of(audit.task_count, "task"))
