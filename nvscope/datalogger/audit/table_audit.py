@@ -125,7 +125,7 @@ class TableAudit:
             self._judge.take(chunk, notes)
             for start in self._judge.restarts:
                 self.restarts += 1
-                self.coverage.start(start.rows[0], self.task_count)
+                self.coverage.start(start.rows[0])
             self._note_uncovered(chunk)
             self._judge.restarts.clear()
         else:
@@ -221,7 +221,7 @@ class TableAudit:
     @property
     def covered(self) -> float | None:
         """The share of the time from the first row to the last in which nothing is missing, None where that is none."""
-        return self.coverage.share(max(self.task_count, 1))
+        return self.coverage.share
 
     def _look_at_intervals(self, chunk: Chunk, timed: Bool, notes: Notes) -> None:
         groups = list(self.tasks.rows(chunk))

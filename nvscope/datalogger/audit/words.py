@@ -51,7 +51,7 @@ def about(table: AuditedTable, names: Names) -> list[str]:
     parts.append("changes only" if audit.table.only_changes else "every value")
     if audit.interval_ns is not None:
         parts.append(f"every {units.duration(audit.interval_ns)}")
-    elif not audit.table.only_changes and audit.rows >= _ROWS_OF_NO_INTERVAL:
+    elif not audit.table.only_changes and audit.rows - audit.untimed >= _ROWS_OF_NO_INTERVAL:
         parts.append("at no regular interval")
     if audit.task_count > 1:
         parts.append(units.count_of(audit.task_count, "task"))
@@ -68,7 +68,7 @@ def coverage(table: AuditedTable) -> str:
     if (gaps or time.off_ns) and share == "100 %":
         share = "nearly 100 %"
     parts = []
-    if missing_ns := time.missing_ns - time.off_ns * max(audit.task_count, 1):
+    if missing_ns := time.missing_ns - time.off_ns:
         listed = ", ".join(f"{units.count(time.gaps[mark])} {what}" for mark, what in _GAPS.items() if time.gaps[mark])
         parts.append(f"{units.duration(missing_ns)} missing in {units.count_of(gaps, 'gap')} ({listed})")
     elif not gaps:
