@@ -237,7 +237,7 @@ class ChangeJudge:
     def _take_values(
         self, number: int, chunk: Chunk, rows: I64, unknown: Bool | None = None
     ) -> tuple[Bool, Bool, U64]:  # fmt: skip
-        """Take what is stored in some rows, NULL too; return where it is as before, where that is known, and its bits."""
+        """Take what is in some rows, NULL too; return where it is as before, where that is known, and its bits."""
         column = self._variables[number].column
         cells = chunk.rows.cells(column, rows)
         known = cells.form != Form.NULL

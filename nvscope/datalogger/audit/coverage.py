@@ -18,8 +18,8 @@ _MOST_MARKED = 10_000
 class Coverage:
     """Counts the time that is missing in one table.
 
-    ``gaps`` are counted by what is drawn for them: TOLD, GAP and UNREAD. Time in which rows of several tasks are missing
-    is missing once.
+    ``gaps`` are counted by what is drawn for them: TOLD, GAP and UNREAD. Time in which rows of several tasks are
+    missing is missing once.
     """
 
     def __init__(self) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -56,13 +56,14 @@ class _Task:
 class TableAudit:
     """Audits the rows of one table, of one file of a series after the other.
 
-    ``asked_ns`` is the interval by the configuration; ``known_ns`` are those by the number of each variable, from an
-    audit of the same rows.
+    ``asked_ns`` is the interval by the configuration, which says nothing of variables that are taken ``in_cycles`` of
+    lists; ``known_ns`` are those by the number of each variable, from an audit of the same rows.
     """
 
     def __init__(
-        self, table: LogTable, encoding: str, asked_ns: int | None, known_ns: Mapping[int, int] | None = None
-    ) -> None:
+        self, table: LogTable, encoding: str, asked_ns: int | None, known_ns: Mapping[int, int] | None = None,
+        in_cycles: Callable[[str], bool] | None = None,
+    ) -> None:  # fmt: skip
         self.table = table
         self.names = tuple(one.name for one in table.variables)
         self.rows = self.restarts = 0
@@ -74,6 +75,7 @@ class TableAudit:
         self._values = Values(len(table.variables), encoding)
         self._judge = ChangeJudge(table, self._values) if table.only_changes else None
         self._asked_ns, self._known_ns = asked_ns, known_ns
+        self._in_cycles = {place for place, name in enumerate(self.names) if in_cycles is not None and in_cycles(name)}
         self._of_task: dict[int, _Task] = {}
         self._notes: list[Notes] = []
         self._files: list[str] = []
@@ -192,10 +194,13 @@ class TableAudit:
 
     @property
     def usual_ns(self) -> int | None:
-        """The interval at which the rows of a single task come, None where that is not known or not regular."""
+        """The interval at which the rows of a single task come, None where that is not known or not regular, or not
+        what the configuration says."""
         if self._judge is not None or len(self._of_task) != 1:
             return None
-        (task,) = self._of_task.values()
+        ((group, task),) = self._of_task.items()
+        if group in self._in_cycles:
+            return None
         return task.intervals.median_ns if task.intervals.is_regular else None
 
     @property
@@ -328,7 +333,7 @@ class TableAudit:
         self._uncovered.clear()
 
     def _new_intervals(self, group: int) -> Intervals:
-        intervals = Intervals(self._asked_ns)
+        intervals = Intervals(None if group in self._in_cycles else self._asked_ns)
         if self._known_ns is not None and group in self._known_ns:
             intervals.fix(self._known_ns[group])
         return intervals

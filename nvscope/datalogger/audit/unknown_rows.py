@@ -16,8 +16,8 @@ _UNKNOWN = -1
 class UnknownRows:
     """Counts, in a table of changes, the rows in which each variable is unknown.
 
-    It is so until its first value, also behind rows that cannot be read, and from a counter that went on beside no value
-    to the next value.
+    It is so until its first value, also behind rows that cannot be read, and from a counter that went on beside no
+    value to the next value.
     """
 
     def __init__(self, figures: Sequence[Figures]) -> None:

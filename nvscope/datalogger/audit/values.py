@@ -94,35 +94,28 @@ class Values:
         same &= known
         if low == Form.NULL:
             same &= form != Form.NULL
-        stored: I64 | None = None
-        if low == Form.NULL or self._form[variable] == Form.NULL:
-            stored = np.flatnonzero(form != Form.NULL)
-            changes = self._changes(variable, key[stored], form[stored], chunk.stretch[stored if rows is None else rows[stored]])
-        else:
-            changes = int(np.count_nonzero(known)) - int(np.count_nonzero(same))
+        told = self.figures[variable]
+        if low != Form.NULL and self._form[variable] != Form.NULL:
+            told.changes += int(np.count_nonzero(known)) - int(np.count_nonzero(same))
+            self._valued[variable] = last, int(key[-1]), int(form[-1])
+            self._tell(told, chunk, cells, (low, high), (0, count - 1))
+        elif len(stored := np.flatnonzero(form != Form.NULL)):
+            stretch = chunk.stretch[stored if rows is None else rows[stored]]
+            told.changes += self._changes(variable, key[stored], form[stored], stretch)
+            self._tell(told, chunk, cells, (low, high), (int(stored[0]), int(stored[-1])))
         self._key[variable], self._form[variable] = int(key[-1]), int(form[-1])
         self._stretches[variable] = last if unknown is None or not unknown[-1] else _UNKNOWN
-        place = len(cells) - 1 if stored is None else int(stored[-1]) if len(stored) else None
-        if place is not None:
-            at = last if low != Form.NULL else int(chunk.stretch[place if rows is None else int(rows[place])])
-            self._valued[variable] = at, int(key[place]), int(form[place])
-            first_place = 0 if stored is None else int(stored[0])
-            self._tell(self.figures[variable], chunk, cells, (low, high), (first_place, place))
-            self.figures[variable].changes += changes
         return same, known
 
     def _changes(self, variable: int, key: U64, form: U8, stretch: I64) -> int:
-        """Return how often values are others than the ones before; NULL between two of them tells nothing."""
-        if not len(key):
-            return 0
+        """Take values without NULL, which tells nothing; return how often they are others than the ones before."""
         known_in, last_key, last_form = self._valued[variable]
+        self._valued[variable] = int(stretch[-1]), int(key[-1]), int(form[-1])
         changed = ((key[1:] != key[:-1]) | (form[1:] != form[:-1])) & (stretch[1:] == stretch[:-1])
-        is_other = (int(key[0]), int(form[0])) != (last_key, last_form)
-        return int(np.count_nonzero(changed)) + (known_in == int(stretch[0]) and is_other)
+        is_other = known_in == int(stretch[0]) and (int(key[0]), int(form[0])) != (last_key, last_form)
+        return int(np.count_nonzero(changed)) + is_other
 
-    def _tell(
-        self, told: Figures, chunk: Chunk, cells: Cells, forms: tuple[int, int], places: tuple[int, int]
-    ) -> None:
+    def _tell(self, told: Figures, chunk: Chunk, cells: Cells, forms: tuple[int, int], places: tuple[int, int]) -> None:
         """Tell of values that are stored, the first and the last of which are at these places."""
         first, last = places
         if not told.stored:

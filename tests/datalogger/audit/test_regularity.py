@@ -24,7 +24,7 @@ def exponential(chance: random.Random, count: int) -> list[float]:
 
 
 def bursts(chance: random.Random, count: int) -> list[float]:
-    """Rows that follow each other at once, with pauses of any length, two of them: one would be a gap of regular ones."""
+    """Rows that follow each other at once, with two pauses at least: one would be a gap of regular ones."""
     found: list[float] = [chance.choice([5, 10, 20])] * (count - 2)
     for _ in range(max(2, count // 6)):
         found.insert(chance.randint(0, len(found)), chance.uniform(500, 9_000))
