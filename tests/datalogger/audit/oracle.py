@@ -57,9 +57,10 @@ def _times(rows: list[tuple[Any, ...]], found: dict[Key, list[int]], *, changes:
     forward = [step for _, _, step in steps if step > 0]
     if not changes and forward:
         median = median_low(forward)
-        if not _is_regular(forward, median):
-            return
         limit = median * 3 // 2
+        # Where a loss is told, it is no wonder that a step is longer.
+        if not _is_regular([step for _, told, step in steps if step > 0 and (told != 0 or step <= limit)], median):
+            return
         times = [_ns(row[1]) for row in rows]
         for number, (rowid, told, step) in enumerate(steps, 1):
             if step > limit and told != 0 and not _is_clock(number, times, limit, median):
