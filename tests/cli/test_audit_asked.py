@@ -38,7 +38,7 @@ def test_what_is_taken_in_cycles_of_a_list_is_not_judged_by_the_interval(
     assert "NV952" in judged.stdout if interval == "50ms" else "does not fit" in judged.stdout
     project = tmp_path / ("plant.toml" if named else "nvscope.toml")
     project.write_text(TASKS)
-    words = ["--project", project] if named else []
+    words = ["--project", str(project)] if named else []
     good = run_text("audit", path, "--config", configuration, *words, cwd=tmp_path)
     assert good.stdout.splitlines()[0] == "● To be trusted: nothing is missing that is not told"
     assert "every 100.0 ms" in good.stdout

@@ -34,8 +34,8 @@ def bursts(chance: random.Random, count: int) -> list[float]:
 
 def two_levels(chance: random.Random, count: int) -> list[float]:
     """Intervals of two lengths: two of each at least, be it that one is a multiple of the other."""
-    short, long = chance.choice([(10, 100), (100, 200), (250, 1_000), (70, 333)])
-    found: list[float] = [short, short, long, long][: max(count, 0)]
+    short, long = chance.choice([(10.0, 100.0), (100, 200), (250, 1_000), (70, 333)])
+    found: list[float] = [short, short, long, long][:count]
     found += [chance.choice([short, long]) for _ in range(count - len(found))]
     chance.shuffle(found)
     return found
