@@ -230,6 +230,14 @@ def are_databases(infos: Sequence[SourceInfo]) -> bool:
     return bool(infos) and all(info.format in DATABASES for info in infos)
 
 
+def why_no_row(infos: Sequence[SourceInfo]) -> str:
+    """Return in words that databases have no row, or, where something of them could not be read, that none can be."""
+    of_them = "the database" if len(infos) == 1 else "any database"
+    if any(info.truncation is not None for info in infos):
+        return f"no row of {of_them} can be read"
+    return "the database has no row" if len(infos) == 1 else "no database has a row"
+
+
 _TEXT = re.compile(rb"\xef\xbb\xbf|[\t\n\r -~]{32}")
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 

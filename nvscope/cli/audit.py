@@ -6,10 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from nvscope.cli.definitions import project_of
 from nvscope.cli.terminal import ColourOption, WideOption, colour_wanted, echo, numbers, tables_are_wide, tell, width
 from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from nvscope.datalogger.configuration import Session
 
 
@@ -28,6 +31,14 @@ def audit(
             "--config", metavar="FILE.xml", show_default=False,
             help="The session's configuration, for the interval at which values should come, and whether it is that of "
             "the table. Without it, the interval is the median of the table.",
+        ),
+    ] = None,
+    project: Annotated[
+        str | None,
+        typer.Option(
+            "--project", metavar="FILE", show_default=False,
+            help="Project file that says of --config which variables are taken in cycles of lists, [datalogger.tasks]. "
+            "Without it, the next nvscope.toml in the working directory or above it.",
         ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="For programs (nvscope.audit/1).")] = False,
@@ -49,6 +60,16 @@ def audit(
         raise UsageError("no database is named", next_step="nvscope audit FILE.db")
     if "" in files:
         raise UsageError("the name of a database is empty", next_step="leave it out, or name a file")
+    if "-" in files:
+        raise UsageError(
+            "- is the standard input, and a database is audited as a file, with what lies beside it",
+            next_step="save it to a file, and name that",
+        )
+    if project is not None and config is None:
+        raise UsageError(
+            "--project says of a configuration which of its variables are taken in cycles of lists",
+            next_step="name the configuration with --config, or leave --project out",
+        )
     session = _session(config)
     # Of a task, the configuration does not say how often it runs.
     asked_ns = None if session is None or session.task else session.sampling_ns
@@ -59,7 +80,7 @@ def audit(
     from nvscope.findings.kind import Severity
 
     with ReadProgress(quiet=quiet) as progress:
-        found = audited(files, asked_ns, progress)
+        found = audited(files, asked_ns, progress, None if session is None else _in_cycles(project))
     if session is not None:
         from nvscope.datalogger.audit.configured import compare
 
@@ -83,6 +104,12 @@ def audit(
         raise typer.Exit(ExitCode.UNREADABLE)
     if found.of(Severity.ERROR):
         raise typer.Exit(ExitCode.ASSERTION_FAILED)
+
+
+def _in_cycles(project: str | None) -> Callable[[str], bool] | None:
+    """Return what tells which variables are taken in cycles of lists, None where the project names no task."""
+    settings = project_of(project, None).datalogger
+    return (lambda name: settings.task_of(name) is not None) if settings.tasks else None
 
 
 def _session(config: str | None) -> Session | None:

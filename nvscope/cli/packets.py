@@ -160,7 +160,7 @@ def packets(
             "--gvl names variables in trees (-V), filters (-Y) and fields (-e)",
             next_step="add one of them; `nvscope vars` shows last values",
         )
-    from nvscope.capture.formats import are_databases
+    from nvscope.capture.formats import are_databases, why_no_row
     from nvscope.cli.progress import watching
 
     captures = captured(paths, live, plant, ports)
@@ -232,7 +232,8 @@ def packets(
             err=True,
         )
     elif not telegrams.telegrams:
-        what = "no database has a row" if are_databases(source.infos) else "0 frames, no telegram of network variables"
+        infos = source.infos
+        what = why_no_row(infos) if are_databases(infos) else "0 frames, no telegram of network variables"
         echo(f"nvscope: {what}; `nvscope report` tells what to check.", err=True)
     elif not telegrams.shown:
         of_rows = "row" if are_databases(source.infos) else "telegram"

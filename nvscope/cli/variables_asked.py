@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from nvscope.analysis.read_values import nothing_asked, read_source
 from nvscope.capture.datalogger.names import PREFIX, title_of
-from nvscope.capture.formats import are_databases
+from nvscope.capture.formats import are_databases, why_no_row
 from nvscope.cli.terminal import tell
 from nvscope.errors import UsageError
 
@@ -69,7 +69,9 @@ class VariablesAsked:
         """
         if are_databases(infos) and self.inquiry.layouts is None and not any(one.known for one in read):
             where = " between these times" if self.inquiry.asked else ""
-            what = "no database has a row" if len(infos) > 1 else "the database has no row"
+            what = why_no_row(infos)
+            if not where and len(infos) == 1 and infos[0].truncation is not None:
+                what += f": {infos[0].truncation.message}"
             next_step = (
                 "leave --from-time and --to-time out" if where else "`nvscope audit FILE.db` tells what is in it"
             )

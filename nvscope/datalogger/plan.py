@@ -150,13 +150,11 @@ def _with_tasks(planned: Planned, layouts: Layouts, settings: DataLoggerSettings
     session, logged = planned.session, planned.logged
     if session.task:
         return replace(planned, tasks=((task_list(session, logged, layouts, settings), None),))
-    tasks = dict(settings.tasks)
     lists = names_of_lists(layouts)
     of_task: dict[str, list[int]] = {}
     for column, one in enumerate(logged):
-        front = one.uri.rpartition("/")[0].rpartition("/")[2]
-        if front in tasks:
-            of_task.setdefault(front, []).append(column)
+        if (task := settings.task_of(one.uri)) is not None:
+            of_task.setdefault(task, []).append(column)
     if not of_task:
         return planned
     found: list[tuple[ListKey, Bool | None]] = []

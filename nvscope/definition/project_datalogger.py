@@ -30,6 +30,11 @@ class DataLoggerSettings:
     )
     place: Place | None = field(default=None, compare=False)
 
+    def task_of(self, variable: str) -> str | None:
+        """Return the task that stands in a full name, in front of the last part; None where it is none."""
+        front = variable.rpartition("/")[0].rpartition("/")[2]
+        return front if any(front == task for task, _ in self.tasks) else None
+
     def mistake(self, table: str, name: str, what: str, next_step: str, otherwise: str = "") -> ConfigurationError:
         """Return the error that something is wrong behind a name of a table; ``otherwise`` is where, without a file."""
         if self.place is None:

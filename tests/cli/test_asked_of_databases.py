@@ -134,7 +134,7 @@ def test_when_a_variable_changed_is_told_with_its_day(tmp_path: Path) -> None:
     ("words", "told"),
     [
         (("report",), "No database has a row"),
-        (("packets",), "no database has a row"),
+        (("packets",), "the database has no row"),
         (("vars",), "the database has no row"),
         (("vars", "--history", "*"), "the database has no row"),
     ],
@@ -146,6 +146,26 @@ def test_of_a_database_without_rows_nobody_looks_for_a_network(
     done = run_text(words[0], path, *words[1:])
     assert told in done.stdout + done.stderr
     assert not any(word in done.stdout + done.stderr for word in ("interface", "web visualization", "definition"))
+
+
+@pytest.mark.parametrize("stamp", [None, "yesterday", "2500-01-01T00:00:00.000000", "9999-12-31T23:59:59.999999"])
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("report",), "No row of any database can be read"),
+        (("packets",), "no row of the database can be read; "),
+        (("vars",), "no row of the database can be read: 2 rows without a time"),
+        (("vars", "--at", "1s"), "no row of the database can be read: 2 rows without a time"),
+    ],
+)
+def test_of_rows_without_a_time_nobody_says_that_there_are_none(
+    words: Sequence[str], told: str, stamp: str | None, tmp_path: Path
+) -> None:  # fmt: skip
+    path = write_log(tmp_path / "x.db", [("a", "INT")], [Row(stamp, (1,)), Row(stamp, (2,))])
+    done = run_text(words[0], path, *words[1:])
+    assert told in done.stdout + done.stderr
+    assert not any(word in done.stdout + done.stderr for word in ("has no row", "has a row", "Has its logger run"))
+    assert "2 timestamps of which no time can be told" in run_text("audit", path).stdout
 
 
 def test_one_row_and_one_page_are_no_more_than_one(tmp_path: Path) -> None:

@@ -59,7 +59,7 @@ def audit() -> Schema:
         "tasks": whole("groups of variables that are stored in rows of their own"),
         "interval_ns": maybe(duration("by which gaps are judged; null in tables of changes")),
         "covered": maybe(number("share of the time in which nothing is missing", 0, 1)),
-        "missing_ns": duration("time in which rows are missing, of all tasks"),
+        "missing_ns": duration("time in which rows are missing, of whichever task, or the logger was off"),
         "gaps_told": whole("by ConsistentDataSeries"), "gaps_not_told": whole(),
         "gaps_unread": whole("where pages or files are missing"), "restarts": whole(),
         "variables": several(record(variable), "in the order of the columns"),

@@ -8,6 +8,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 from nvscope.capture.can import sqlite_file
+from nvscope.capture.compressed import compression_of
 from nvscope.capture.datalogger.damage import Damages
 from nvscope.capture.datalogger.page_file import NotADatabase, PageFile
 from nvscope.capture.datalogger.schema import Schema, StoredTable, read_schema
@@ -22,6 +23,7 @@ AnyRows = Rows | SqlRows
 
 _NO_DATABASE = "name a database, which begins with 'SQLite format 3'; if this should be one, copy it again"
 _MOST_NAMED, _LONGEST_NAME = 3, 60
+_HEAD_BYTES = 64
 _COPY_AGAIN = "copy it again from the controller"
 
 
@@ -91,12 +93,23 @@ def opened(path: str) -> Iterator[LogDatabase]:
         try:
             database = _opened(path, stack)
         except NotADatabase as error:
+            if error.is_other and (how := _compression_of(path)):
+                raise UnreadableInput(
+                    f"compressed ({how}), and a database is read as it lies on the disk, with what lies beside it",
+                    where=path, next_step="unpack it, and name the file that comes out of it",
+                ) from None  # fmt: skip
             raise UnreadableInput(
                 str(error), where=path, next_step=_NO_DATABASE if error.is_other else _COPY_AGAIN
             ) from None
         except OSError as error:
             raise UnreadableInput(error.strerror or str(error), where=path) from None
         yield database
+
+
+def _compression_of(path: str) -> str:
+    """Return how a file is compressed, '' where it is not."""
+    with open(path, "rb") as file:
+        return compression_of(file.read(_HEAD_BYTES))
 
 
 def _opened(path: str, stack: ExitStack) -> LogDatabase:

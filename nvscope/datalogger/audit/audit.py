@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -82,20 +83,28 @@ class Audit:
         return not any(one.status != "unreadable" for one in self.files)
 
 
-def audited(paths: Sequence[str], asked_ns: int | None = None, progress: Progress | None = None) -> Audit:
-    """Return the audit of the series that paths name; ``asked_ns`` is the interval by the configuration."""
+def audited(
+    paths: Sequence[str], asked_ns: int | None = None, progress: Progress | None = None,
+    in_cycles: Callable[[str], bool] | None = None,
+) -> Audit:  # fmt: skip
+    """Return the audit of the series that paths name.
+
+    ``asked_ns`` is the interval by the configuration. ``in_cycles`` tells by their names which variables it is not for:
+    those that are taken in cycles of lists.
+    """
+    asked = _Asked(asked_ns, in_cycles)
     audit = Audit()
     audit.notes += [
         f"{path}: a folder in which no file is called *.db or *.db.0: name the database itself"
         for path in paths if os.path.isdir(path) and not series_of([path])
     ]  # fmt: skip
     for series in series_of(paths):
-        reading = _Reading(series, asked_ns, progress)
+        reading = _Reading(series, asked, progress)
         reading.read()
         known = {key: ns for key, one in reading.tables.items() if (ns := one.audit.needs_another_look) is not None}
         if known:
             # The usual interval turned out to be shorter than it seemed: what was let go then is looked at again.
-            reading = _Reading(series, asked_ns, progress, known)
+            reading = _Reading(series, asked, progress, known)
             reading.read()
         audit.files += reading.files
         audit.tables += reading.tables.values()
@@ -117,13 +126,20 @@ _KnownNs = dict[_Key, dict[int, int]]
 """Intervals by the table and the number of a variable."""
 
 
+class _Asked(NamedTuple):
+    """What was asked for, as far as that is known."""
+
+    interval_ns: int | None
+    in_cycles: Callable[[str], bool] | None
+
+
 class _Reading:
     """Reads one series."""
 
     def __init__(
-        self, series: Series, asked_ns: int | None, progress: Progress | None, known_ns: _KnownNs | None = None
+        self, series: Series, asked: _Asked, progress: Progress | None, known_ns: _KnownNs | None = None
     ) -> None:
-        self._series, self._asked_ns, self._progress = series, asked_ns, progress
+        self._series, self._asked, self._progress = series, asked, progress
         self._known_ns = known_ns or {}
         self.files: list[AuditedFile] = []
         self.tables: dict[_Key, AuditedTable] = {}
@@ -207,7 +223,8 @@ class _Reading:
     def _read_table(self, database: LogDatabase, stored: StoredTable, damages: Damages, told: AuditedFile) -> None:
         key = stored.log.name, stored.columns
         if key not in self.tables:
-            log = TableAudit(stored.log, database.encoding, self._asked_ns, self._known_ns.get(key))
+            asked = self._asked
+            log = TableAudit(stored.log, database.encoding, asked.interval_ns, self._known_ns.get(key), asked.in_cycles)
             self.tables[key] = AuditedTable(self._series.path, [], log)
             self._stretches[key] = 0
         table = self.tables[key]

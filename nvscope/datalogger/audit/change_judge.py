@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dissectors.batch import I64, Bool
+from dissectors.batch import I64, U64, Bool
+from dissectors.datalogger.records import Form
 from dissectors.datalogger.tables import LoggedVariable, LogTable
 from nvscope.datalogger.audit import topics
 from nvscope.datalogger.audit.chunk import Chunk
@@ -14,6 +15,7 @@ from nvscope.datalogger.audit.counts import counts_of, steps_of
 from nvscope.datalogger.audit.finding import Notes, Topic
 from nvscope.datalogger.audit.restarts import Start, Zero, ZeroRow
 from nvscope.datalogger.audit.sums import total
+from nvscope.datalogger.audit.unknown_rows import UnknownRows
 from nvscope.datalogger.audit.values import Values
 
 _REAL_WORDS = ("REAL", "FLOA", "DOUB")
@@ -21,6 +23,7 @@ _MOST_ZERO_ROWS = 500
 """Rows of a chunk in which all counters are 0 that are looked at one by one."""
 
 _UNKNOWN = -1
+_NO_ROWS: I64 = np.zeros(0, np.int64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,15 +38,13 @@ class _Stored:
 
 
 class ChangeJudge:
-    """Judges the changes of one table, chunk by chunk; ``restarts`` are those since it was asked last.
-
-    ``partly`` are the rows of the last chunk with which a logger starts anew that need not know all values.
-    """
+    """Judges the changes of one table, chunk by chunk; ``restarts`` are those since it was asked last."""
 
     def __init__(self, table: LogTable, values: Values) -> None:
         self._variables = [one for one in table.variables if one.counter is not None]
         count = len(self._variables)
         self._values = values
+        self._unknown = UnknownRows(values.figures)
         self._count = np.zeros(count, np.int64)
         self._stretch = np.full(count, _UNKNOWN, np.int64)
         self._losses = np.zeros(count, np.int64)
@@ -57,13 +58,15 @@ class ChangeJudge:
         self._begun = False
         self._seen_beginning = False
         self.restarts: list[Start] = []
-        self.partly: Bool = np.zeros(0, np.bool_)
+        self._partly = self._anew = np.zeros(0, np.bool_)
         self._last_ns: int | None = None
 
     def forget(self) -> None:
         """Let nothing be concluded from the rows so far."""
         self._stretch[:] = _UNKNOWN
         self._start = None
+        self._values.forget()
+        self._unknown.forget()
 
     def begin_file(self) -> None:
         """Say that a file ends here, and that another one of the series begins."""
@@ -79,29 +82,21 @@ class ChangeJudge:
                 filled[one.rows] += 1
                 counting[one.rows[one.counts != 0]] = True
         zero = (filled > 0) & ~counting
+        # Rows with which a logger starts; where it says that data was lost, it need not know all values.
+        self._anew = zero & (filled == len(self._variables))
         zero_rows = np.flatnonzero(zero)[:_MOST_ZERO_ROWS]
         zero[:] = False
         zero[zero_rows] = True
-        self.partly = zero & chunk.lost & (filled == len(self._variables))
-        lost = chunk.lost & ~zero
-        if not self._begun or chunk.begins_file:
-            # The first row of a series has nothing before it; what the next file begins with is nowhere said.
-            lost[0] = False
-        rows = np.flatnonzero(lost)
-        if len(rows):
-            _note(notes, topics.LOST, None, chunk, rows)
+        self._partly = zero & chunk.lost & self._anew
         losses = self._lost + np.cumsum(chunk.lost)
         self._lost = int(losses[-1])
         found: dict[int, dict[int, Zero]] = {row: {} for row in zero_rows.tolist()}
         for number, one in enumerate(own):
             if one is None:
-                continue
-            if not len(one.rows):
+                self._unknown.take(number, chunk, _NO_ROWS, _NO_ROWS.astype(np.bool_))
+            elif not len(one.rows):
                 self._alone[number] += np.count_nonzero(one.alone)
-                rows = np.flatnonzero(one.valued)
-                if len(rows):
-                    cells = chunk.rows.cells(self._variables[number].column, rows)
-                    self._values.take(number, chunk, rows, cells)
+                self._take_values(number, chunk, np.flatnonzero(one.valued))
             else:
                 self._judge(number, one, chunk, zero, losses, found, notes)
         first_known = self._begun
@@ -191,7 +186,7 @@ class ChangeJudge:
             _note(notes, topics.NO_COUNT, number, chunk, rows[negative])
         if not valued.all():
             # A real number that is none is NULL, with a counter that counts it.
-            half = ~valued & ~self.partly[rows]
+            half = ~valued & ~self._partly[rows]
             if is_null:
                 half &= known & (steps == 0) & ~at_zero
             if half.any():
@@ -227,20 +222,35 @@ class ChangeJudge:
         is_real = any(word in variable.declared.upper() for word in _REAL_WORDS)
         rows = np.flatnonzero(own.valued)
         if len(rows) == len(own.rows) and np.array_equal(rows, own.rows):
-            cells = chunk.rows.cells(variable.column, rows)
-            same, value_known = self._values.take(number, chunk, rows, cells)
-            return self._without_zeros(same, is_real, cells.bits), value_known, is_real
+            same, value_known, bits = self._take_values(number, chunk, rows)
+            return self._without_zeros(same, is_real, bits), value_known, is_real
         # A change to what is not there: a number that is none, or a value that somebody took away.
-        none = own.rows[~own.valued[own.rows] & ((steps != 0) | ~known | self.partly[own.rows])]
+        none = own.rows[~own.valued[own.rows] & ((steps != 0) | ~known | self._partly[own.rows])]
         rows = np.union1d(rows, none)
         same_at, known_at = np.zeros(len(chunk), np.bool_), np.zeros(len(chunk), np.bool_)
-        if len(rows):
-            cells = chunk.rows.cells(variable.column, rows)
-            unknown = self.partly[rows] & ~own.valued[rows]
-            same, value_known = self._values.take(number, chunk, rows, cells, unknown if unknown.any() else None)
-            same_at[rows] = self._without_zeros(same, is_real, cells.bits)
-            known_at[rows] = value_known
+        unknown = self._partly[rows] & ~own.valued[rows]
+        same, value_known, bits = self._take_values(number, chunk, rows, unknown if unknown.any() else None)
+        same_at[rows] = self._without_zeros(same, is_real, bits)
+        known_at[rows] = value_known
         return same_at[own.rows], known_at[own.rows], is_real
+
+    def _take_values(
+        self, number: int, chunk: Chunk, rows: I64, unknown: Bool | None = None
+    ) -> tuple[Bool, Bool, U64]:  # fmt: skip
+        """Take what is in some rows, NULL too; return where it is as before, where that is known, and its bits."""
+        column = self._variables[number].column
+        cells = chunk.rows.cells(column, rows)
+        known = cells.form != Form.NULL
+        if self._anew.any():
+            begun = np.flatnonzero(self._anew & ~chunk.rows.filled(column))
+            every = np.union1d(rows, begun)
+            self._unknown.take(number, chunk, every, np.isin(every, rows[known], assume_unique=True))
+        else:
+            self._unknown.take(number, chunk, rows, known)
+        if not len(rows):
+            return known, known, cells.bits
+        same, value_known = self._values.take(number, chunk, rows, cells, unknown)
+        return same, value_known, cells.bits
 
     @staticmethod
     def _without_zeros(same: Bool, is_real: bool, bits: np.ndarray) -> Bool:
@@ -263,7 +273,7 @@ class ChangeJudge:
             self._start.take(
                 ZeroRow(
                     int(chunk.rowid[row]), int(chunk.time_ns[row]), self._time_before(chunk, row),
-                    bool(chunk.times.stamp[row]), bool(chunk.lost[row]), row == 0 and chunk.begins_file, variables,
+                    bool(chunk.times.stamp[row]), row == 0 and chunk.begins_file, variables,
                 )
             )  # fmt: skip
             row_before = row
@@ -308,8 +318,6 @@ class ChangeJudge:
             return
         of_zero = {Zero.BACK: topics.BACK, Zero.STUCK: topics.STUCK, Zero.EQUAL: topics.EQUAL}
         for row in start.rows:
-            if row.lost and start.was_known and not row.begins_file:
-                notes.of(topics.LOST).add(*_of(row))
             for number, says in row.variables.items():
                 if says in of_zero and not (row.begins_file and says is Zero.EQUAL):
                     notes.of(of_zero[says], number).add(*_of(row))

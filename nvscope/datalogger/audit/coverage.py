@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 
+import numpy as np
+
 from dissectors.batch import I64
 from nvscope.datalogger.audit.restarts import ZeroRow
-from nvscope.datalogger.audit.sums import total
+from nvscope.datalogger.audit.spans import Spans
 from nvscope.datalogger.audit.time_strip import Mark, TimeStrip
 
 _MOST_MARKED = 10_000
@@ -16,14 +18,14 @@ _MOST_MARKED = 10_000
 class Coverage:
     """Counts the time that is missing in one table.
 
-    ``gaps`` are counted by what is drawn for them: TOLD, GAP and UNREAD. ``missing_ns`` is the sum of them over all
-    tasks, with ``off_ns``, in which the logger was off, for each task.
+    ``gaps`` are counted by what is drawn for them: TOLD, GAP and UNREAD. Time in which rows of several tasks are
+    missing is missing once.
     """
 
     def __init__(self) -> None:
         self.first_ns: int | None = None
         self.last_ns: int | None = None
-        self.missing_ns = self.off_ns = 0
+        self._missing, self._off = Spans(), Spans()
         self.gaps: Counter[Mark] = Counter()
         self.strip = TimeStrip()
         self._marked = 0
@@ -35,30 +37,44 @@ class Coverage:
             self.last_ns = int(time_ns.max()) if self.last_ns is None else max(self.last_ns, int(time_ns.max()))
             self.strip.take(time_ns)
 
-    def share(self, tasks: int) -> float | None:
-        """Return the share of the time in which nothing is missing of so many tasks, None where there is no time."""
-        if self.first_ns is None or self.last_ns is None or self.last_ns <= self.first_ns:
-            return None
-        return min(max(0.0, 1 - self.missing_ns / ((self.last_ns - self.first_ns) * tasks)), 1.0)
+    @property
+    def missing_ns(self) -> int:
+        """The time in which rows are missing, or the logger was off; not more than there is."""
+        return min(self._missing.length_with(self._off), self._span_ns)
+
+    @property
+    def off_ns(self) -> int:
+        """The time in which the logger was off."""
+        return min(self._off.length_ns(), self._span_ns)
+
+    @property
+    def share(self) -> float | None:
+        """The share of the time in which nothing is missing, None where there is no time."""
+        return 1 - self.missing_ns / self._span_ns if self._span_ns else None
+
+    @property
+    def _span_ns(self) -> int:
+        if self.first_ns is None or self.last_ns is None:
+            return 0
+        return max(self.last_ns - self.first_ns, 0)
 
     def miss(self, mark: Mark, first_ns: I64, last_ns: I64, interval_ns: int = 0) -> None:
         """Count gaps of one kind, of each of which an interval is no loss."""
         self.gaps[mark] += len(first_ns)
-        self.missing_ns += total(last_ns - first_ns - interval_ns)
+        self._missing.add(first_ns + interval_ns, last_ns)
         some = slice(0, max(_MOST_MARKED - self._marked, 0))
         self._marked += len(first_ns)
         for first, last in zip(first_ns[some].tolist(), last_ns[some].tolist(), strict=True):
             self.strip.mark(mark, first, last)
 
-    def start(self, row: ZeroRow, tasks: int) -> None:
-        """Take that a logger with so many tasks started anew with a row.
+    def start(self, row: ZeroRow) -> None:
+        """Take that a logger started anew with a row.
 
         The time in front of it is counted: from when on the logger was off, the row before tells at most.
         """
         if not row.timed:
             return
         if row.before_ns is not None and row.before_ns < row.time_ns:
-            self.off_ns += row.time_ns - row.before_ns
-            self.missing_ns += (row.time_ns - row.before_ns) * tasks
+            self._off.add(np.array([row.before_ns]), np.array([row.time_ns]))
             self.strip.mark(Mark.OFF, row.before_ns + 1, row.time_ns - 1)
         self.strip.mark(Mark.STARTED, row.time_ns, row.time_ns)

@@ -6,6 +6,7 @@ much; then the interval is what it was up to there.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -20,6 +21,15 @@ _WAITING = 50_000
 
 _MOST_KEPT = 200_000
 _MOST_VALUES = 1 << 18
+_FEW = 36
+"""Of fewer intervals, one alone may be another than the rest: two pauses among them may well be usual."""
+
+_FEW_ALIKE_SHARE = 8
+"""Those of few are alike within an eighth of the median: within a quarter, five of six are by chance, too."""
+
+_LEAST_ALIKE = 5
+"""So many have to be alike before one that is not says anything."""
+
 _PERHAPS = 11, 10
 """What is longer than the usual interval so far by this may turn out to be a gap."""
 
@@ -75,6 +85,8 @@ class Intervals:
         self._counts: I64 = np.zeros(0, np.int64)
         self._waiting: list[I64] = []
         self._waiting_count = 0
+        self._told: Counter[int] = Counter()
+        """Those in front of which the logger says that data was lost, by their lengths, coarsely."""
         self._floor_ns: int | None = None
         self._kept: list[Gaps] = []
         self._kept_count = 0
@@ -94,13 +106,24 @@ class Intervals:
 
     @property
     def is_regular(self) -> bool:
-        """Whether there is a usual interval at all: telegrams that are sent on events have none."""
+        """Whether there is a usual interval at all: telegrams that are sent on events have none.
+
+        The fewer intervals there are, the fewer of them may be others: what comes in bursts seems to be regular, too,
+        until there were many. Where the logger says that data was lost, it is no wonder that one is longer.
+        """
         median_ns = self.median_ns
         if median_ns is None:
             return False
         self._merge_waiting()
-        alike = np.abs(self._values - median_ns) * ALIKE_SHARE <= median_ns
-        return int(self._counts[alike].sum()) * REGULAR_SHARE >= self.count
+        count = self.count - sum(many for length, many in self._told.items() if length > limit_ns(median_ns))
+        share = _FEW_ALIKE_SHARE if count < _FEW else ALIKE_SHARE
+        near = np.abs(self._values - median_ns) * share <= median_ns
+        alike = int(self._counts[near].sum())
+        others = count - alike
+        if not others:
+            return True
+        most = max(1, 2 * count * count // _FEW**2)
+        return alike >= _LEAST_ALIKE and others <= most and alike * REGULAR_SHARE >= count
 
     def take(self, gaps: Gaps) -> None:
         """Take the intervals between rows, all of which are longer than nothing, as what may be gaps."""
@@ -109,6 +132,9 @@ class Intervals:
         self.count += len(gaps)
         self._waiting.append(gaps.length_ns)
         self._waiting_count += len(gaps)
+        if gaps.told.any():
+            lengths, counts = np.unique(_coarse(gaps.length_ns[gaps.told]), return_counts=True)
+            self._told.update(dict(zip(lengths.tolist(), counts.tolist(), strict=True)))
         if self._floor_ns is None or self._waiting_count > max(_WAITING, len(self._values)):
             self._merge_waiting()
             self._floor_ns = self._floor()
@@ -127,6 +153,7 @@ class Intervals:
         """Take what another one was told: both turned out to be one task."""
         other._merge_waiting()
         self._merge(other._values, other._counts)
+        self._told.update(other._told)
         self.count += other.count
         self._kept += other._kept
         self._kept_count += other._kept_count
@@ -201,6 +228,12 @@ class Intervals:
                 both, summed = np.append(both, both[-1]), np.append(summed, 0)
             both, summed = both[::2], summed[::2] + summed[1::2]
         self._values, self._counts = both, summed
+
+
+def _coarse(length_ns: I64) -> I64:
+    """Return lengths to a thousandth, so that there are not many of them."""
+    step: I64 = np.maximum(1, 1 << np.maximum(0, np.frexp(length_ns.astype(np.float64))[1].astype(np.int64) - 11))
+    return length_ns // step * step
 
 
 def limit_ns(interval_ns: int) -> int:

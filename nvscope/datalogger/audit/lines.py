@@ -12,7 +12,7 @@ from nvscope.datalogger.audit.values import Figures, Value
 from nvscope.datalogger.audit.words import Names, about, coverage, groups, place, shown_value, told_of_files, verdict
 from nvscope.findings.kind import Severity
 from nvscope.view.escape import visible
-from nvscope.view.lines.table import Cell, Column, Line, Tone, align, wrap
+from nvscope.view.lines.table import NO_BREAK, Cell, Column, Line, Tone, align, wrap
 from nvscope.view.lines.text_width import display_width
 
 SYMBOLS = {
@@ -55,7 +55,7 @@ def lines(audit: Audit, width: int, *, wide: bool = False, every: bool = False) 
     for group in groups(audit):
         yield []
         head = f"{group.kind.code} {group.kind.name}"
-        yield [SYMBOLS[group.severity], Cell(" "), Cell(head, Tone.STRONG)]
+        yield from wrap([SYMBOLS[group.severity], Cell(" "), Cell(head, Tone.STRONG)], width, hanging=_INDENT)
         for finding in group.shown:
             yield from wrap([Cell(visible(finding.message))], width, 2 * _INDENT, 2 * _INDENT)
             yield from wrap([Cell(visible(place(finding, audit.name_of)), Tone.FAINT)], width, 2 * _INDENT, 3 * _INDENT)
@@ -63,7 +63,8 @@ def lines(audit: Audit, width: int, *, wide: bool = False, every: bool = False) 
             yield from wrap([Cell(group.more, Tone.FAINT)], width, 2 * _INDENT, 2 * _INDENT)
         yield from wrap([Cell(f"Next  {group.findings[0].next_step}")], width, 2 * _INDENT, 5 * _INDENT)
     if audit.left_out:
-        yield [Cell(f"  {units.count_of(audit.left_out, 'finding')} more are not kept", Tone.WARNING)]
+        left = units.count_of(audit.left_out, "finding")
+        yield from wrap([Cell(f"{left} more are not kept", Tone.WARNING)], width, _INDENT)
     for table in audit.tables:
         yield []
         yield from _table(table, audit.name_of, width, wide=wide, every=every)
@@ -93,7 +94,7 @@ def _table(table: AuditedTable, names: Names, width: int, *, wide: bool, every: 
     yield from align(columns, rows, None if wide else width, _INDENT)
     if len(shown) < len(variables):
         left = units.count_of(len(variables) - len(shown), "variable")
-        yield [Cell(f"  {left} more: --all shows them", Tone.FAINT)]
+        yield from wrap([Cell(f"{left} more: --all{NO_BREAK}shows them", Tone.FAINT)], width, _INDENT)
 
 
 def _values(figures: Figures) -> tuple[Value, ...]:
@@ -114,6 +115,8 @@ def _columns(values: Sequence[Sequence[Value]]) -> list[Column]:
 def _strip(table: AuditedTable, width: int) -> Iterator[Line]:
     audit = table.audit
     room = min(width - _INDENT, _LONGEST_STRIP)
+    if room < 1:
+        return
     marks = audit.coverage.strip.cells(room)
     if not marks or audit.coverage.first_ns is None or audit.coverage.last_ns is None:
         return

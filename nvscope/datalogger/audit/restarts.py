@@ -31,7 +31,6 @@ class ZeroRow:
     time_ns: int
     before_ns: int | None
     timed: bool
-    lost: bool
     begins_file: bool
     variables: Mapping[int, Zero]
 

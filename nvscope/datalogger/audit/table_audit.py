@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,7 +21,7 @@ from nvscope.datalogger.audit.row_ids import RowIds
 from nvscope.datalogger.audit.stamps import Stamps
 from nvscope.datalogger.audit.tasks import Tasks
 from nvscope.datalogger.audit.time_strip import Mark
-from nvscope.datalogger.audit.unknown_rows import count_unknown, lacking_rows
+from nvscope.datalogger.audit.unknown_rows import lacking_rows
 from nvscope.datalogger.audit.values import Figures, Values
 from nvscope.findings.datalogger import SERIES_BROKEN
 from nvscope.units import duration
@@ -56,22 +56,26 @@ class _Task:
 class TableAudit:
     """Audits the rows of one table, of one file of a series after the other.
 
-    ``asked_ns`` is the interval by the configuration; ``known_ns`` are those by the number of each variable, from an
-    audit of the same rows.
+    ``asked_ns`` is the interval by the configuration, which says nothing of variables that are taken ``in_cycles`` of
+    lists; ``known_ns`` are those by the number of each variable, from an audit of the same rows.
     """
 
     def __init__(
-        self, table: LogTable, encoding: str, asked_ns: int | None, known_ns: Mapping[int, int] | None = None
-    ) -> None:
+        self, table: LogTable, encoding: str, asked_ns: int | None, known_ns: Mapping[int, int] | None = None,
+        in_cycles: Callable[[str], bool] | None = None,
+    ) -> None:  # fmt: skip
         self.table = table
         self.names = tuple(one.name for one in table.variables)
         self.rows = self.restarts = 0
+        self.losses = 0
+        """How many rows say that data was lost before them, the first of all aside."""
         self.coverage = Coverage()
         self.tasks = Tasks(table)
         self._ids = RowIds()
         self._values = Values(len(table.variables), encoding)
         self._judge = ChangeJudge(table, self._values) if table.only_changes else None
         self._asked_ns, self._known_ns = asked_ns, known_ns
+        self._in_cycles = {place for place, name in enumerate(self.names) if in_cycles is not None and in_cycles(name)}
         self._of_task: dict[int, _Task] = {}
         self._notes: list[Notes] = []
         self._files: list[str] = []
@@ -103,33 +107,31 @@ class TableAudit:
         notes = self._notes[-1]
         timed = chunk.times.valid
         self.rows += len(chunk)
-        known = self._values.stretches.copy()
         self.coverage.take(chunk.time_ns if timed.all() else chunk.time_ns[timed])
         self._stamps.take(chunk, timed, notes)
         self._look_at_intervals(chunk, timed, notes)
         self._ids.take(chunk, notes)
+        lost = np.flatnonzero(chunk.lost)
+        if not self._begun and len(lost) and not lost[0]:
+            lost = lost[1:]  # there is nothing before it: documents have 0 there, controllers 1
+        if len(lost):
+            self.losses += len(lost)
+            notes.of(topics.LOST).add(chunk.rowid[lost], chunk.time_ns[lost], timed[lost])
         if len(chunk.unsaid):
             rows = chunk.unsaid
             notes.of(topics.UNSAID).add(chunk.rowid[rows], chunk.time_ns[rows], timed[rows])
         if chunk.begins_file and self.overlaps_now and self._judge is not None:
             # What a file repeats of the one before is no change.
             self._judge.forget()
-            self._values.forget()
-            known = self._values.stretches.copy()
         if self._judge is not None:
             self._judge.take(chunk, notes)
             for start in self._judge.restarts:
                 self.restarts += 1
-                self.coverage.start(start.rows[0], self.task_count)
+                self.coverage.start(start.rows[0])
             self._note_uncovered(chunk)
             self._judge.restarts.clear()
         else:
             self._look_at_values(chunk)
-            lost = chunk.lost.copy()
-            lost[0] &= self._begun and not chunk.begins_file
-            self._note_lost(chunk, np.flatnonzero(lost), timed, notes)
-        if self._judge is not None:
-            count_unknown(self.table, chunk, known, self._judge.partly, self._values.figures)
         self._begun = True
         if timed.any():
             self._before_ns = int(chunk.time_ns[timed][-1])
@@ -192,10 +194,13 @@ class TableAudit:
 
     @property
     def usual_ns(self) -> int | None:
-        """The interval at which the rows of a single task come, None where that is not known or not regular."""
+        """The interval at which the rows of a single task come, None where that is not known or not regular, or not
+        what the configuration says."""
         if self._judge is not None or len(self._of_task) != 1:
             return None
-        (task,) = self._of_task.values()
+        ((group, task),) = self._of_task.items()
+        if group in self._in_cycles:
+            return None
         return task.intervals.median_ns if task.intervals.is_regular else None
 
     @property
@@ -221,7 +226,7 @@ class TableAudit:
     @property
     def covered(self) -> float | None:
         """The share of the time from the first row to the last in which nothing is missing, None where that is none."""
-        return self.coverage.share(max(self.task_count, 1))
+        return self.coverage.share
 
     def _look_at_intervals(self, chunk: Chunk, timed: Bool, notes: Notes) -> None:
         groups = list(self.tasks.rows(chunk))
@@ -327,12 +332,8 @@ class TableAudit:
             self.coverage.miss(Mark.TOLD, own_before_ns[other], chunk.time_ns[own[other]])
         self._uncovered.clear()
 
-    def _note_lost(self, chunk: Chunk, rows: I64, timed: Bool, notes: Notes) -> None:
-        if len(rows):
-            notes.of(topics.LOST).add(chunk.rowid[rows], chunk.time_ns[rows], timed[rows])
-
     def _new_intervals(self, group: int) -> Intervals:
-        intervals = Intervals(self._asked_ns)
+        intervals = Intervals(None if group in self._in_cycles else self._asked_ns)
         if self._known_ns is not None and group in self._known_ns:
             intervals.fix(self._known_ns[group])
         return intervals

@@ -1,4 +1,8 @@
-"""Values of variables: what was known of each last, and its figures."""
+"""Values of variables: what was known of each last, and its figures.
+
+What is NULL among values is none: nobody knows it. It equals nothing, and is no change: whether it became another value
+meanwhile, the next one tells.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dissectors.batch import I64, Bool
+from dissectors.batch import I64, U8, U64, Bool
 from dissectors.datalogger.records import Cells, Form
 from nvscope.datalogger.audit.chunk import Chunk, keys
 
@@ -23,7 +27,7 @@ class Figures:
     """What an audit tells of one variable: how often it was stored, how often that was another value than before, in
     how many of the ``rows`` that could tell it nobody knows it, and the first, last, least and greatest value.
 
-    Of a table that stores every value, these are the rows of its task.
+    Of a table that stores every value, these are the rows of its task. All values are those that are known.
     """
 
     stored: int = 0
@@ -43,13 +47,17 @@ class Values:
         self.figures = [Figures() for _ in range(variables)]
         self._key = [0] * variables
         self._form = [int(Form.NULL)] * variables
-        self.stretches: I64 = np.full(variables, _UNKNOWN, np.int64)
+        self._stretches = [_UNKNOWN] * variables
         """The stretch in which each was known last."""
+        self._valued: list[tuple[int, int, int]] = [(_UNKNOWN, 0, int(Form.NULL))] * variables
+        """Of the last value of each that is not NULL, its stretch, key and form."""
         self._encoding = encoding
 
     def forget(self) -> None:
         """Let no value be known any more."""
-        self.stretches[:] = _UNKNOWN
+        count = len(self.figures)
+        self._stretches = [_UNKNOWN] * count
+        self._valued = [(_UNKNOWN, 0, int(Form.NULL))] * count
 
     def use(self, encoding: str) -> None:
         """Take texts to be encoded so from now on."""
@@ -60,7 +68,8 @@ class Values:
     ) -> tuple[Bool, Bool]:
         """Take the values of some rows, in their order; return which equal the one before, and of which that is known.
 
-        A value that is NULL here is one that is no number, which equals none; or nobody knows it, where ``unknown``.
+        A value that is NULL here is one that is no number, which equals none and is known to be none; or nobody knows
+        it, where ``unknown``.
         """
         count = len(cells)
         key = keys(cells, chunk.rows.data)
@@ -72,7 +81,7 @@ class Values:
             stretch = chunk.stretch if rows is None else chunk.stretch[rows]
             first, last = int(stretch[0]), int(stretch[-1])
             np.equal(stretch[1:], stretch[:-1], out=known[1:])
-        known[0] = self.stretches[variable] == first
+        known[0] = self._stretches[variable] == first
         same = np.empty(count, np.bool_)
         same[0] = self._key[variable] == int(key[0]) and self._form[variable] == int(form[0])
         np.equal(key[1:], key[:-1], out=same[1:])
@@ -85,17 +94,33 @@ class Values:
         same &= known
         if low == Form.NULL:
             same &= form != Form.NULL
+        told = self.figures[variable]
+        if low != Form.NULL and self._form[variable] != Form.NULL:
+            told.changes += int(np.count_nonzero(known)) - int(np.count_nonzero(same))
+            self._valued[variable] = last, int(key[-1]), int(form[-1])
+            self._tell(told, chunk, cells, (low, high), (0, count - 1))
+        elif len(stored := np.flatnonzero(form != Form.NULL)):
+            stretch = chunk.stretch[stored if rows is None else rows[stored]]
+            told.changes += self._changes(variable, key[stored], form[stored], stretch)
+            self._tell(told, chunk, cells, (low, high), (int(stored[0]), int(stored[-1])))
         self._key[variable], self._form[variable] = int(key[-1]), int(form[-1])
-        self.stretches[variable] = last if unknown is None or not unknown[-1] else _UNKNOWN
-        changes = int(np.count_nonzero(known)) - int(np.count_nonzero(same))
-        self._tell(self.figures[variable], chunk, cells, (low, high), changes)
+        self._stretches[variable] = last if unknown is None or not unknown[-1] else _UNKNOWN
         return same, known
 
-    def _tell(self, told: Figures, chunk: Chunk, cells: Cells, forms: tuple[int, int], changes: int) -> None:
+    def _changes(self, variable: int, key: U64, form: U8, stretch: I64) -> int:
+        """Take values without NULL, which tells nothing; return how often they are others than the ones before."""
+        known_in, last_key, last_form = self._valued[variable]
+        self._valued[variable] = int(stretch[-1]), int(key[-1]), int(form[-1])
+        changed = ((key[1:] != key[:-1]) | (form[1:] != form[:-1])) & (stretch[1:] == stretch[:-1])
+        is_other = known_in == int(stretch[0]) and (int(key[0]), int(form[0])) != (last_key, last_form)
+        return int(np.count_nonzero(changed)) + is_other
+
+    def _tell(self, told: Figures, chunk: Chunk, cells: Cells, forms: tuple[int, int], places: tuple[int, int]) -> None:
+        """Tell of values that are stored, the first and the last of which are at these places."""
+        first, last = places
         if not told.stored:
-            told.first = self._value(chunk, cells, 0)
-        told.last = self._value(chunk, cells, len(cells) - 1)
-        told.changes += changes
+            told.first = self._value(chunk, cells, first)
+        told.last = self._value(chunk, cells, last)
         low, high = forms
         if low == high:
             told.stored += len(cells) if low != Form.NULL else 0

@@ -15,6 +15,9 @@ from nvscope.findings.kind import FindingKind, Severity
 
 _GAPS = {Mark.TOLD: "told by the logger", Mark.GAP: "not told", Mark.UNREAD: "not readable"}
 _MOST_NAMED = 3
+_ROWS_OF_NO_INTERVAL = 8
+"""Of fewer rows, nobody can say that they come at no regular interval."""
+
 _LONGEST_VALUE = 24
 
 Names = Callable[[str], str]
@@ -48,7 +51,7 @@ def about(table: AuditedTable, names: Names) -> list[str]:
     parts.append("changes only" if audit.table.only_changes else "every value")
     if audit.interval_ns is not None:
         parts.append(f"every {units.duration(audit.interval_ns)}")
-    elif not audit.table.only_changes and audit.rows > 2:
+    elif not audit.table.only_changes and audit.rows - audit.untimed >= _ROWS_OF_NO_INTERVAL:
         parts.append("at no regular interval")
     if audit.task_count > 1:
         parts.append(units.count_of(audit.task_count, "task"))
@@ -65,11 +68,12 @@ def coverage(table: AuditedTable) -> str:
     if (gaps or time.off_ns) and share == "100 %":
         share = "nearly 100 %"
     parts = []
-    if missing_ns := time.missing_ns - time.off_ns * max(audit.task_count, 1):
+    if missing_ns := time.missing_ns - time.off_ns:
         listed = ", ".join(f"{units.count(time.gaps[mark])} {what}" for mark, what in _GAPS.items() if time.gaps[mark])
         parts.append(f"{units.duration(missing_ns)} missing in {units.count_of(gaps, 'gap')} ({listed})")
     elif not gaps:
-        parts.append("no gap" if audit.interval_ns is not None else "no loss is told")
+        lost = f"loss is told before {units.count_of(audit.losses, 'row')}" if audit.losses else "no loss is told"
+        parts.append("no gap" if audit.interval_ns is not None else lost)
     if time.off_ns:
         starts = units.count_of(audit.restarts, "new start")
         parts.append(f"off for up to {units.duration(time.off_ns)} in front of {starts}")

@@ -9,12 +9,13 @@ import numpy as np
 
 from dissectors.datalogger.logged import RowTable
 from dissectors.datalogger.rows import RowBatch, consistent
+from dissectors.datalogger.tables import LogTable
 from nvscope.engine.told import Told
 from nvscope.tracker.datalogger.titles import Titles
 
 
 class DatabaseSummary(NamedTuple):
-    """One database, or series of files; ``lost`` rows say that data was lost before them, the first of all aside."""
+    """One database, or series of files; ``lost`` rows say that data was lost before them, the first of tables aside."""
 
     title: str
     rows: int
@@ -29,6 +30,7 @@ class DatabaseSummary(NamedTuple):
 @dataclass(slots=True)
 class _Counted:
     tables: set[RowTable] = field(default_factory=set)
+    begun: set[LogTable] = field(default_factory=set)
     names: set[str] = field(default_factory=set)
     rows: int = 0
     lost: int = 0
@@ -52,11 +54,14 @@ class DatabaseCounts:
                 self._titles.of(table)
                 known.tables.add(table)
                 known.names.update(variable.name for variable in table.log.variables)
+            begins = table.log not in known.begun
+            known.begun.add(table.log)
             packet = part.row[rows]
             times = told.packets.ts_ns[packet]
             lost = ~consistent(records)
-            if not known.rows:
+            if begins:
                 lost[0] = False  # there is nothing before it
+            if not known.rows:
                 known.first_ns, known.last_ns = int(times[0]), int(times[0])
             known.rows += len(rows)
             known.first_ns, known.last_ns = min(known.first_ns, int(times.min())), max(known.last_ns, int(times.max()))

@@ -136,9 +136,11 @@ class ReadRows:
     def _stretches(self, table: RowTable, records: Records, rowid: I64, restarts: Bool) -> I64:
         """Return numbers of rows that are the same where nothing was lost between these."""
         lost = ~consistent(records)
+        begins = (table.series, table.log) not in self._parts
+        # The first row of a table may say so as well: there is nothing before it.
+        self.missed += int(np.count_nonzero(lost)) - int(begins and lost[0])
         if table.series not in self._stretch:
-            lost[0] = False  # there is nothing before it
-        self.missed += int(np.count_nonzero(lost))
+            lost[0] = False
         lost |= restarts
         # Loggers number rows one by one, and delete the oldest alone: others that are missing cannot be read any more.
         lost |= np.diff(rowid, prepend=self._last_row.get(table, int(rowid[0]) - 1)) > 1

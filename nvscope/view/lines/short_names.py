@@ -74,7 +74,7 @@ def _common(names: Sequence[str], *, whole_words: bool) -> tuple[int, int]:
     if len(names) < 2:
         return 0, 0
     shortest = min(map(len, names))
-    most = min(_alike(names), shortest - 1)
+    most = max(min(_alike(names), shortest - 1), 0)  # one may be empty
     before = next(
         at for at in range(most, -1, -1) if all(_is_border(name, at, whole_words=whole_words) for name in names)
     )
@@ -139,8 +139,9 @@ def short_address(text: str, width: int) -> str:
     if not any(character in _DIGITS or character == ":" for character in text):
         return f"{head(text, width - 1)}{_ELLIPSIS}"
     borders = [at for at in range(len(text)) if not (at and text[at - 1].isalnum() and text[at].isalnum())]
-    for first in (max(at for at in borders if at <= width // 2), 0):
-        last = min((at for at in borders if at >= len(text) - (width - 1 - first)), default=len(text))
+    for first in (max(at for at in borders if display_width(text[:at]) <= width // 2), 0):
+        room = width - 1 - display_width(text[:first])
+        last = min((at for at in borders if display_width(text[at:]) <= room), default=len(text))
         if last < len(text):
             return f"{text[:first]}{_ELLIPSIS}{text[last:]}"
     return _ELLIPSIS

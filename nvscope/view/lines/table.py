@@ -78,6 +78,7 @@ def aligned(
     columns: Sequence[Column], rows: Sequence[Sequence[Cell]], width: int | None, indent: int = 0
 ) -> Iterator[Line]:  # fmt: skip
     """Yield the same, each line when it is asked for."""
+    indent = _indented(indent, width)
     found = fitting(columns, rows, width, indent)
     yield heading(columns, found, indent)
     for row in rows:
@@ -241,16 +242,22 @@ def wrap(cells: Iterable[Cell], width: int, indent: int = 0, hanging: int | None
     before the others. A word wider than a line is broken behind a hyphen, underscore, dot or slash, else anywhere but
     in front of a comma and the like.
     """
-    following = indent if hanging is None else hanging
+    following = _indented(indent if hanging is None else hanging, width)
+    indent = _indented(indent, width)
     parts = list(cells)
     text = "".join(cell.text for cell in parts)
     words = _words(text)
     text = text.replace(NO_BREAK, " ")
     lines: list[Line] = []
-    for start, end in _broken(text, words, width - indent, width - following):
+    for start, end in _broken(text, words, max(width - indent, 1), max(width - following, 1)):
         margin = following if lines else indent
         lines.append([Cell(" " * margin)] * bool(margin) + _slice(parts, start, end))
     return lines
+
+
+def _indented(indent: int, width: int | None) -> int:
+    """Return how far to indent: what is indented takes half of the width at least."""
+    return indent if width is None else min(indent, max(width, 0) // 2)
 
 
 def _words(text: str) -> list[tuple[int, int]]:

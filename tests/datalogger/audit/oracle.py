@@ -57,13 +57,25 @@ def _times(rows: list[tuple[Any, ...]], found: dict[Key, list[int]], *, changes:
     forward = [step for _, _, step in steps if step > 0]
     if not changes and forward:
         median = median_low(forward)
-        if 3 * sum(4 * abs(step - median) <= median for step in forward) < len(forward):
-            return
         limit = median * 3 // 2
+        # Where a loss is told, it is no wonder that a step is longer.
+        if not _is_regular([step for _, told, step in steps if step > 0 and (told != 0 or step <= limit)], median):
+            return
         times = [_ns(row[1]) for row in rows]
         for number, (rowid, told, step) in enumerate(steps, 1):
             if step > limit and told != 0 and not _is_clock(number, times, limit, median):
                 found["NV952", "error", None].append(rowid)
+
+
+def _is_regular(steps: list[int], median: int) -> bool:
+    """Return whether steps are of one length but for few: of less than 36, for one, and five are of that length."""
+    few = len(steps) < 36
+    others = sum(abs(step - median) * (8 if few else 4) > median for step in steps)
+    alike = len(steps) - others
+    if few:
+        return others == 0 or (others == 1 and alike >= 5)
+    # Two of 36, eight of 72: their share grows with their number, up to two thirds.
+    return others * 36 * 36 <= 2 * len(steps) ** 2 and 3 * alike >= len(steps)
 
 
 def _is_clock(number: int, times: list[int], limit: int, median: int) -> bool:
@@ -94,7 +106,7 @@ class _Changes:
         self.alone: dict[str, int] = defaultdict(int)
         self.fell_from: dict[str, int] = {}
         self.losses = 0
-        self.start: list[tuple[int, bool, dict[str, str]]] = []
+        self.start: list[tuple[int, dict[str, str]]] = []
         self.seen_beginning = False
         self.unknown: set[str] = set()
 
@@ -119,7 +131,7 @@ class _Changes:
         self.unknown = unknown if len(counted) == len(self.names) else set()
         if first:
             self.seen_beginning = zero
-        if lost and not first and not zero:
+        if lost and not first:
             self.tell("NV951", "note", None, rowid)
         if not zero and self.start and set(counted) - {name for *_, own in self.start for name in own}:
             self.close()
@@ -136,7 +148,7 @@ class _Changes:
                 continue
             says[name] = self.judge_cell(name, value, count, rowid, zero=zero)
         if zero:
-            self.take_zero(rowid, lost, says)
+            self.take_zero(rowid, says)
 
     def judge_cell(self, name: str, value: Any, count: int, rowid: int, *, zero: bool) -> str:
         known = name in self.count
@@ -181,10 +193,10 @@ class _Changes:
         self.stored.add(name)
         return says
 
-    def take_zero(self, rowid: int, lost: bool, says: dict[str, str]) -> None:
+    def take_zero(self, rowid: int, says: dict[str, str]) -> None:
         if {name for *_, own in self.start for name in own} & set(says):
             self.close()
-        self.start.append((rowid, lost, says))
+        self.start.append((rowid, says))
         missing = set(self.names) - {name for *_, own in self.start for name in own}
         if not missing or (self.seen_beginning and not missing & self.stored):
             if any(one != "unknown" for *_, own in self.start for one in own.values()):
@@ -192,10 +204,7 @@ class _Changes:
             self.start = []
 
     def close(self) -> None:
-        known = any(one != "unknown" for *_, own in self.start for one in own.values())
-        for rowid, lost, says in self.start:
-            if lost and known:
-                self.tell("NV951", "note", None, rowid)
+        for rowid, says in self.start:
             for name, one in says.items():
                 if one in ("back", "stuck"):
                     self.tell("NV954", "error", name, rowid)

@@ -178,7 +178,7 @@ PLANTED = (
          (("NV954", "error", "a", (1,)),)),
     Case("NV954 restart", True, restarted, (("NV954", "note", None, (21,)),)),
     Case("NV954 restart that says 0", True, lambda: altered(restarted(), 20, consistent=0),
-         (("NV954", "note", None, (21,)),)),
+         (("NV951", "note", None, (21,)), ("NV954", "note", None, (21,)))),
     Case("NV954 restart of two tasks", True, two_tasks_of_changes, (("NV954", "note", None, (6,)),)),
     Case("NV955", False, lambda: [*every_value(20), *later(every_value(20), 3_000)],
          (("NV955", "warning", None, (21,)),)),

@@ -163,8 +163,8 @@ def test_what_each_task_misses_is_what_the_rules_say(
 ) -> None:
     chance = random.Random(seed)
     cycles = {name: chance.choice([10, 20, 50, 100, 200, 500]) for name in chance.sample("abc", chance.choice([2, 3]))}
-    lost = {name: {chance.randrange(1, 5_000 // cycle) for _ in range(2)} for name, cycle in cycles.items()}
-    rows = tasks(cycles, 5_000, lambda name, number: number in lost[name])
+    lost = {name: {chance.randrange(1, 20_000 // cycle) for _ in range(2)} for name, cycle in cycles.items()}
+    rows = tasks(cycles, 20_000, lambda name, number: number in lost[name])
     for place in chance.sample(range(len(rows)), chance.choice([0, 1, 3])):
         rows[place] = replace(rows[place], consistent=0)
     monkeypatch.setattr(table_rows, "_ROWS", chance.choice([16_000, 100]))

@@ -13,7 +13,7 @@ from typing import Any
 
 from nvscope import units
 from nvscope.capture.formats import DATABASES
-from nvscope.findings.capture import LIMIT_REACHED, UNSUPPORTED_LINK_TYPE
+from nvscope.findings.capture import LIMIT_REACHED, TRUNCATED_FILE, UNSUPPORTED_LINK_TYPE
 from nvscope.findings.kind import Severity
 from nvscope.view.documents.verdicts import OK
 from nvscope.view.lines.table import Cell, Tone
@@ -83,7 +83,9 @@ def why_no_list(report: Report) -> str:
     if _lies_elsewhere(capture):
         return "No frame of the capture lies in the time that was asked for"
     if not capture["frames"]:
-        return "No database has a row" if _are_databases(capture) else "The capture holds no frames"
+        if not _are_databases(capture):
+            return "The capture holds no frames"
+        return "No row of any database can be read" if _is_cut(report) else "No database has a row"
     if not capture["telegrams"]:
         if capture["frames"] == 1:
             return "The only frame is not a telegram of network variables"
@@ -197,6 +199,11 @@ def _lies_elsewhere(capture: Row) -> bool:
     return not capture["frames"] and any(source["frames"] for source in capture["sources"])
 
 
+def _is_cut(report: Report) -> bool:
+    """Tell whether something of the files could not be read."""
+    return any(one["code"] == TRUNCATED_FILE.code for one in report["findings"])
+
+
 _NO_FRAMES = (
     "Was the right interface recorded, and is its link up?",
     "Was there a capture filter that lets nothing pass? Record once without one.",
@@ -205,6 +212,7 @@ _NO_FRAMES = (
 _NO_ROWS = (
     "Has its logger run since the file was made? It writes rows in blocks; `nvscope audit FILE.db` tells of it.",
 )
+_NO_ROW_READ = ("Why can none be read? `nvscope audit FILE.db` tells, and what the rows hold all the same.",)
 _NOTHING_CAME = {
     "interface": (
         "Is it the right interface, and is its link up?",
@@ -237,7 +245,7 @@ def advice(report: Report) -> tuple[str, ...]:
         return ("Without --from-time and --to-time, the report says when the capture begins and ends.",)
     if not capture["frames"]:
         if _are_databases(capture):
-            return _NO_ROWS
+            return _NO_ROW_READ if _is_cut(report) else _NO_ROWS
         formats = [source["format"] for source in capture["sources"]]
         return next((told for form, told in _NOTHING_CAME.items() if form in formats), _NO_FRAMES)
     if capture["telegrams"]:
