@@ -7,9 +7,12 @@ from collections.abc import Iterator
 from nvscope.datalogger.configuration import Session
 from nvscope.datalogger.database import IN_MEMORY
 from nvscope.datalogger.datalog import Heard
+from nvscope.datalogger.oldest_rows import Deleted
 from nvscope.datalogger.session_log import Counted, SessionLog
 from nvscope.units import count, count_of, data_size, duration
 from nvscope.view.escape import visible
+
+_MOST_NAMED = 3
 
 
 def outcome(log: SessionLog, heard: Heard) -> Iterator[str]:
@@ -66,6 +69,19 @@ def _missing(log: SessionLog, heard: Heard) -> Iterator[str]:
         yield f"telegrams came {since}, but no sampling was due: samplingInterval is {every}"
 
 
+def _deleted(deleted: Deleted) -> str:
+    """Return how many rows were deleted, and whose they were."""
+    others = deleted.others.most_common()
+    parts = [f"{count_of(rows, 'row')} of another table ({visible(name)})" for name, rows in others[:_MOST_NAMED]]
+    if more := sum(rows for _, rows in others[_MOST_NAMED:]):
+        parts.append(f"{count_of(more, 'row')} of {count_of(len(others) - _MOST_NAMED, 'more table')}")
+    if deleted.before:
+        parts.append(f"{count_of(deleted.before, 'row')} of earlier runs")
+    if deleted.own or not parts:
+        parts.append(f"{count_of(deleted.own, 'row')}{' of this run' if parts else ''}")
+    return " and ".join([*([", ".join(parts[:-1])] if parts[:-1] else []), parts[-1]])
+
+
 def _where(counted: Counted, session: Session) -> str:
     """Return where the rows are, and, of those that made room, how many and why."""
     if not counted.files:
@@ -75,11 +91,13 @@ def _where(counted: Counted, session: Session) -> str:
     files = "memory" if path == IN_MEMORY else visible(path)
     files += f" and {count_of(more, 'closed file')}" if more > 0 else ""
     went = []
-    if counted.deleted:
+    if counted.deleted.count:
         full = data_size(session.max_bytes or 0)
-        went.append(f"{count_of(counted.deleted, 'row')} deleted, the oldest ones (maxFileSize {full})")
+        went.append(f"{_deleted(counted.deleted)} deleted, the oldest ones (maxFileSize {full})")
     if counted.removed:
-        went.append(f"{count_of(counted.removed, 'full file')} removed, the oldest ones (maxFiles {session.max_files})")
+        before = f", {counted.removed_before} of them of earlier runs" if counted.removed_before else ""
+        what = f"{count_of(counted.removed, 'full file')} removed, the oldest ones (maxFiles {session.max_files})"
+        went.append(what + before)
     made_room = f": {', '.join(went)}" if went else ""
     if counted.left == counted.rows:
         told = f" in {files}{made_room}"

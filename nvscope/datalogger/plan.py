@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dissectors.batch import Bool
+from nvscope.capture.datalogger.names import closed_files, closed_names
 from nvscope.datalogger.column_names import next_step_of, taken_names
 from nvscope.datalogger.configuration import Session
-from nvscope.datalogger.database import IN_MEMORY, Database, closed_files, closed_names, table_of
+from nvscope.datalogger.database import IN_MEMORY, Database, table_of
 from nvscope.datalogger.datalog import DataLog, interval_of
 from nvscope.datalogger.existing import is_of_logger
 from nvscope.datalogger.instants import Cycles, Interval
