@@ -90,10 +90,10 @@ def test_rows_of_earlier_runs_go_by_their_times_and_fresh_ones_last(
 
 
 @pytest.mark.parametrize("vacuum", ["NONE", "INCREMENTAL", "FULL"])
-def test_a_file_that_does_not_shrink_is_not_emptied(tmp_path: Path, vacuum: str) -> None:
+def test_a_file_that_does_not_shrink_is_not_emptied(vacuum: str) -> None:
     """Room in the file is room, whether or not the disk gets it back."""
     own = table("log_1")
-    with closing(sqlite3.connect(tmp_path / "x.db", isolation_level=None)) as connection:
+    with closing(sqlite3.connect(":memory:", isolation_level=None)) as connection:
         connection.execute(f"PRAGMA auto_vacuum = {vacuum}")
         connection.execute(statement(own))
         fill(connection, own, list(range(5_000)))
@@ -104,7 +104,7 @@ def test_a_file_that_does_not_shrink_is_not_emptied(tmp_path: Path, vacuum: str)
         assert rows.used_bytes < before
 
 
-def test_many_rows_make_room_by_parts(tmp_path: Path) -> None:
+def test_many_rows_make_room_by_parts() -> None:
     one, other, own = table("log_1"), table("log_2", raw=False), table("log_3")
     with closing(sqlite3.connect(":memory:", isolation_level=None)) as connection:
         begin_file(connection)
@@ -121,7 +121,7 @@ def test_many_rows_make_room_by_parts(tmp_path: Path) -> None:
         assert len(left_of(connection, own)) == 100
 
 
-def test_a_variable_that_is_called_like_the_ids_of_rows_is_none(tmp_path: Path) -> None:
+def test_a_variable_that_is_called_like_the_ids_of_rows_is_none() -> None:
     own, other = table("log_1", variable="rowid"), table("log_2", variable="ROWID")
     with closing(sqlite3.connect(":memory:", isolation_level=None)) as connection:
         for one in (own, other):
@@ -133,7 +133,7 @@ def test_a_variable_that_is_called_like_the_ids_of_rows_is_none(tmp_path: Path) 
         assert left_of(connection, own) == [-9, -8, -7, -6, -5]
 
 
-def test_a_table_whose_rows_have_no_ids_stays(tmp_path: Path) -> None:
+def test_a_table_whose_rows_have_no_ids_stays() -> None:
     own, other = table("log_1"), table("log_2")
     with closing(sqlite3.connect(":memory:", isolation_level=None)) as connection:
         connection.execute(statement(own))
