@@ -9,7 +9,8 @@ from nvscope.datalogger.database import IN_MEMORY
 from nvscope.datalogger.datalog import Heard
 from nvscope.datalogger.oldest_rows import Deleted
 from nvscope.datalogger.session_log import Counted, SessionLog
-from nvscope.units import count, count_of, data_size, duration
+from nvscope.list_key import ListKey
+from nvscope.units import count, count_of, data_size, duration, ranges
 from nvscope.view.escape import visible
 
 _MOST_NAMED = 3
@@ -45,10 +46,12 @@ def _copies(log: SessionLog, heard: Heard) -> Iterator[str]:
 
 
 def _missing(log: SessionLog, heard: Heard) -> Iterator[str]:
-    """Yield which lists sent nothing that could be logged; where all did, and there is no row, why."""
+    """Yield which lists, and which telegrams of them, sent nothing that could be logged; where all did, and there is no
+    row, why."""
     since = f"in {duration(heard.duration_ns)}, among {count_of(heard.frames, 'frame')}"
     for key in sorted(log.keys, key=str):
         if heard.came.get(key):
+            yield from _unseen(log, heard, key, since)
             continue
         own = count_of(sum(one.key == key for one in log.logged), "variable")
         nulls = f"; {own} of it {'is' if own.startswith('1 ') else 'are'} NULL in all rows" if log.counted.rows else ""
@@ -67,6 +70,30 @@ def _missing(log: SessionLog, heard: Heard) -> Iterator[str]:
     if came and not log.counted.rows and not log.counted.not_written and not log.session.task:
         every = duration(log.session.sampling_ns)
         yield f"telegrams came {since}, but no sampling was due: samplingInterval is {every}"
+
+
+def _unseen(log: SessionLog, heard: Heard, key: ListKey, since: str) -> Iterator[str]:
+    """Yield which telegrams of a list that came were none of them, and which variables nobody knows for that."""
+    elements = heard.unseen.get(key, {})
+    own = [one for one in log.logged if one.key == key and one.element in elements]
+    if not own:
+        return
+    places = sorted(set().union(*(elements[one.element] for one in own)))
+    numbers = f"SubIndex{'' if len(places) == 1 else 'es'} {', '.join(ranges(places))}"
+    named = ", ".join(visible(one.uri) for one in own[:_MOST_NAMED])
+    named += f" and {len(own) - _MOST_NAMED} more" if len(own) > _MOST_NAMED else ""
+    variables = count_of(len(own), "variable")
+    nulls = (
+        f"; {variables} in it {'is' if len(own) == 1 else 'are'} NULL in all rows: {named}" if log.counted.rows else ""
+    )
+    shape = ""
+    if left_out := heard.left_out.get(key):
+        came = f"{count_of(left_out, 'telegram')} of the list {'was' if left_out == 1 else 'were'}"
+        shape = f"; {came} of another shape than the definition has, or damaged"
+    yield (
+        f"no telegram of {key} with {numbers} came {since}, though others of it did{nulls}{shape}; `nvscope report` "
+        "shows which came: compare with the definition"
+    )
 
 
 def _deleted(deleted: Deleted) -> str:

@@ -162,3 +162,28 @@ def test_the_first_row_in_the_style_of_the_document_is_behind_no_loss(tmp_path: 
     done = run_text(*words, cwd=tmp_path)
     assert rows_of(tmp_path / "log.db")[0][2] == 0
     assert done.stderr == "nvscope: session: 100 rows of 1 variable in log.db.\n"
+
+
+
+@pytest.mark.parametrize("more", ["", ', "a/dwThird"'])
+def test_a_telegram_of_a_list_that_never_came_is_told(tmp_path: Path, more: str) -> None:
+    simulated(tmp_path, plant(telegrams=1))
+    names = ["dwFirst", "dwSecond", *(["dwThird"] if more else [])]
+    (tmp_path / "list1.gvl").write_text(gvl(1, names, pack=False), encoding="utf-8")
+    (tmp_path / "c.xml").write_text(configuration([f"a/{name}" for name in names]), encoding="utf-8")
+    code, said = lines(tmp_path, "plant.pcap")
+    assert code == 0
+    which = "SubIndexes 1, 2" if more else "SubIndex 1"
+    variables = "2 variables are" if more else "1 variable is"
+    assert said[-1].startswith(
+        f"nvscope: session: no telegram of udp/1202/1 with {which} came in 5.0 s, among 100 frames, though others of it "
+        f"did; {variables} NULL in all rows: a/dwSecond"
+    )
+    assert {row[4] for row in rows_of(tmp_path / "log.db")} == {None}
+
+
+def test_a_variable_that_any_telegram_had_is_known(tmp_path: Path) -> None:
+    simulated(tmp_path, plant(telegrams=2))
+    (tmp_path / "list1.gvl").write_text(gvl(1, ["dwFirst", "dwSecond"], pack=False), encoding="utf-8")
+    (tmp_path / "c.xml").write_text(configuration(["a/dwFirst", "a/dwSecond"]), encoding="utf-8")
+    assert "no telegram" not in "".join(lines(tmp_path, "plant.pcap")[1])
