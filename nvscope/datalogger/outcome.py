@@ -82,10 +82,8 @@ def _unseen(log: SessionLog, heard: Heard, key: ListKey, since: str) -> Iterator
     numbers = f"SubIndex{'' if len(places) == 1 else 'es'} {', '.join(ranges(places))}"
     named = ", ".join(visible(one.uri) for one in own[:_MOST_NAMED])
     named += f" and {len(own) - _MOST_NAMED} more" if len(own) > _MOST_NAMED else ""
-    variables = count_of(len(own), "variable")
-    nulls = (
-        f"; {variables} in it {'is' if len(own) == 1 else 'are'} NULL in all rows: {named}" if log.counted.rows else ""
-    )
+    them = f"{count_of(len(own), 'variable')} {'is' if len(own) == 1 else 'are'}"
+    nulls = f"; {them} NULL in all rows: {named}" if log.counted.rows else ""
     shape = ""
     if left_out := heard.left_out.get(key):
         came = f"{count_of(left_out, 'telegram')} of the list {'was' if left_out == 1 else 'were'}"
