@@ -31,7 +31,12 @@ def codes(folder: Path, *parts: tuple[int | list[int], int], asked_ns: int | Non
 
 @pytest.mark.parametrize(
     "parts",
-    [[STEADY, (500, 100)], [(500, 100), STEADY], [STEADY, (500, 3), STEADY], [STEADY, (500, 700), (2_000, 50), (70, 9)]],
+    [
+        [STEADY, (500, 100)],
+        [(500, 100), STEADY],
+        [STEADY, (500, 3), STEADY],
+        [STEADY, (500, 700), (2_000, 50), (70, 9)],
+    ],
 )
 def test_a_part_with_an_interval_of_its_own_has_no_gaps(tmp_path: Path, parts: list[tuple[int, int]]) -> None:
     assert codes(tmp_path, *parts) == [TOLD]
@@ -65,9 +70,7 @@ def test_parts_that_are_decided_piece_by_piece_are_the_same(tmp_path: Path, monk
 
 @pytest.mark.parametrize("then", ['samplingInterval="500ms"', 'samplingInterval="20ms"', 'taskContext="list1"'])
 @pytest.mark.parametrize("first", ['samplingInterval="100ms"', 'samplingInterval="1s"', 'taskContext="list1"'])
-def test_a_database_that_is_gone_on_with_in_another_interval_has_no_gaps(
-    tmp_path: Path, first: str, then: str
-) -> None:
+def test_a_database_that_is_gone_on_with_in_another_interval_has_no_gaps(tmp_path: Path, first: str, then: str) -> None:
     (tmp_path / "list1.gvl").write_text(gvl(1, ["dwFirst"]), encoding="utf-8")
     for minute, general in enumerate((first, then, first)):
         simulated(tmp_path, plant(duration="10s").replace("seed = 3", f"start = 2024-01-01T00:0{minute}:00+00:00"))
