@@ -26,6 +26,15 @@ def unlike_logger(path: str) -> str:
         return error.what
 
 
+def others_in(path: str, own: str) -> int:
+    """Return how many tables of a DataLogger a file has beside one, as far as that can be read; it stays as it is."""
+    try:
+        with opened(path) as database:
+            return sum(table.log.name != own for table in database.tables)
+    except UnreadableInput:
+        return 0
+
+
 def tables_in(connection: sqlite3.Connection) -> dict[str, LogTable | None]:
     """Return the tables of a database by their names, None of those that are no DataLogger's."""
     names = [name for (name,) in connection.execute("SELECT name FROM main.sqlite_master WHERE type = 'table'")]

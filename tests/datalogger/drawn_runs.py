@@ -109,7 +109,7 @@ def _changed(draw: st.DrawFn, session: Session, lists: list[DefinedList]) -> tup
         session, sampling_ns=sampling_ns, publish_ns=sampling_ns * draw(st.sampled_from([1, 2, 5])),
         capacity=draw(st.sampled_from([1, 2, 3, 10])), task=context.index if context else None,
         write_interval=draw(st.sampled_from([1, 7, 1000])), delete_ratio=draw(st.sampled_from([5, 30, 100])),
-        max_file_size=draw(st.sampled_from([None, None, 1, 9_000, 13_000, 25_000])),
+        max_file_size=draw(st.sampled_from([None, None, 1, 9_000, 13_000, 25_000])), rollover=draw(st.booleans()),
     )  # fmt: skip
     return changed, context.name if context else ""
 

@@ -193,6 +193,20 @@ def test_rows_of_the_run_are_told_as_such(full: Path) -> None:
     assert f" and {1_200 - fresh} rows of this run deleted, the oldest ones (" in line
 
 
+@pytest.mark.parametrize("size", [16_384, 16_385])
+def test_tables_that_leave_no_room_for_a_row_are_told_in_front(full: Path, size: int) -> None:
+    sink = f'writeInterval="50" maxFileSize="{size}"'
+    (full / "c.xml").write_text(configuration(["a/dwSecond"], 'taskContext="list2"', sink), encoding="utf-8")
+    words = ("datalog", "plant.pcap", "--config", "c.xml", "--gvl", ".")
+    for option in ("--dry-run", "-q"):
+        said = run_text(*words, "--append", option, cwd=full).stderr
+        told = (
+            "an empty database of these variables, with 1 other table that log.db has, has 16384; each block of rows is"
+        )
+        assert (told in said) == (size == 16_384)
+    assert "empty database" not in run_text(*words, "--dry-run", cwd=full).stderr
+
+
 def test_full_files_of_earlier_runs_are_told(full: Path) -> None:
     rolls = 'rollover="true" writeInterval="50" maxFileSize="20000" maxFiles="{}"'
     told(full, ["a/dwFirst"], "list1", rolls.format(-1), "--force")
