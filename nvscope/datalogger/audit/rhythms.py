@@ -16,11 +16,8 @@ _MOST_PARTS = 1 << 20
 _MOST_JUDGED = 10_000
 """So many parts are judged by themselves."""
 
-_LEAST = 2
-"""So many intervals at least tell of a rhythm."""
-
 _FEW = 8
-"""Up to so many, all of them have to."""
+"""Of up to so many intervals, all have to be alike to be a rhythm."""
 
 
 class Parts:
@@ -40,8 +37,11 @@ class Parts:
         """Know of no parts any more, nor of those to come: rows have other numbers now."""
         self._begins, self._count = [], _MOST_PARTS + 1
 
-    def without_slower(self, gaps: Gaps, rows: int) -> Gaps:
-        """Return gaps that no row tells without those that are the rhythm of their part; there are ``rows`` so far."""
+    def without_slower(self, gaps: Gaps, rows: int, *, alone: bool) -> Gaps:
+        """Return gaps that no row tells without those that are the rhythm of their part; there are ``rows`` so far.
+
+        ``alone``: no other task has rows that begin parts of this one.
+        """
         decided, self._decided = self._decided, rows
         if not len(gaps) or not self._begins or self._count > _MOST_PARTS:
             return gaps
@@ -50,7 +50,11 @@ class Parts:
         intervals = np.append(begins[1:], rows) - np.maximum(begins + 1, decided)
         count = np.bincount(part, minlength=len(begins))
         kept = np.ones(len(gaps), np.bool_)
-        for one in np.flatnonzero((count >= _LEAST) & (2 * count > intervals))[:_MOST_JUDGED].tolist():
+        slower = 2 * count > intervals
+        # A single interval is no rhythm, unless there is none beside it that says what is usual here.
+        unlike = np.concatenate([[False], slower | (intervals <= 0), [False]])
+        slower &= (intervals > 1) | (alone & (unlike[:-2] | unlike[2:]))
+        for one in np.flatnonzero(slower)[:_MOST_JUDGED].tolist():
             own = np.flatnonzero(part == one)
             kept[own] = _late(gaps.length_ns[own], int(intervals[one]))
         return gaps.take(kept)

@@ -355,7 +355,7 @@ class TableAudit:
         untold = gaps.take(~gaps.told)
         if interval_ns != self._asked_ns:
             # What the configuration asks for holds for all rows.
-            untold = task.parts.without_slower(untold, task.timed_rows)
+            untold = task.parts.without_slower(untold, task.timed_rows, alone=len(self._of_task) == 1)
         for file in dict.fromkeys(untold.file.tolist()):
             own = untold.take(untold.file == file)
             self._notes[file].of(topics.GAP).add(
