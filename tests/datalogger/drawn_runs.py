@@ -72,12 +72,12 @@ def runs(draw: st.DrawFn, *, tables: bool = False) -> Runs:
                 del own[at : at + draw(st.integers(1, 3))]
             packets += own
         packets.sort(key=lambda packet: packet.time_ns)
-        own, context = (session, task)
+        asked, context = session, task
         if plants and (changing or tables):
-            own, context = draw(_changed(session, lists))
+            asked, context = draw(_changed(session, lists))
         if tables and draw(st.booleans()):
-            own = _of_others(own, draw(st.booleans()))
-        plants.append(Plant(lists, packets, own, context))
+            asked = _of_others(asked, draw(st.booleans()))
+        plants.append(Plant(lists, packets, asked, context))
         how.append(f"{begin_ns - START_NS} {length_ns}: {', '.join(comes)}, {len(packets)} packets")
         begin_ns += LONGEST_NS + draw(st.sampled_from([1, 60, 7_200])) * SECOND_NS
     return Runs(plants, session, lossy, how)
@@ -118,7 +118,7 @@ def _of_others(session: Session, changes_only: bool) -> Session:
     """Return a configuration with the first variable of each list alone, or of the other kind: of another table."""
     if changes_only != session.changes_only:
         return replace(session, changes_only=changes_only)
-    firsts = {index: name for name, (index, _) in reversed(session.variables.items())}
+    firsts = {index: name for name, (index, _) in reversed(list(session.variables.items()))}
     return replace(
         session, variables={name: session.variables[name] for name in firsts.values()},
         tasks={name: task for name, task in session.tasks.items() if name in firsts.values()},
