@@ -168,7 +168,7 @@ def datalog(
     between = asked_range(from_time, to_time, utc=True)
     inquiry = Inquiry(captured(paths, live, plant, ports), plant, ports, watch=watching(quiet=quiet), asked=between)
     planned = plan(sessions, inquiry.defined_layouts(), plant.datalogger, Targets(write, folder), partly=partly)
-    _tell_of_plan(planned)
+    _tell_of_plan(planned, append=append)
     if dry_run:
         if not inquiry.read_once:
             source = inquiry.open()
@@ -177,7 +177,7 @@ def datalog(
         _check_ending(write)
         from nvscope.datalogger.forecast import forecast
 
-        for line in forecast(planned, plant.definition.nominal_intervals_ns()):
+        for line in forecast(planned, plant.definition.nominal_intervals_ns(), append=append):
             echo(line)
         return
     source = inquiry.open()
@@ -294,7 +294,7 @@ def _refuse_databases(source: Source) -> None:
         echo(f"nvscope: {visible(path)}: rows of databases are not logged again.", err=True)
 
 
-def _tell_of_plan(planned: Sequence[Planned]) -> None:
+def _tell_of_plan(planned: Sequence[Planned], *, append: bool) -> None:
     """Say which variables are left out, and what no session can be meant to do."""
     from nvscope.datalogger.growth import always_full
     from nvscope.view.escape import visible
@@ -302,7 +302,7 @@ def _tell_of_plan(planned: Sequence[Planned]) -> None:
     for one in planned:
         for error in one.left_out:
             echo(f"nvscope: {visible(error.where)}: {visible(error.what)}; left out.", err=True)
-        if told := always_full(one):
+        if told := always_full(one, append=append):
             echo(f"nvscope: {visible(told)}.", err=True)
 
 

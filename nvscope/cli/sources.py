@@ -240,8 +240,7 @@ def _tell_of_closed_files(infos: Sequence[SourceInfo]) -> None:
     databases = [info.path for info in infos if info.format in DATABASES and not info.is_live]
     if not databases:
         return
-    from nvscope.capture.datalogger.names import number_of, series_of
-    from nvscope.datalogger.database import closed_files
+    from nvscope.capture.datalogger.names import closed_files, number_of, series_of
     from nvscope.units import count_of
     from nvscope.view.escape import visible
 

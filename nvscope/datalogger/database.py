@@ -8,10 +8,9 @@ Source: the DataLogger's reference, "Attributes for file-based configuration", a
 from __future__ import annotations
 
 import os
-import re
 import sqlite3
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -25,15 +24,16 @@ from dissectors.datalogger.tables import (
     LogTable,
     statement,
 )
+from nvscope.capture.datalogger.names import closed_files, next_closed
 from nvscope.datalogger.configuration import Session
 from nvscope.datalogger.existing import tables_in, unlike
 from nvscope.datalogger.logged import Logged
+from nvscope.datalogger.oldest_rows import Deleted, OldestRows
 from nvscope.errors import CaptureError, UsageError
 
 _PAGES_AT, _IMAGE = 28, "image"
 _BUSY_S = 5.0
 _HELD = frozenset({sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED})
-_NUMBERED = re.compile(r"\.(\d{1,18})\Z")
 IN_MEMORY = ":memory:"
 
 
@@ -55,30 +55,11 @@ def table_of(session: Session, logged: Sequence[Logged]) -> LogTable:
     return LogTable(f"{TABLE_OF_CHANGES if session.only_changes else TABLE}{number}", session.raw, variables)
 
 
-def closed_files(path: str) -> list[tuple[int, str]]:
-    """Return the closed files of a series, with their numbers, the oldest first."""
-    folder = os.path.dirname(path)
-    try:
-        entries = os.listdir(folder or ".")
-    except OSError:
-        return []
-    return closed_names(path, [os.path.join(folder, entry) for entry in entries])
-
-
-def closed_names(path: str, others: Iterable[str]) -> list[tuple[int, str]]:
-    """Return which of some paths in one form closed files of a database could have, with their numbers, rising."""
-    found = []
-    for other in others:
-        number = _NUMBERED.fullmatch(other[len(path) :]) if other.startswith(path) else None
-        if number:
-            found.append((int(number[1]), other))
-    return sorted(found)
-
-
 class Database:
     """The files of a session; ``path`` is the one that is written, ``rows`` how many were.
 
-    ``deleted`` counts rows that made room in it, ``removed`` are full files that did, ``closed`` those that stayed.
+    ``deleted`` are rows that made room in it, ``removed`` full files that did (``removed_before``: so many of earlier
+    runs), ``closed`` those of this run that stayed.
     ``durable``: each block is on the disk before the next one is taken, where it survives a power cut. ``begins`` tells
     whether the next row is the first of a file. ``had_rows`` tells whether the table had any in the file when that was
     opened to be gone on with, ``goes_on`` whether it had, or the series had closed files.
@@ -87,9 +68,10 @@ class Database:
     def __init__(self, session: Session, table: LogTable, path: str, *, durable: bool) -> None:
         self.path = path
         self.rows = 0
-        self.deleted = 0
         self.closed: list[str] = []
         self.removed: list[str] = []
+        self.removed_before = 0
+        self._oldest: OldestRows | None = None
         self._own, self._own_closed = 0, dict[str, int]()
         self.begins = True
         self.goes_on = self.had_rows = False
@@ -110,12 +92,15 @@ class Database:
         if append and self.path != IN_MEMORY:
             self.goes_on = bool(closed_files(self.path))
         self._made |= not exists
+        found: Sequence[LogTable] = ()
         try:
             self._connect()
             if exists:
-                self._check(append=append)
+                found = self._check(append=append)
             else:
                 self._connection.execute(statement(self._table))
+            if self._session.files == 1 or self.path == IN_MEMORY:
+                self._oldest = OldestRows(self._connection, self._table, found)
         except sqlite3.Error as error:
             self.close()
             raise self._failure(error) from None
@@ -175,7 +160,12 @@ class Database:
     @property
     def rows_left(self) -> int:
         """How many of the rows that were written are still there."""
-        return self._own + sum(self._own_closed.values())
+        return self._own + sum(self._own_closed.values()) - self.deleted.own
+
+    @property
+    def deleted(self) -> Deleted:
+        """The rows of the file that made room."""
+        return Deleted() if self._oldest is None else self._oldest.deleted
 
     @property
     def size_bytes(self) -> int:
@@ -200,10 +190,11 @@ class Database:
             execute("PRAGMA main.locking_mode = EXCLUSIVE")
         execute(f"ATTACH '{IN_MEMORY}' AS {_IMAGE}")
 
-    def _check(self, *, append: bool) -> None:
+    def _check(self, *, append: bool) -> list[LogTable]:
         """Take an existing file to go on with, and make its table where it has only others of a DataLogger.
 
-        So controllers do whose configuration has changed. Raises UsageError where it cannot be gone on with.
+        So controllers do whose configuration has changed. Return the tables that were there. Raises UsageError where
+        it cannot be gone on with.
         """
         if not append:
             self.close()
@@ -229,6 +220,7 @@ class Database:
             self.goes_on |= self.had_rows
         else:
             execute(statement(self._table))
+        return [table for table in found.values() if table is not None]
 
     def _image(self, leaves: Leaves) -> bytes:
         """Return a database that holds some rows."""
@@ -250,46 +242,34 @@ class Database:
         most = self._session.max_bytes
         if most is None or self.size_bytes < most:
             return
-        if self._session.files == 1 or self.path == IN_MEMORY:
-            self._delete_oldest(most)
-        else:
+        if self._oldest is None:
             self._roll_over()
-
-    def _delete_oldest(self, most: int) -> None:
-        name = self._table.name
-        while self.size_bytes >= most:
-            first, last = self._connection.execute(f"SELECT min(rowid), max(rowid) FROM main.{name}").fetchone()
-            if first is None:
-                return
-            share = max(1, (last - first + 1) * self._session.delete_percent // 100)
-            try:
-                found = self._connection.execute(f"DELETE FROM main.{name} WHERE rowid < ?", (first + share,))
-            except sqlite3.Error as error:
-                if getattr(error, "sqlite_errorcode", 0) & 0xFF in _HELD:
-                    return  # with the next block
+            return
+        try:
+            self._oldest.make_room(most, self._session.delete_percent)
+        except sqlite3.Error as error:
+            if getattr(error, "sqlite_errorcode", 0) & 0xFF not in _HELD:
                 raise self._failure(error) from None
-            self.deleted += found.rowcount
-            self._own = min(self._own, last - (first + share) + 1)
-            if last - first + 1 == share:
-                return
+            # Somebody reads or writes it just now: with the next block.
 
     def _roll_over(self) -> None:
         """Close the file under the next number, remove the oldest beyond those that may stay, and begin another."""
         closed = closed_files(self.path)
-        number = closed[-1][0] + 1 if closed else 0
+        target = next_closed(self.path)
         self.close()
-        target = f"{self.path}.{number}"
         try:
             os.rename(self.path, target)
             self.closed.append(target)
             self._own_closed[target], self._own = self._own, 0
             files = self._session.files
             if files is not None:
-                closed.append((number, target))
-                for _, oldest in closed[: max(len(closed) - (files - 1), 0)]:
+                paths = [*(path for _, path in closed), target]
+                for oldest in paths[: max(len(paths) - (files - 1), 0)]:
                     os.unlink(oldest)
                     self.removed.append(oldest)
-                    if self._own_closed.pop(oldest, None) is not None:
+                    if self._own_closed.pop(oldest, None) is None:
+                        self.removed_before += 1
+                    else:
                         self.closed.remove(oldest)
         except OSError as error:
             raise CaptureError(

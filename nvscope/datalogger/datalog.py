@@ -27,7 +27,8 @@ _NEVER, _LONGEST = -(1 << 63), (1 << 63) - 1
 class Heard:
     """What came in a time: frames, and telegrams by list that could be decoded, or could not (``left_out``).
 
-    ``copies`` are those of the former that came again, and make no row where each cycle makes one.
+    ``copies`` are those of the former that came again, and make no row where each cycle makes one. ``unseen`` are, by
+    list, the elements that no telegram had, each with the SubIndexes of those that have it by the definition.
     """
 
     frames: int
@@ -35,6 +36,7 @@ class Heard:
     came: Mapping[ListKey, int]
     left_out: Mapping[ListKey, int]
     copies: Mapping[ListKey, int]
+    unseen: Mapping[ListKey, Mapping[str, frozenset[int]]]
 
 
 class DataLog:
@@ -59,7 +61,7 @@ class DataLog:
         self._last_ns = _NEVER
         self._drops: int | None = None
         self._number = np.array([place.number for place in telegrams.places], np.int64)
-        self._came = np.zeros(len(telegrams.keys), np.int64)
+        self._came = np.zeros(len(telegrams.places), np.int64)
         self._begin_ns: int | None = None
         self._end_ns = 0
 
@@ -67,11 +69,23 @@ class DataLog:
     def heard(self) -> Heard:
         """What came so far."""
         keys = self._telegrams.keys
-        came = dict(zip(keys, self._came.tolist(), strict=True))
+        by_list = np.bincount(self._number, self._came, len(keys)).astype(np.int64)
+        came = dict(zip(keys, by_list.tolist(), strict=True))
         left_out = {key: sum(found.values()) for key, found in self._telegrams.left_out.items()}
         copies = dict(zip(keys, self._copied.tolist(), strict=True))
         begin_ns = self._end_ns if self._begin_ns is None else self._begin_ns
-        return Heard(self._telegrams.frames, self._end_ns - begin_ns, came, left_out, copies)
+        return Heard(self._telegrams.frames, self._end_ns - begin_ns, came, left_out, copies, self._unseen())
+
+    def _unseen(self) -> dict[ListKey, dict[str, frozenset[int]]]:
+        found: dict[ListKey, dict[str, frozenset[int]]] = {key: {} for key in self._telegrams.keys}
+        places = list(zip(self._telegrams.places, self._came.tolist(), strict=True))
+        seen = {(place.number, element.name) for place, came in places if came for element in place.layout.elements}
+        for place, _ in places:
+            own = found[self._telegrams.keys[place.number]]
+            for element in place.layout.elements:
+                if (place.number, element.name) not in seen:
+                    own[element.name] = own.get(element.name, frozenset()) | {place.layout.subindex}
+        return found
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
@@ -105,7 +119,7 @@ class DataLog:
                 session.lose()
 
     def _hear(self, told: Told, rows: DefinedRows) -> None:
-        self._came += np.bincount(self._number[rows.place], minlength=len(self._came))
+        self._came += np.bincount(rows.place, minlength=len(self._came))
         times_ns = [*told.packets.ts_ns[[0, -1]].tolist()] if len(told.packets.ts_ns) else []
         times_ns += [] if told.until_ns is None else [told.until_ns]
         if times_ns:

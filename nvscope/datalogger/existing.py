@@ -12,15 +12,27 @@ from nvscope.errors import UnreadableInput
 _SHOWN = 60
 
 
-def is_of_logger(path: str) -> bool:
-    """Tell whether a file is a whole database that has tables of a DataLogger, and no other ones; it stays as it is."""
+def unlike_logger(path: str) -> str:
+    """Return what a file is that is no whole database of a DataLogger alone, '' where it is one; it stays as it is."""
     try:
         with opened(path) as database:
             schema, file = database.schema, database.file
-            is_whole = not (len(database.damages) or file.pages_missing or file.header.flaw)
-            return is_whole and not (schema.others or schema.left_out)
+            if len(database.damages):
+                return "damaged"
+            if file.pages_missing or file.header.flaw:
+                return file.header.flaw or next(iter(database.notes), "cut short")
+            return database.beside or ("a database of too many tables" if schema.left_out else "")
+    except UnreadableInput as error:
+        return error.what
+
+
+def others_in(path: str, own: str) -> int:
+    """Return how many tables of a DataLogger a file has beside one, as far as that can be read; it stays as it is."""
+    try:
+        with opened(path) as database:
+            return sum(table.log.name != own for table in database.tables)
     except UnreadableInput:
-        return False
+        return 0
 
 
 def tables_in(connection: sqlite3.Connection) -> dict[str, LogTable | None]:

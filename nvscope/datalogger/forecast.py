@@ -15,18 +15,23 @@ from nvscope.view.escape import visible
 _DAY_NS = 86_400_000_000_000
 
 
-def forecast(planned: Sequence[Planned], intervals_ns: dict[ListKey, int]) -> Iterator[str]:
+def forecast(planned: Sequence[Planned], intervals_ns: dict[ListKey, int], *, append: bool = False) -> Iterator[str]:
     """Yield lines that say of each session which rows it would write, where, and how large they are.
 
-    ``intervals_ns`` are those of lists, as far as they are defined; 0 where a list has none.
+    ``intervals_ns`` are those of lists, as far as they are defined; 0 where a list has none. ``append``: what there is
+    of a file takes a part of its room.
     """
     for number, one in enumerate(planned):
         if number:
             yield ""
-        yield from _of_session(one, intervals_ns)
+        yield from _of_session(one, intervals_ns, _size_of(one.path) if append else 0)
 
 
-def _of_session(planned: Planned, intervals_ns: dict[ListKey, int]) -> Iterator[str]:
+def _size_of(path: str) -> int:
+    return os.path.getsize(path) if path and os.path.isfile(path) else 0
+
+
+def _of_session(planned: Planned, intervals_ns: dict[ListKey, int], there_bytes: int) -> Iterator[str]:
     session = planned.session
     into = visible(planned.path or "memory")
     yield f"{visible(session.name)}: {count_of(len(planned.logged), 'variable')} into {into}"
@@ -39,7 +44,7 @@ def _of_session(planned: Planned, intervals_ns: dict[ListKey, int]) -> Iterator[
     else:
         most = "At most " if session.only_changes else ""
         yield f"  {most}{count_of(a_day, 'row')} a day, {data_size(math.ceil(a_day * grows.row_bytes))}"
-    yield _full(planned, grows, a_day)
+    yield from _full(planned, grows, a_day, there_bytes)
     if folder := missing_folder(planned.path):
         yield f"  Its folder does not exist, and none is made: {visible(folder)}"
     lost = session.sets_a_publishing - session.capacity
@@ -67,21 +72,38 @@ def _taken(planned: Planned) -> str:
     return cycles if planned.rest is None else f"{cycles}, and {every}"
 
 
-def _full(planned: Planned, grows: Growth, a_day: int | None) -> str:
+def _full(planned: Planned, grows: Growth, a_day: int | None, there_bytes: int) -> Iterator[str]:
     session = planned.session
+    if there_bytes:
+        yield f"  {data_size(there_bytes)} are there, which it goes on with"
     if session.max_bytes is None:
-        return f"  {'One file' if planned.path else 'It'} grows without end: maxFileSize is not said"
-    full, first = data_size(session.max_bytes), ""
-    if a_day:
-        # It is looked at behind each block.
-        rows = -(-grows.rows_until(session.max_bytes) // session.block_rows) * session.block_rows
-        first = duration(_DAY_NS * rows // a_day)
+        yield f"  {'One file' if planned.path else 'It'} grows without end: maxFileSize is not said"
+        return
+    full = data_size(session.max_bytes)
+    every = first = _time_until(planned, grows, a_day, session.max_bytes)
+    if there_bytes:
+        left_bytes = grows.empty_bytes + session.max_bytes - there_bytes
+        is_full = there_bytes >= session.max_bytes
+        first = "the first block" if is_full else _time_until(planned, grows, a_day, left_bytes)
     if planned.deletes_oldest:
         after = f", first after {first}" if first else ""
-        return f"  At {full}{after}, {session.delete_percent} % of the rows are deleted, the oldest ones"
-    every = f", every {first}" if first else ""
+        whose = "those of earlier runs first, of whatever table" if there_bytes else "the oldest ones"
+        yield f"  At {full}{after}, {session.delete_percent} % of the rows are deleted, {whose}"
+        return
+    when = ", ".join(
+        [*([f"first after {first}"] if there_bytes and first else []), *([f"every {every}"] if every else [])]
+    )
     kept = "all" if session.files is None else session.files
-    return f"  At {full}{every}, another file is begun; {kept} are kept"
+    yield f"  At {full}{', ' if when else ''}{when}, another file is begun; {kept} are kept"
+
+
+def _time_until(planned: Planned, grows: Growth, a_day: int | None, size_bytes: int) -> str:
+    """Return how long it takes until a database is so large, '' where nobody knows."""
+    if not a_day:
+        return ""
+    # It is looked at behind each block.
+    rows = -(-grows.rows_until(size_bytes) // planned.session.block_rows) * planned.session.block_rows
+    return duration(_DAY_NS * rows // a_day)
 
 
 def rows_a_day(planned: Planned, intervals_ns: dict[ListKey, int]) -> int | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 from bisect import bisect_left
 from collections.abc import Sequence
@@ -18,12 +19,13 @@ from dissectors.datalogger.tables import LogTable, statement
 from nvscope.datalogger.columns import TableColumns
 from nvscope.datalogger.configuration import Session
 from nvscope.datalogger.database import IN_MEMORY, begin_file, table_of, tuples
+from nvscope.datalogger.existing import others_in
 from nvscope.datalogger.logged import Content, Logged
 from nvscope.datalogger.plan import Planned
 from nvscope.datalogger.rows import Rows
 from nvscope.datalogger.texts import Texts
 from nvscope.definition.variables import Elementary, ScalarKind, String, scalar_of
-from nvscope.units import count
+from nvscope.units import count, count_of
 
 _STEP_ROWS, _MEASURED_BYTES = 64, 1 << 19
 _ROWID_BEFORE = 1 << 17
@@ -54,19 +56,29 @@ class Growth:
         return max(steps * self.step_rows, 1)
 
 
-def always_full(planned: Planned) -> str:
-    """Return a sentence, with its place, that a database is full before it has a row; '' where it is not."""
+def always_full(planned: Planned, *, append: bool = False) -> str:
+    """Return a sentence, with its place, that a database is full before it has a row; '' where it is not.
+
+    ``append``: tables of other variables that are in the file stay in it when their rows are gone.
+    """
     session = planned.session
     if session.max_bytes is None:
         return ""
-    with closing(_begun(table_of(session, planned.logged))) as connection:
+    table = table_of(session, planned.logged)
+    with closing(_begun(table)) as connection:
         empty_bytes = _size(connection)
+        page_bytes = connection.execute("PRAGMA page_size").fetchone()[0]
+    others = 0
+    if append and planned.deletes_oldest and os.path.isfile(planned.path):
+        others = others_in(planned.path, table.name)
+        empty_bytes += others * page_bytes
     if empty_bytes < session.max_bytes:
         return ""
+    beside = f", with {count_of(others, 'other table')} that {planned.path} has," if others else ""
     then = "is deleted as soon as it is written" if planned.deletes_oldest else "fills a file"
     return (
         f"{session.places['max_bytes']}: Datasink, attribute maxFileSize: {count(session.max_bytes)} bytes are full "
-        f"before there is a row: an empty database of these variables has {count(empty_bytes)}; "
+        f"before there is a row: an empty database of these variables{beside} has {count(empty_bytes)}; "
         f"each block of rows {then}"
     )
 

@@ -86,8 +86,9 @@ class _Gap:
 class Losses:
     """Finds the gaps in the Counters of some lists, batch by batch.
 
-    ``gaps`` are those of the batch observed last, as (walk, frame behind which something is missing, stream);
-    ``filled`` are those so far that late telegrams have filled.
+    ``gaps`` are those of the batch observed last, as (walk, frame behind which something is missing, stream, the lists
+    that it may be of). Where one Counter runs through all that a sender sends, nobody knows which list it was: it may
+    be any that had come from there. ``filled`` are the gaps so far that late telegrams have filled.
     """
 
     by_stream: ClassVar[bool] = True
@@ -98,7 +99,11 @@ class Losses:
         self._wanted = np.zeros(0, np.bool_)
         self._open: dict[tuple[int, int], deque[_Gap]] = {}
         self._streams: dict[int, _Stream] = {}
-        self.gaps: list[tuple[int, int, _Stream]] = []
+        self._begun: dict[int, int] = {}
+        """The first frames of wanted streams."""
+        self._lists: dict[int, dict[ListKey, int]] = {}
+        """The wanted lists of each node, with the first frame of each."""
+        self.gaps: list[tuple[int, int, _Stream, tuple[ListKey, ...]]] = []
         self.filled: set[tuple[int, int]] = set()
 
     def observe(self, told: Told) -> None:
@@ -108,6 +113,7 @@ class Losses:
         if len(rows):
             own, nodes = self._loss.observe(told, rows)
             self._know(told)
+            self._begin(told, rows)
             self._note(told, rows, own, Scope.STREAM)
             self._note(told, rows, nodes, Scope.NODE_TELEGRAM)
         for unheard in told.unheard:
@@ -116,13 +122,13 @@ class Losses:
     def behind(self, judged: Judged) -> Mapping[ListKey, I64]:
         """Return the frames of the batch, by list, behind which telegrams are missing for good, as far as is known."""
         found: dict[ListKey, list[int]] = {}
-        for walk, frame, stream in self.gaps:
+        for walk, frame, stream, lists in self.gaps:
             scope = judged.scopes.get(stream)
             if scope is None or min(scope, Scope.NODE_TELEGRAM) != walk:
                 continue
             if (walk, frame) not in judged.filled and (walk, frame) not in self.filled:
-                key = stream[0] if stream[0] in self._keys else stream[0].on_any_channel
-                found.setdefault(key, []).append(frame)
+                for key in lists:
+                    found.setdefault(key, []).append(frame)
         return {key: np.array(frames, np.int64) for key, frames in found.items()}
 
     def _know(self, told: Told) -> None:
@@ -136,15 +142,33 @@ class Losses:
             wanted[number] = key in self._keys or key.on_any_channel in self._keys
         self._wanted = wanted
 
+    def _begin(self, told: Told, rows: DataRows) -> None:
+        """Note since when senders have sent the lists that are wanted."""
+        new = [number for number in np.flatnonzero(self._wanted).tolist() if number not in self._begun]
+        if not new:
+            return
+        streams, first = np.unique(rows.stream, return_index=True)
+        for number in new:
+            place = int(np.searchsorted(streams, number))
+            if place == len(streams) or streams[place] != number:
+                continue
+            frame = self._begun[number] = int(rows.packet[first[place]]) + told.first_frame
+            lists = self._lists.setdefault(int(told.keys.node_of(np.array([number]))[0]), {})
+            key = self._wanted_key(told.keys.stream_key(number).list)
+            lists[key] = min(lists.get(key, frame), frame)
+
+    def _wanted_key(self, key: ListKey) -> ListKey:
+        return key if key in self._keys else key.on_any_channel
+
     def _note(self, told: Told, rows: DataRows, steps: Steps | NodeSteps, walk: int) -> None:
         gaps, late = steps.at(Step.GAP), steps.at(Step.OVERTAKEN)
         counts = self._wanted
         if walk != Scope.STREAM:
             # A node's Counter runs through all that it sends: a late telegram of any list may fill a gap of these.
-            node = told.keys.node_of(np.arange(len(counts)))
-            senders = np.zeros(int(node.max(initial=-1)) + 1, np.bool_)
-            senders[node[counts]] = True
-            counts = senders[node]
+            nodes = told.keys.node_of(np.arange(len(counts)))
+            senders = np.zeros(int(nodes.max(initial=-1)) + 1, np.bool_)
+            senders[nodes[counts]] = True
+            counts = senders[nodes]
         gaps, late = gaps[counts[rows.stream[gaps]]], late[counts[rows.stream[late]]]
         if not len(gaps) and not len(late):
             return
@@ -159,12 +183,17 @@ class Losses:
                 self._streams[number] = key.list, key.subindex, key.sender
             # What is missing in the Counter of a node may come late in any of its streams.
             of_node = walk != Scope.STREAM
-            where = walk, int(told.keys.node_of(np.array([number]))[0]) if of_node else number
+            node = int(told.keys.node_of(np.array([number]))[0]) if of_node else number
+            where = walk, node
             # Each gap misses one telegram at least, and none is waited for that is further behind than the window.
             waiting = self._open.setdefault(where, deque(maxlen=WINDOW))
             if count:
-                if self._wanted[number]:
-                    self.gaps.append((walk, own, self._streams[number]))
+                if of_node:
+                    lists = tuple(key for key, since in self._lists.get(node, {}).items() if since <= own)
+                else:
+                    lists = (self._wanted_key(self._streams[number][0]),)
+                if lists:
+                    self.gaps.append((walk, own, self._streams[number], lists))
                 waiting.append(_Gap(own, int(counter[row]), count, count))
                 continue
             gap = next((one for one in reversed(waiting) if one.holds(int(counter[row]))), None)

@@ -7,9 +7,13 @@ from collections.abc import Iterator
 from nvscope.datalogger.configuration import Session
 from nvscope.datalogger.database import IN_MEMORY
 from nvscope.datalogger.datalog import Heard
+from nvscope.datalogger.oldest_rows import Deleted
 from nvscope.datalogger.session_log import Counted, SessionLog
-from nvscope.units import count, count_of, data_size, duration
+from nvscope.list_key import ListKey
+from nvscope.units import count, count_of, data_size, duration, ranges
 from nvscope.view.escape import visible
+
+_MOST_NAMED = 3
 
 
 def outcome(log: SessionLog, heard: Heard) -> Iterator[str]:
@@ -42,10 +46,12 @@ def _copies(log: SessionLog, heard: Heard) -> Iterator[str]:
 
 
 def _missing(log: SessionLog, heard: Heard) -> Iterator[str]:
-    """Yield which lists sent nothing that could be logged; where all did, and there is no row, why."""
+    """Yield which lists, and which telegrams of them, sent nothing that could be logged; where all did, and there is no
+    row, why."""
     since = f"in {duration(heard.duration_ns)}, among {count_of(heard.frames, 'frame')}"
     for key in sorted(log.keys, key=str):
         if heard.came.get(key):
+            yield from _unseen(log, heard, key, since)
             continue
         own = count_of(sum(one.key == key for one in log.logged), "variable")
         nulls = f"; {own} of it {'is' if own.startswith('1 ') else 'are'} NULL in all rows" if log.counted.rows else ""
@@ -66,6 +72,41 @@ def _missing(log: SessionLog, heard: Heard) -> Iterator[str]:
         yield f"telegrams came {since}, but no sampling was due: samplingInterval is {every}"
 
 
+def _unseen(log: SessionLog, heard: Heard, key: ListKey, since: str) -> Iterator[str]:
+    """Yield which telegrams of a list that came were none of them, and which variables nobody knows for that."""
+    elements = heard.unseen.get(key, {})
+    own = [one for one in log.logged if one.key == key and one.element in elements]
+    if not own:
+        return
+    places = sorted(set().union(*(elements[one.element] for one in own)))
+    numbers = f"SubIndex{'' if len(places) == 1 else 'es'} {', '.join(ranges(places))}"
+    named = ", ".join(visible(one.uri) for one in own[:_MOST_NAMED])
+    named += f" and {len(own) - _MOST_NAMED} more" if len(own) > _MOST_NAMED else ""
+    them = f"{count_of(len(own), 'variable')} {'is' if len(own) == 1 else 'are'}"
+    nulls = f"; {them} NULL in all rows: {named}" if log.counted.rows else ""
+    shape = ""
+    if left_out := heard.left_out.get(key):
+        came = f"{count_of(left_out, 'telegram')} of the list {'was' if left_out == 1 else 'were'}"
+        shape = f"; {came} of another shape than the definition has, or damaged"
+    yield (
+        f"no telegram of {key} with {numbers} came {since}, though others of it did{nulls}{shape}; `nvscope report` "
+        "shows which came: compare with the definition"
+    )
+
+
+def _deleted(deleted: Deleted) -> str:
+    """Return how many rows were deleted, and whose they were."""
+    others = deleted.others.most_common()
+    parts = [f"{count_of(rows, 'row')} of another table ({visible(name)})" for name, rows in others[:_MOST_NAMED]]
+    if more := sum(rows for _, rows in others[_MOST_NAMED:]):
+        parts.append(f"{count_of(more, 'row')} of {count_of(len(others) - _MOST_NAMED, 'more table')}")
+    if deleted.before:
+        parts.append(f"{count_of(deleted.before, 'row')} of earlier runs")
+    if deleted.own or not parts:
+        parts.append(f"{count_of(deleted.own, 'row')}{' of this run' if parts else ''}")
+    return " and ".join([*([", ".join(parts[:-1])] if parts[:-1] else []), parts[-1]])
+
+
 def _where(counted: Counted, session: Session) -> str:
     """Return where the rows are, and, of those that made room, how many and why."""
     if not counted.files:
@@ -75,11 +116,13 @@ def _where(counted: Counted, session: Session) -> str:
     files = "memory" if path == IN_MEMORY else visible(path)
     files += f" and {count_of(more, 'closed file')}" if more > 0 else ""
     went = []
-    if counted.deleted:
+    if counted.deleted.count:
         full = data_size(session.max_bytes or 0)
-        went.append(f"{count_of(counted.deleted, 'row')} deleted, the oldest ones (maxFileSize {full})")
+        went.append(f"{_deleted(counted.deleted)} deleted, the oldest ones (maxFileSize {full})")
     if counted.removed:
-        went.append(f"{count_of(counted.removed, 'full file')} removed, the oldest ones (maxFiles {session.max_files})")
+        before = f", {counted.removed_before} of them of earlier runs" if counted.removed_before else ""
+        what = f"{count_of(counted.removed, 'full file')} removed, the oldest ones (maxFiles {session.max_files})"
+        went.append(what + before)
     made_room = f": {', '.join(went)}" if went else ""
     if counted.left == counted.rows:
         told = f" in {files}{made_room}"

@@ -10,11 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dissectors.batch import Bool
+from nvscope.capture.datalogger.names import closed_files, closed_names
 from nvscope.datalogger.column_names import next_step_of, taken_names
 from nvscope.datalogger.configuration import Session
-from nvscope.datalogger.database import IN_MEMORY, Database, closed_files, closed_names, table_of
+from nvscope.datalogger.database import IN_MEMORY, Database, table_of
 from nvscope.datalogger.datalog import DataLog, interval_of
-from nvscope.datalogger.existing import is_of_logger
+from nvscope.datalogger.existing import unlike_logger
 from nvscope.datalogger.instants import Cycles, Interval
 from nvscope.datalogger.judging import Judge
 from nvscope.datalogger.logged import Logged, Resolved, list_of_task, resolve, task_list
@@ -186,10 +187,13 @@ def check_files(planned: Sequence[Planned], is_input: Callable[[str], bool], *, 
                     "the file exists", where=path,
                     next_step="--append goes on with it, --force takes its place; or name another one with -w",
                 )  # fmt: skip
-            if path != one.path and not is_of_logger(path):
+            if path != one.path and (what := unlike_logger(path)):
+                series = os.path.basename(one.path)
                 raise UsageError(
-                    "the file has the name of a closed database, and is none of a DataLogger", where=path,
-                    next_step="take it away, or name another file with -w",
+                    f"so a closed file of {series} is called, and it is no whole database of a DataLogger: {what}",
+                    where=path, next_step=f"move it to another folder, or give it a name that does not begin with "
+                    f"{series}.; or log to a file of another name with -w: closed files are gone on with, and removed "
+                    "when they are too many",
                 )  # fmt: skip
 
 

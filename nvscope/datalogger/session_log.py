@@ -19,6 +19,7 @@ from nvscope.datalogger.configuration import Session
 from nvscope.datalogger.database import Database, DatabaseLocked
 from nvscope.datalogger.instants import Cycles, Interval
 from nvscope.datalogger.logged import Content, Logged
+from nvscope.datalogger.oldest_rows import Deleted
 from nvscope.datalogger.ring import Ring
 from nvscope.datalogger.rows import Rows
 from nvscope.datalogger.samples import Samples
@@ -57,7 +58,7 @@ class Counted:
     ``overwritten`` are data sets that the ring buffer had no room for, ``not_written`` rows for which another program
     held the file too long. Of the rows, ``left`` are still there, in ``files``, the last written one at the end; none
     where there was no row. Others made room, by themselves (``deleted``, with those that were there before) or in
-    whole files (``removed``).
+    whole files (``removed``, of which ``removed_before`` are of earlier runs).
     """
 
     samples: int = 0
@@ -69,8 +70,9 @@ class Counted:
     last_ns: int | None = None
     files: list[str] = field(default_factory=list)
     left: int = 0
-    deleted: int = 0
+    deleted: Deleted = field(default_factory=Deleted)
     removed: int = 0
+    removed_before: int = 0
 
 
 class SessionLog:
@@ -145,7 +147,8 @@ class SessionLog:
             self._flush()
         finally:
             counted, database = self.counted, self._database
-            counted.left, counted.deleted, counted.removed = database.rows_left, database.deleted, len(database.removed)
+            counted.left, counted.deleted = database.rows_left, database.deleted
+            counted.removed, counted.removed_before = len(database.removed), database.removed_before
             counted.files = [*database.closed, database.path] if database.end() else []
 
     def _flush(self) -> None:

@@ -162,3 +162,61 @@ def test_the_first_row_in_the_style_of_the_document_is_behind_no_loss(tmp_path: 
     done = run_text(*words, cwd=tmp_path)
     assert rows_of(tmp_path / "log.db")[0][2] == 0
     assert done.stderr == "nvscope: session: 100 rows of 1 variable in log.db.\n"
+
+
+@pytest.mark.parametrize("more", ["", ', "a/dwThird"'])
+def test_a_telegram_of_a_list_that_never_came_is_told(tmp_path: Path, more: str) -> None:
+    simulated(tmp_path, plant(telegrams=1))
+    names = ["dwFirst", "dwSecond", *(["dwThird"] if more else [])]
+    (tmp_path / "list1.gvl").write_text(gvl(1, names, pack=False), encoding="utf-8")
+    (tmp_path / "c.xml").write_text(configuration([f"a/{name}" for name in names]), encoding="utf-8")
+    code, said = lines(tmp_path, "plant.pcap")
+    assert code == 0
+    which = "SubIndexes 1, 2" if more else "SubIndex 1"
+    variables = "2 variables are" if more else "1 variable is"
+    assert said[-1].startswith(
+        f"nvscope: session: no telegram of udp/1202/1 with {which} came in 5.0 s, among 100 frames, though others of "
+        f"it did; {variables} NULL in all rows: a/dwSecond"
+    )
+    assert {row[4] for row in rows_of(tmp_path / "log.db")} == {None}
+
+
+def test_a_variable_that_any_telegram_had_is_known(tmp_path: Path) -> None:
+    simulated(tmp_path, plant(telegrams=2))
+    (tmp_path / "list1.gvl").write_text(gvl(1, ["dwFirst", "dwSecond"], pack=False), encoding="utf-8")
+    (tmp_path / "c.xml").write_text(configuration(["a/dwFirst", "a/dwSecond"]), encoding="utf-8")
+    assert "no telegram" not in "".join(lines(tmp_path, "plant.pcap")[1])
+
+
+@pytest.mark.parametrize(
+    ("sink", "line"),
+    [
+        ("", "One file grows without end: maxFileSize is not said"),
+        (
+            'maxFileSize="20000"',
+            "At 20.0 kB, first after 50.0 s, 30 % of the rows are deleted, those of earlier runs first",
+        ),
+        (
+            'maxFileSize="9000"',
+            "At 9.0 kB, first after the first block, 30 % of the rows are deleted, those of earlier",
+        ),
+        (
+            'maxFileSize="20000" rollover="true"',
+            "At 20.0 kB, first after 50.0 s, every 50.0 s, another file is begun; all",
+        ),
+        (
+            'maxFileSize="9000" rollover="true" maxFiles="3"',
+            "At 9.0 kB, first after the first block, every 50.0 s, another file is begun; 3 are kept",
+        ),
+    ],
+)
+def test_a_forecast_knows_what_is_there(here: Path, sink: str, line: str) -> None:
+    told(here, CYCLES, "")
+    (here / "c.xml").write_text(configuration(["a/dwFirst"], CYCLES, sink), encoding="utf-8")
+    words = ("datalog", "plant.pcap", "--config", "c.xml", "--gvl", ".", "--dry-run")
+    before = (here / "log.db").read_bytes()
+    said = run_text(*words, "--append", cwd=here).stdout.splitlines()
+    assert "  12.3 kB are there, which it goes on with" in said
+    assert any(one.startswith(f"  {line}") for one in said), said
+    assert not any("are there" in one for one in run_text(*words, cwd=here).stdout.splitlines())
+    assert (here / "log.db").read_bytes() == before

@@ -1,6 +1,12 @@
-"""Runs of a recording that go on with one database, drawn: lists that come, come late or never, and losses of them."""
+"""Runs of a recording that go on with one database, drawn: lists that come, come late or never, and losses of them.
+
+Between two runs somebody may have changed the configuration: how often rows come, when files are full, and which
+variables there are; these are another table then.
+"""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 from hypothesis import strategies as st
 
@@ -19,16 +25,23 @@ VALUES = {"counting": 1, "slow": 7, "constant": 1 << 30}
 
 
 class Runs:
-    """What a law is about: plants of one definition and one configuration, the times of which follow each other.
+    """What a law is about: plants of one definition, the times of which follow each other.
 
-    ``lossy`` tells whether telegrams were taken out; ``how`` says of each run when lists come.
+    ``session`` is the first configuration; ``changed`` tells whether others have another rhythm. ``lossy`` tells
+    whether telegrams were taken out; ``how`` says of each run when lists come.
     """
 
     def __init__(self, plants: list[Plant], session: Session, lossy: bool, how: list[str]) -> None:
         self.plants, self.session, self.lossy, self.how = plants, session, lossy, how
 
     def __repr__(self) -> str:
-        return f"{self.session}, lossy={self.lossy}, {'; '.join(self.how)}"
+        sessions = "\n".join(str(one.session) for one in self.plants)
+        return f"{sessions}, lossy={self.lossy}, {'; '.join(self.how)}"
+
+    @property
+    def changed(self) -> bool:
+        rhythms = {(one.session.sampling_ns, one.session.task) for one in self.plants}
+        return len(rhythms) > 1
 
     def run_of(self, time_ns: int) -> int:
         """Return the number of the run that a row is of."""
@@ -36,12 +49,12 @@ class Runs:
 
 
 @st.composite
-def runs(draw: st.DrawFn) -> Runs:
-    """Draw two or three runs, and how they are recorded."""
+def runs(draw: st.DrawFn, *, tables: bool = False) -> Runs:
+    """Draw two or three runs, and how they are recorded; with ``tables``, each may have other variables."""
     lists = [_list(number, draw(st.sampled_from([50, 100])) * MS) for number in range(draw(st.integers(1, 3)))]
     values = {name: draw(st.sampled_from(sorted(VALUES))) for one in lists for name, _ in one.fields}
     session, task = draw(_sessions(lists))
-    lossy = draw(st.booleans())
+    lossy, changing = draw(st.booleans()), draw(st.booleans())
     plants, how, begin_ns = [], [], START_NS + draw(st.integers(0, 999)) * MS
     for _ in range(draw(st.integers(2, 3))):
         packets: list[Packet] = []
@@ -59,7 +72,12 @@ def runs(draw: st.DrawFn) -> Runs:
                 del own[at : at + draw(st.integers(1, 3))]
             packets += own
         packets.sort(key=lambda packet: packet.time_ns)
-        plants.append(Plant(lists, packets, session, task))
+        asked, context = session, task
+        if plants and (changing or tables):
+            asked, context = draw(_changed(session, lists))
+        if tables and draw(st.booleans()):
+            asked = _of_others(asked, draw(st.booleans()))
+        plants.append(Plant(lists, packets, asked, context))
         how.append(f"{begin_ns - START_NS} {length_ns}: {', '.join(comes)}, {len(packets)} packets")
         begin_ns += LONGEST_NS + draw(st.sampled_from([1, 60, 7_200])) * SECOND_NS
     return Runs(plants, session, lossy, how)
@@ -80,6 +98,31 @@ def _telegrams(one: DefinedList, first_ns: int, stop_ns: int, values: dict[str, 
         node = f"10.0.0.{one.index}"
         found.append(Packet(time_ns, node, one.index, 0, len(one.fields), number + 1, data))
     return found
+
+
+@st.composite
+def _changed(draw: st.DrawFn, session: Session, lists: list[DefinedList]) -> tuple[Session, str]:
+    """Draw another configuration for the same table, and the taskContext in it."""
+    context = None if session.tasks else draw(st.sampled_from([None, *lists]))
+    sampling_ns = draw(st.sampled_from([50, 100, 200])) * MS
+    changed = replace(
+        session, sampling_ns=sampling_ns, publish_ns=sampling_ns * draw(st.sampled_from([1, 2, 5])),
+        capacity=draw(st.sampled_from([1, 2, 3, 10])), task=context.index if context else None,
+        write_interval=draw(st.sampled_from([1, 7, 1000])), delete_ratio=draw(st.sampled_from([5, 30, 100])),
+        max_file_size=draw(st.sampled_from([None, None, 1, 9_000, 13_000, 25_000])), rollover=draw(st.booleans()),
+    )  # fmt: skip
+    return changed, context.name if context else ""
+
+
+def _of_others(session: Session, changes_only: bool) -> Session:
+    """Return a configuration with the first variable of each list alone, or of the other kind: of another table."""
+    if changes_only != session.changes_only:
+        return replace(session, changes_only=changes_only)
+    firsts = {index: name for name, (index, _) in reversed(list(session.variables.items()))}
+    return replace(
+        session, variables={name: session.variables[name] for name in firsts.values()},
+        tasks={name: task for name, task in session.tasks.items() if name in firsts.values()},
+    )  # fmt: skip
 
 
 @st.composite

@@ -99,6 +99,7 @@ class Sequenced:
 
 @dataclass
 class Stream:
+    begins: int
     first: int
     node: str
     list: tuple[int, int]
@@ -139,7 +140,7 @@ class Counters:
 
     def take(self, place: int, packet: Packet, *, repeated: bool) -> None:
         stream = self.streams.setdefault(
-            packet.stream, Stream(packet.counter, packet.node, (packet.port, packet.index))
+            packet.stream, Stream(place, packet.counter, packet.node, (packet.port, packet.index))
         )
         node = self.nodes.setdefault(packet.node, Node())
         stream.telegrams += 1
@@ -218,13 +219,19 @@ def losses(
         scope = counters.scope(name)
         for place, gap in counters.gaps[scope].items():
             stream = counters.streams[gap.stream]
-            if stream.node != name or gap.stream[2] not in intervals_ns or gap.missing <= 0:
+            if stream.node != name or gap.missing <= 0:
+                continue
+            # Of what one Counter runs through, nobody knows which list lost something: any that had come from there.
+            of_sender = [one.list[1] for one in counters.streams.values() if one.node == name and one.begins <= place]
+            lists = {gap.stream[2]} if scope == "stream" else set(of_sender)
+            if not lists & set(intervals_ns):
                 continue
             if not stream.varied:
                 raise Doubt("whether a stream counts that has shown one Counter alone")
             if stream.lost[scope] > stream.telegrams and stream.lost[scope] > 100:
                 raise Doubt("whether a sender counts at all")
-            of_list(place, gap.stream[2])
+            for index in lists & set(intervals_ns):
+                of_list(place, index)
     for before, (place, packet) in zip(packets, list(enumerate(packets))[1:], strict=False):
         if packet.time_ns > before.time_ns + NOBODY_NS:
             found[place] = None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -118,11 +119,37 @@ def test_what_is_no_file_stays(option: str, folder: Folder) -> None:
     assert (folder.path / "pipe").is_fifo()
 
 
-def test_a_file_that_is_no_closed_database_is_not_taken_for_one(folder: Folder) -> None:
-    (folder.path / "log.db.5").write_text("notes")
-    code, told = folder.record("-w", "log.db", "--force")
-    assert (code, "log.db.5: the file has the name of a closed database, and is none" in told) == (2, True)
-    assert (folder.path / "log.db.5").read_text() == "notes"
+def other_tables() -> bytes:
+    with closing(sqlite3.connect(":memory:")) as connection:
+        connection.execute("CREATE TABLE messages (ts REAL)")
+        return connection.serialize()
+
+
+@pytest.mark.parametrize("option", ["--force", "--append"])
+@pytest.mark.parametrize(
+    ("content", "what"),
+    [
+        (b"notes", "not an SQLite database"),
+        (b"", "empty"),
+        (other_tables(), "a database without a table of a DataLogger"),
+        (None, "cut short: 1 of its 3 pages is missing at its end"),
+    ],
+)
+def test_a_file_that_is_no_closed_database_is_not_taken_for_one(
+    folder: Folder, option: str, content: bytes | None, what: str
+) -> None:
+    assert folder.record("-w", "log.db")[0] == 0
+    whole = (folder.path / "log.db").read_bytes()
+    content = whole[:8192] if content is None else content
+    (folder.path / "log.db.5").write_bytes(content)
+    code, told = folder.record("-w", "log.db", option)
+    first, then, *_ = told.splitlines()
+    assert code == 2
+    assert first.startswith(
+        f"nvscope: log.db.5: so a closed file of log.db is called, and it is no whole database of a DataLogger: {what}"
+    )
+    assert then.startswith("  move it to another folder, or give it a name that does not begin with log.db.; or log to")
+    assert ((folder.path / "log.db.5").read_bytes(), (folder.path / "log.db").read_bytes()) == (content, whole)
 
 
 @pytest.mark.parametrize("content", [None, b"", b"hello", b"\xd4\xc3\xb2\xa1garbage that is no capture"])

@@ -152,3 +152,20 @@ def test_a_lost_cycle_of_the_task_is_a_loss_of_all_that_it_takes(tmp_path: Path)
     done = run_text("datalog", "plant.pcap", "--config", "c.xml", "--gvl", ".", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert [row[2:] for row in rows_of(tmp_path / "log.db") if not row[2]] == [(0, 39)]
+
+
+@pytest.mark.parametrize("counter", ["telegram", "send"])
+def test_what_one_counter_lost_may_be_of_any_list_of_its_sender(tmp_path: Path, counter: str) -> None:
+    """A lost telegram of one list shows in the next one of the other: the rows of both are behind the loss."""
+    rows = logged_by_tasks(tmp_path, plant(LOST_40, LOST_70_TO_72, lists=2, counter=counter))
+    shown = [(0, None, place) for place in (69, 70, 71)]
+    assert [row for row in rows if not row[0]] == [(0, None, 39), (0, 40, None), *shown, (0, 72, None)]
+
+
+@pytest.mark.parametrize("counter", ["telegram", "send"])
+def test_a_loss_that_shows_in_a_list_of_nobody_is_one(tmp_path: Path, counter: str) -> None:
+    """The cycle that is missing in the rows is told in them, and an audit finds nothing that is not."""
+    rows = logged(tmp_path, plant(LOST_40, lists=2, counter=counter), 'taskContext="list1"', lists=2)
+    assert [row for row in rows if not row[0]] == [(0, 40)]
+    done = run_text("audit", "log.db", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout

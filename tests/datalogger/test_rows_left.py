@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 from dissectors.datalogger.leaves import NumberColumns
 from dissectors.datalogger.tables import LoggedVariable, LogTable
+from nvscope.capture.datalogger.names import closed_files
 from nvscope.datalogger.configuration_file import read_configuration
-from nvscope.datalogger.database import Database, closed_files
+from nvscope.datalogger.database import Database
 from tests.datalogger.plants import configuration
 
 TABLE = LogTable("log_1", True, (LoggedVariable("a", "INT", 2), LoggedVariable("b", "INT", 3)))

@@ -1,35 +1,94 @@
-"""What databases are called: files of a rolled-over series are one, ``x.db``, ``x.db.0``, ``x.db.1``."""
+"""What databases are called: the one rule of which files are a series, for whoever writes, reads or audits them.
+
+::
+
+    x.db           the file that is written last
+    x.db.0 …       those that were closed when they were full, in the order of their numbers
+    x.db.0.gz …    closed ones that somebody compressed
+
+A number is written as controllers count: digits alone, however many, and no zero in front of others. What is called
+otherwise, ``x.db.007`` or ``x.db.-1``, is a file of its own, which nobody takes along, goes on from, or removes.
+"""
 
 from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterable
 
 PREFIX = "db/"
 """So begins what stands for a database in the place of a list."""
 
-_NUMBER = re.compile(r"\.([0-9]{1,9})\Z")
+_NUMBERED = re.compile(r"(?P<base>.+)\.(?P<number>0|[1-9][0-9]*)", re.DOTALL)
 _COMPRESSED = (".gz", ".zst", ".lz4")
+_ENDING = ".db"
+
+
+def parted(path: str) -> tuple[str, int | None]:
+    """Return the path of the file of a series that is written last, and a file's number, None of that one itself."""
+    found = _NUMBERED.fullmatch(path)
+    if found is None or not os.path.basename(found["base"]):
+        return path, None
+    return found["base"], int(found["number"])
 
 
 def series_of(path: str) -> str:
-    """Return the path of the newest file of the series that a database is of; of any file alone, its own."""
+    """Return the path of the newest file of the series that a database, compressed or not, is of."""
     folder, name = os.path.split(_plain(path))
-    return os.path.join(folder, _NUMBER.sub("", name) or name)
+    return os.path.join(folder, parted(name)[0])
 
 
 def number_of(path: str) -> int | None:
-    """Return the number of a closed file of a series, None of the file that is written."""
-    found = _NUMBER.search(_plain(path))
-    return int(found[1]) if found else None
+    """Return the number of a closed file of a series, compressed or not, None of the file that is written."""
+    return parted(_plain(path))[1]
+
+
+def closed_names(path: str, others: Iterable[str]) -> list[tuple[int, str]]:
+    """Return which of some paths in one form closed files of a database could have, with their numbers, rising."""
+    named = ((*parted(other), other) for other in others)
+    return sorted((number, other) for base, number, other in named if number is not None and base == path)
+
+
+def closed_files(path: str) -> list[tuple[int, str]]:
+    """Return the closed files of a database that are on the disk, with their numbers, the oldest first.
+
+    Those that somebody compressed are none: no rows can be looked for in them as they are.
+    """
+    name = os.path.basename(path)
+    # The folder as it was written: by any other form of it, the files would not be those of the path.
+    front = path[: len(path) - len(name)]
+    return [(number, front + entry) for number, entry in closed_names(name, _beside(path))]
+
+
+def next_closed(path: str) -> str:
+    """Return the path that the file of a series gets when it is closed: no file has it, nor a higher number."""
+    name = os.path.basename(path)
+    numbers = [number_of(entry) for entry in _beside(path) if series_of(entry) == name]
+    number = max((one for one in numbers if one is not None), default=-1) + 1
+    while os.path.lexists(f"{path}.{number}"):  # on disks that tell no case of letters apart, say
+        number += 1
+    return f"{path}.{number}"
+
+
+def is_called_database(name: str) -> bool:
+    """Tell whether a file of a folder is one by its name: x.db, or a closed file of it."""
+    base = parted(name)[0]
+    return base.endswith(_ENDING) and base != _ENDING
+
+
+def title_of(path: str) -> str:
+    """Return what stands for a database in the place of a list."""
+    return f"{PREFIX}{'stdin' if path == '-' else os.path.basename(series_of(path))}"
+
+
+def _beside(path: str) -> list[str]:
+    try:
+        return os.listdir(os.path.dirname(path) or os.curdir)
+    except OSError:
+        return []
 
 
 def _plain(path: str) -> str:
     for suffix in _COMPRESSED:
         path = path.removesuffix(suffix)
     return path
-
-
-def title_of(path: str) -> str:
-    """Return what stands for a database in the place of a list."""
-    return f"{PREFIX}{'stdin' if path == '-' else os.path.basename(series_of(path))}"

@@ -15,6 +15,7 @@ from nvscope.capture.can import sqlite_file
 from nvscope.capture.datalogger.damage import Damage, Damages
 from nvscope.capture.datalogger.database import LogDatabase, opened
 from nvscope.capture.datalogger.schema import StoredTable
+from nvscope.capture.datalogger.table_rows import Rows
 from nvscope.datalogger.audit.chunk import Chunk, chunk_of
 from nvscope.datalogger.audit.finding import MOST_FINDINGS, MOST_ROWS, Finding
 from nvscope.datalogger.audit.series import Member, Series, series_of
@@ -237,6 +238,9 @@ class _Reading:
         table.audit.begin_file(told.path, encoding)
         waiting: list[int] = []
         for rows in database.rows(stored, damages):
+            if begins and len(table.files) > 1 and isinstance(rows, Rows) and rows.rowid[0] > 1:
+                # Its oldest rows were deleted, as is configured where no file follows a full one.
+                self._stretches[key] += 1
             waiting += damages.breaks
             damages.breaks.clear()
             last = int(rows.rowid[-1])

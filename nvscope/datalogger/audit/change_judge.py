@@ -191,7 +191,9 @@ class ChangeJudge:
                 half &= known & (steps == 0) & ~at_zero
             if half.any():
                 _note(notes, topics.HALF, number, chunk, rows[half])
-        for place in np.flatnonzero(at_zero).tolist():
+        # In the style of the document a counter is repeated without its value: that tells of nothing new.
+        repeated = known & (steps == 0) & ~valued & ~self.partly[rows]
+        for place in np.flatnonzero(at_zero & ~repeated).tolist():
             if not known[place]:
                 says = Zero.UNKNOWN
             elif steps[place] < 0:

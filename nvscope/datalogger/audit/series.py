@@ -7,15 +7,12 @@ may begin with any number; within it, none is missing.
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from nvscope.datalogger.database import closed_files
+from nvscope.capture.datalogger.names import closed_files, is_called_database, parted
 
-_NUMBERED = re.compile(r"(?P<base>.+)\.(?P<number>0|[1-9][0-9]{0,8})", re.DOTALL)
-_DATABASE = re.compile(r".+\.db(\.(0|[1-9][0-9]{0,8}))?", re.DOTALL)
 _BESIDE = ("-wal", "-shm", "-journal")
 
 
@@ -67,8 +64,7 @@ def series_of(paths: Sequence[str]) -> list[Series]:
     """
     named: dict[str, dict[str, Member]] = {}
     for path in _files(paths):
-        match = _NUMBERED.fullmatch(path)
-        base, number = (match["base"], int(match["number"])) if match else (path, None)
+        base, number = parted(path)
         named.setdefault(base, {}).setdefault(os.path.realpath(path), Member(path, number))
     return [_series(base, members) for base, members in named.items()]
 
@@ -77,7 +73,7 @@ def _files(paths: Iterable[str]) -> Iterator[str]:
     all_paths = list(paths)
     for path in all_paths:
         if os.path.isdir(path):
-            names = sorted(name for name in os.listdir(path) if _DATABASE.fullmatch(name))
+            names = sorted(name for name in os.listdir(path) if is_called_database(name))
             yield from (os.path.join(path, name) for name in names)
         elif not any(path.endswith(suffix) and path.removesuffix(suffix) in all_paths for suffix in _BESIDE):
             # A pattern such as x.db* also names what lies beside a database.

@@ -17,6 +17,7 @@ from nvscope.datalogger.audit.chunk import Chunk
 from nvscope.datalogger.audit.coverage import Coverage
 from nvscope.datalogger.audit.finding import Finding, Notes
 from nvscope.datalogger.audit.intervals import Gaps, Intervals, SetBack, without_clock_sets
+from nvscope.datalogger.audit.rhythms import Parts
 from nvscope.datalogger.audit.row_ids import RowIds
 from nvscope.datalogger.audit.stamps import Stamps
 from nvscope.datalogger.audit.tasks import Tasks
@@ -42,6 +43,7 @@ class _Task:
     """
 
     intervals: Intervals
+    parts: Parts = field(default_factory=Parts)
     rows: int = 0
     timed_rows: int = 0
     time_ns: int = 0
@@ -305,6 +307,7 @@ class TableAudit:
             else:
                 told = np.diff(losses, prepend=task.losses) > 0
             gaps = Gaps(length_ns, before_ns, chunk.rowid[rows], number, np.full(len(rows), current), told)
+            task.parts.begin(number[told | ~follows])
             task.intervals.take(gaps if forward.all() else gaps.take(forward))
             if task.intervals.is_full:
                 self._decide(task, fix=True)
@@ -351,6 +354,9 @@ class TableAudit:
             task.intervals.fix(interval_ns)
         gaps = without_clock_sets(task.intervals.gaps(interval_ns), task.set_back, interval_ns)
         untold = gaps.take(~gaps.told)
+        if interval_ns != self._asked_ns:
+            # What the configuration asks for holds for all rows.
+            untold = task.parts.without_slower(untold, task.timed_rows, alone=len(self._of_task) == 1)
         for file in dict.fromkeys(untold.file.tolist()):
             own = untold.take(untold.file == file)
             self._notes[file].of(topics.GAP).add(
@@ -365,6 +371,7 @@ class TableAudit:
             return
         kept = self._of_task.setdefault(other, _Task(self._new_intervals(other)))
         kept.intervals.join(task.intervals)
+        kept.parts.forget()
         kept.rows += task.rows
         kept.timed_rows += task.timed_rows
         kept.set_back += task.set_back
