@@ -20,6 +20,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from tests.datalogger.oracle_copies import copies_in
 from tests.datalogger.oracle_losses import Packet
 
 SECOND_NS = 10**9
@@ -252,28 +253,16 @@ def cycles(packets: Sequence[Packet], defined: DefinedList) -> list[tuple[int, i
 
 
 def copies(packets: Sequence[Packet], defined: DefinedList) -> set[int]:
-    """Return the places of telegrams of a list that are the one before of their stream, seen once more.
-
-    A sender may say the same with the same counter in each cycle: what is half an interval late is no copy, nor, of one
-    that has shown one counter alone, what is 10 ms late. A list without an interval repeats nothing by itself.
-    """
-    found: set[int] = set()
-    last: dict[object, Packet] = {}
-    counts: set[object] = set()
+    """Return the places of telegrams of a list that are others of their stream, seen once more."""
+    streams: dict[object, list[int]] = {}
     for place, packet in enumerate(packets):
-        if not packet.is_data or packet.index != defined.index or packet.port != defined.port:
-            continue
-        before = last.get(packet.stream)
-        last[packet.stream] = packet
-        if before is None:
-            continue
-        if before.counter != packet.counter:
-            counts.add(packet.stream)
-        limits = [] if defined.interval_ns is None else [defined.interval_ns // 2]
-        limits += [] if packet.stream in counts else [UNKNOWN_INTERVAL_NS]
-        if before.content == packet.content and all(abs(packet.time_ns - before.time_ns) < limit for limit in limits):
-            found.add(place)
-    return found
+        if packet.is_data and packet.index == defined.index and packet.port == defined.port:
+            streams.setdefault(packet.stream, []).append(place)
+    return {
+        places[copy]
+        for places in streams.values()
+        for copy in copies_in([packets[place] for place in places], defined.interval_ns)
+    }
 
 
 def count_changes(found: Iterable[Sample]) -> None:
