@@ -7,13 +7,16 @@
     span     from a new one up to the next: where that is there, it is closed
 
 A sender may count each telegram, or only those with other values, or nothing: then a cycle is a repeat, too. What it
-does is told by time. As many cycles lie between two new telegrams as intervals of the stream; where there are more
-repeats, those are copies that come sooner than half an interval behind the cycle before them. So it does not matter how
-late a copy is. What cannot be proven is a cycle.
+does is told by time. Between two new telegrams there is room for as many cycles as intervals of the stream, less one,
+or less what a Counter counts that moves with the intervals. Where more repeats come, those are copies that come sooner
+than half an interval behind the cycle before them. So it does not matter how late a copy is, nor behind what. Behind
+the last new telegram, a copy comes sooner than a quarter of an interval, or as late as others did. What cannot be proven
+is a cycle: a row too many is better than one that is lost.
 
-The interval is that of new telegrams, one directly behind the other. Where there are none such, all have been repeated,
+The interval is that of new telegrams, one directly behind the other. Where there are few such, most have been repeated,
 or values are slow: then it is that of all new telegrams if these have been repeated in a way in which no sender sends
-cycles (``_are_copied``), else that of all telegrams. An irregular stream has none.
+cycles (``_are_copied``), else that of all telegrams. An irregular stream has none: there a copy comes at once, or each
+telegram has one, equally late, or the Counter is known to move by itself.
 """
 
 from __future__ import annotations
@@ -34,6 +37,7 @@ AT_ONCE_NS = 2_000_000
 LEAST = 5
 """So many times it takes to say that something is so."""
 
+_FEW = 3 * LEAST
 _NS = 1_000_000
 _LOST_NONE, _LOST_MOST = 1, RECENT
 
@@ -91,26 +95,20 @@ class Seen:
 
     def copies(self) -> Bool:
         """Return which telegrams are copies."""
-        found = np.zeros(len(self), np.bool_)
-        if len(self.new) == len(self):
+        repeats = self.before >= 0
+        found: Bool = repeats & (self._behind_ns < self._limit_ns)
+        if found.sum() == repeats.sum():
             return found
         interval_ns = self._interval_ns
-        closed = self._closed
         if interval_ns is None:
-            found = self._without_interval()
-        else:
-            room, repeats = self._room(interval_ns), self._repeats
-            # Who sends faster than that does not send in this interval.
-            other = (2 * closed < interval_ns) | self._evenly(2, 4)
-            told = self._span < len(closed)
-            full = told & (self.before >= 0)
-            full[told] &= ((room == 0) & ~other)[self._span[told]]
-            found |= full
-            unfit = np.append(other & (room < repeats), False)[self._span] & (self.before >= 0)
-            found |= unfit & (self._behind_ns < self._limit_ns)
-            for span in np.flatnonzero((room > 0) & (room < repeats) & ~other).tolist():
-                self._pick(found, span, interval_ns, int(room[span]))
-            self._end(found, interval_ns)
+            return found | self._without_interval()
+        room = self._room(interval_ns)
+        # Who sends faster than that does not send in this interval. How many cycles there are is not known exactly.
+        fits = (2 * self._closed < interval_ns) | self._evenly(2, 4) | (self._repeats <= room + room // 4)
+        found |= repeats & np.append(~fits & (room == 0), False)[self._span]
+        for span in np.flatnonzero(~fits & (room > 0)).tolist():
+            self._pick(found, span, interval_ns, int(room[span]))
+        self._end(found, interval_ns)
         return found
 
     @cached_property
@@ -162,12 +160,13 @@ class Seen:
         direct = self._closed[self._repeats == 0]
         # Where few are direct, what lies between the others may have been lost.
         often = 4 * len(direct) >= len(self._closed)
+        of_all = regular(self._gaps)
         if often and (of_direct := regular(direct)) is not None:
-            return of_direct
+            return of_direct if of_all is None else min(of_direct, of_all)
         of_new = regular(self._closed)
         if of_new is not None and (often or self._are_copied) and 4 * (self.defined_ns or of_new) >= 3 * of_new:
             return of_new
-        for found in (self._defined_of_few, regular(self._gaps), self._of_pairs):
+        for found in (self._defined_of_few, of_all, self._of_pairs):
             if found is not None:
                 return found
         return None
@@ -178,13 +177,15 @@ class Seen:
         found = regular(self._gaps[1:] + self._gaps[:-1])
         if found is None or not self.defined_ns or 4 * abs(found - self.defined_ns) > self.defined_ns:
             return None
-        return found
+        short = 2 * self._gaps < found
+        in_turn = np.count_nonzero(short[1:] != short[:-1])
+        return found if 10 * in_turn >= 9 * (len(short) - 1) else None
 
     @cached_property
     def _defined_of_few(self) -> int | None:
         """The interval that the list is defined to have, if the few new telegrams that there are came in it."""
         defined_ns = self.defined_ns
-        if not defined_ns or not 1 < len(self._closed) < LEAST:
+        if not defined_ns or len(self) > _FEW or not 1 < len(self._closed) < LEAST:
             return None
         off = np.abs(self._closed - defined_ns)
         return None if (4 * off > defined_ns).any() or self._evenly(1, 8).any() else defined_ns
@@ -264,7 +265,7 @@ class Seen:
     def _without_interval(self) -> Bool:
         """Return the copies of a stream without an interval."""
         repeats = self.before >= 0
-        found: Bool = repeats & (self._behind_ns < self._limit_ns)
+        found = np.zeros(len(self), np.bool_)
         if self._counts_by_itself:
             # A sender that begins anew comes behind its own telegrams, from the first one on.
             first = np.minimum(self.new[:-1] + 1, len(self) - 1)

@@ -42,7 +42,8 @@ def drawn_stream(rng: random.Random, *, habits: Sequence[str] = HABITS, regular:
     begin, value, at_ns = rng.choice([1, 1, 250, 65_530]), 0, START_NS
     counter, moved = begin, 0
     sent: list[Packet] = []
-    for number in range(rng.choice([3, 8, 40, 150])):
+    # Of a few irregular ones, some may be alike by chance.
+    for number in range(rng.choice([3, 8, 40, 150] if regular else [40, 150])):
         changes = number > 0 and rng.random() < VALUES[values]
         value += changes
         moved += changes if habit == "with values" else habit != "still"
@@ -54,7 +55,9 @@ def drawn_stream(rng: random.Random, *, habits: Sequence[str] = HABITS, regular:
     return Stream(sent, habit, values, interval_ns, jitter, defined_ns)
 
 
-def seen_twice(rng: random.Random, sent: Sequence[Packet], late_ns: int, *, each: int = 1, off_ns: int = 0) -> list[Packet]:
+def seen_twice(
+    rng: random.Random, sent: Sequence[Packet], late_ns: int, *, each: int = 1, off_ns: int = 0
+) -> list[Packet]:
     """Return telegrams as somebody sees them who sees each so many-th one again, so late, as captured."""
     again = [replace(one, time_ns=one.time_ns + late_ns + rng.randint(0, off_ns)) for one in sent[::each]]
     return sorted([*sent, *again], key=lambda packet: packet.time_ns)

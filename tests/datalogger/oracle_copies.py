@@ -2,8 +2,8 @@
 
 A *repeat* has the Counter and the bytes of one of the 64 telegrams before it, which came within a second of it; all
 others are *new*. Between two new ones there is room for as many cycles as intervals, less one, or less what a Counter
-counts on that moves with the intervals. Repeats beyond that are copies: those that come sooner than half an interval
-behind the cycle before them. Behind the last new one, a copy comes sooner than a quarter of an interval, or as late as
+counts on that moves with the intervals. Where more repeats come, by more than a quarter, those are copies that come
+sooner than half an interval behind the cycle before them. Behind the last new one, a copy comes sooner than a quarter of an interval, or as late as
 copies usually do.
 
 What a list is sent at, its stream tells (``interval``). Where there is no interval, a copy comes at once; or each
@@ -51,16 +51,15 @@ def copies_in(stream: Sequence[Packet], defined_ns: int | None) -> set[int]:
     interval_ns = interval(stream, spans, defined_ns)
     if interval_ns is None:
         return without_interval(stream, spans, repeated, late, at_once)
-    found: set[int] = set()
+    found = {place for place in repeated if late[place] < at_once}
     rooms = room(stream, spans, interval_ns)
     for span in spans[:-1]:
         assert span.end is not None
         cycles = rooms[span.begin]
-        long_ns = times[span.end] - times[span.begin]
-        if cycles >= len(span.repeats):
+        is_longer = 2 * (times[span.end] - times[span.begin]) >= interval_ns
+        if not is_longer or len(span.repeats) <= cycles + cycles // 4:
             continue
-        if 2 * long_ns < interval_ns or (len(span.repeats) > 1 and evenly(times, span, 4)):
-            found |= {place for place in span.repeats if late[place] < at_once}
+        if len(span.repeats) > 1 and evenly(times, span, 4):
             continue
         last_ns = times[span.begin]
         for place in span.repeats:
@@ -124,19 +123,23 @@ def interval(stream: Sequence[Packet], spans: Sequence[Span], defined_ns: int | 
     long = [times[span.end] - times[span.begin] for span in closed if span.end is not None]
     direct = [ns for ns, span in zip(long, closed, strict=True) if not span.repeats]
     often = 4 * len(direct) >= len(closed)
-    if often and median_if_regular(direct) is not None:
-        return median_if_regular(direct)
+    of_direct = median_if_regular(direct)
+    of_all = median_if_regular([now - then for then, now in zip(times, times[1:], strict=False)])
+    if often and of_direct is not None:
+        return of_direct if of_all is None else min(of_direct, of_all)
     of_new = median_if_regular(long)
     if of_new is not None and (often or are_copied(stream, closed)) and 4 * (defined_ns or of_new) >= 3 * of_new:
         return of_new
-    if defined_ns and 1 < len(closed) < ENOUGH:
+    if defined_ns and 1 < len(closed) < ENOUGH and len(stream) <= 3 * ENOUGH:
         near = all(4 * abs(ns - defined_ns) <= defined_ns for ns in long)
         if near and not any(span.repeats and evenly(times, span, 8) for span in closed):
             return defined_ns
-    of_all = median_if_regular([now - then for then, now in zip(times, times[1:], strict=False)])
     of_pairs = median_if_regular([now - then for then, now in zip(times, times[2:], strict=False)])
     if of_all is None and of_pairs is not None and defined_ns and 4 * abs(of_pairs - defined_ns) <= defined_ns:
-        return of_pairs
+        short = [2 * (now - then) < of_pairs for then, now in zip(times, times[1:], strict=False)]
+        in_turn = sum(one != other for one, other in zip(short, short[1:], strict=False))
+        if 10 * in_turn >= 9 * (len(short) - 1):
+            return of_pairs
     return of_all
 
 
