@@ -10,8 +10,8 @@ A sender may count each telegram, or only those with other values, or nothing: t
 does is told by time. Between two new telegrams there is room for as many cycles as intervals of the stream, less one,
 or less what a Counter counts that moves with the intervals. Where more repeats come, those are copies that come sooner
 than half an interval behind the cycle before them. So it does not matter how late a copy is, nor behind what. Behind
-the last new telegram, a copy comes sooner than a quarter of an interval, or as late as others did. What cannot be proven
-is a cycle: a row too many is better than one that is lost.
+the last new telegram, a copy comes sooner than a quarter of an interval, or as late as others did. What cannot be
+proven is a cycle: a row too many is better than one that is lost.
 
 The interval is that of new telegrams, one directly behind the other. Where there are few such, most have been repeated,
 or values are slow: then it is that of all new telegrams if these have been repeated in a way in which no sender sends

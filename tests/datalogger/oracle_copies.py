@@ -1,10 +1,11 @@
 """Which telegrams of one stream are copies of others, and no cycles: the rules, telegram by telegram.
 
 A *repeat* has the Counter and the bytes of one of the 64 telegrams before it, which came within a second of it; all
-others are *new*. Between two new ones there is room for as many cycles as intervals, less one, or less what a Counter
-counts on that moves with the intervals. Where more repeats come, by more than a quarter, those are copies that come
-sooner than half an interval behind the cycle before them. Behind the last new one, a copy comes sooner than a quarter of an interval, or as late as
-copies usually do.
+others are *new*. Of a Counter that comes round within these, only the one directly before counts. Between two new ones
+there is room for as many cycles as intervals, less one, or less what a Counter counts on that moves with the intervals.
+Where more repeats come, by more than a quarter, those are copies that come sooner than half an interval behind the
+cycle before them. Behind the last new one, a copy comes sooner than a quarter of an interval, or as late as copies
+usually do. What comes at once is a copy anyway.
 
 What a list is sent at, its stream tells (``interval``). Where there is no interval, a copy comes at once; or each
 telegram has one, equally late; or its Counter is known to move whatever the values do.
@@ -14,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from tests.datalogger.oracle_losses import Packet
 
@@ -124,7 +126,7 @@ def interval(stream: Sequence[Packet], spans: Sequence[Span], defined_ns: int | 
     direct = [ns for ns, span in zip(long, closed, strict=True) if not span.repeats]
     often = 4 * len(direct) >= len(closed)
     of_direct = median_if_regular(direct)
-    of_all = median_if_regular([now - then for then, now in zip(times, times[1:], strict=False)])
+    of_all = median_if_regular([now - then for then, now in pairwise(times)])
     if often and of_direct is not None:
         return of_direct if of_all is None else min(of_direct, of_all)
     of_new = median_if_regular(long)
@@ -136,8 +138,8 @@ def interval(stream: Sequence[Packet], spans: Sequence[Span], defined_ns: int | 
             return defined_ns
     of_pairs = median_if_regular([now - then for then, now in zip(times, times[2:], strict=False)])
     if of_all is None and of_pairs is not None and defined_ns and 4 * abs(of_pairs - defined_ns) <= defined_ns:
-        short = [2 * (now - then) < of_pairs for then, now in zip(times, times[1:], strict=False)]
-        in_turn = sum(one != other for one, other in zip(short, short[1:], strict=False))
+        short = [2 * (now - then) < of_pairs for then, now in pairwise(times)]
+        in_turn = sum(one != other for one, other in pairwise(short))
         if 10 * in_turn >= 9 * (len(short) - 1):
             return of_pairs
     return of_all
@@ -218,7 +220,7 @@ def without_interval(
 
 
 def soon(times: Sequence[int], defined_ns: int | None) -> int:
-    gaps = [now - then for then, now in zip(times, times[1:], strict=False)]
+    gaps = [now - then for then, now in pairwise(times)]
     most = min(2 * MS, defined_ns // 4) if defined_ns else 2 * MS
     return min(most, share(gaps, 90) // 8) if len(gaps) >= ENOUGH else most
 
