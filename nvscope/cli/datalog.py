@@ -247,14 +247,15 @@ def _logged(
     from nvscope.datalogger.plan import data_log
 
     whole = not inquiry.read_once
+    keys = {key for one in planned for key in one.keys}
     state = None
     judge: Judge
     if whole:
         keep_freed_memory()
-        judge = WholeCapture(inquiry, {key for one in planned for key in one.keys}, holds_drops=_hold_drops(source))
+        judge = WholeCapture(inquiry, keys, holds_drops=_hold_drops(source))
     else:
         state = inquiry.state()
-        judge = StateSoFar(state, inquiry.project.definition.nominal_intervals_ns(), source)
+        judge = StateSoFar(state, keys, inquiry.project.definition.nominal_intervals_ns(), source)
     log = data_log(
         planned, inquiry.defined_layouts(), judge, append=append, durable=not whole, document_style=document_style
     )

@@ -1,73 +1,168 @@
 """Copies: telegrams that came again, byte for byte and with the same Counter, and are no cycle of their own.
 
 A mirror port shows a frame twice, two interfaces or two captures have it both, and a sender that waits for an
-acknowledgement sends it once more. A sender whose Counter does not move, or moves only with its values, sends the same
-bytes cycle by cycle: what comes half an interval later, or more, is a cycle.
+acknowledgement sends it once more. Which ones these are, ``nvscope.datalogger.repeats`` tells.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from dissectors.batch import I64, Bool
+from dissectors.batch import I64, U16, U64, Bool
+from nvscope.datalogger.contents import contents_of, mixed
+from nvscope.datalogger.repeats import Seen
+from nvscope.datalogger.wanted import WantedStreams
 from nvscope.engine.keys import COUNTER_SHIFT
 from nvscope.engine.rows import DataRows
 from nvscope.engine.told import Told
-from nvscope.list_key import ListKey
+from nvscope.list_key import ListKey, told_of
+from nvscope.tracker.steps import EARLY_WRAPS
 
-AT_ONCE_NS = 10_000_000
-"""Before a Counter has moved, a copy comes sooner than this behind what it is of."""
+BLOCK = 512
+"""So many telegrams of a stream are judged at a time, by those and as many before and behind them."""
 
-_ALWAYS = (1 << 63) - 1
+
+@dataclass(slots=True)
+class _Stream:
+    """The last telegrams of a stream; of the first ``judged`` of them it is known what they are."""
+
+    defined_ns: int | None
+    time_ns: I64
+    counter: U16
+    values: U64
+    content: U64
+    frame: I64
+    judged: int = 0
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+    def append(self, other: _Stream) -> None:
+        """Take telegrams that follow."""
+        self.time_ns = np.append(self.time_ns, other.time_ns)
+        self.counter = np.append(self.counter, other.counter)
+        self.values = np.append(self.values, other.values)
+        self.content = np.append(self.content, other.content)
+        self.frame = np.append(self.frame, other.frame)
+
+    def forget(self) -> None:
+        """Forget telegrams by which none will be judged."""
+        part = slice(max(self.judged - BLOCK, 0), None)
+        # Copied, so that nothing else of a batch is kept.
+        self.time_ns, self.counter, self.frame = (
+            self.time_ns[part].copy(), self.counter[part].copy(), self.frame[part].copy()
+        )  # fmt: skip
+        self.values, self.content = self.values[part].copy(), self.content[part].copy()
+        self.judged = min(self.judged, BLOCK)
+
+    def judge(self, until: int, end: int) -> I64:
+        """Return the frames of the copies that are not judged yet, up to ``until``, by telegrams up to ``end``."""
+        begin, judged = max(self.judged - BLOCK, 0), self.judged
+        self.judged = until
+        # Who counts on and on repeats nothing.
+        if (np.diff(self.counter[begin:end]).view(np.int16) > 0).all():
+            return np.empty(0, np.int64)
+        part = slice(begin, end)
+        seen = Seen(self.time_ns[part], self.counter[part], self.values[part], self.content[part], self.defined_ns)
+        copies: I64 = np.flatnonzero(seen.copies()[judged - begin : until - begin])
+        return self.frame[judged + copies]
 
 
 class Copies:
-    """Finds the copies among the telegrams of some lists, batch by batch.
+    """Finds the copies among the telegrams of some lists, batch by batch; an observer.
 
-    ``interval_of`` returns the interval of a list, None where it has none or nobody knows it.
+    ``defined_ns`` are the intervals of lists by definition, 0 where they are not sent cyclically. Of a whole capture,
+    ``found`` are all of them: what follows a telegram tells what it is, and however it is cut into batches, they are
+    the same. Who cannot wait asks for those of each batch (``at_once``), by what came so far.
     """
 
-    def __init__(self, interval_of: Callable[[ListKey], int | None]) -> None:
-        self._interval_of = interval_of
-        self._moved: Bool = np.zeros(0, np.bool_)
+    by_stream: ClassVar[bool] = True
 
-    def frames(self, told: Told) -> I64:
-        """Return the frames of the batch, which follows those before, that are copies, rising."""
-        rows = told.laid.data
+    def __init__(self, keys: Collection[ListKey], defined_ns: Mapping[ListKey, int]) -> None:
+        self._wanted = WantedStreams(keys)
+        self._defined_ns = defined_ns
+        self._streams: dict[int, _Stream] = {}
+        self._found: list[I64] = [np.empty(0, np.int64)]
+
+    def observe(self, told: Told) -> None:
+        """Take a batch, which follows those observed so far."""
+        for stream in self._observed(told):
+            while len(stream) - stream.judged >= 2 * BLOCK:
+                until = stream.judged + BLOCK
+                self._found.append(stream.judge(until, until + BLOCK))
+            stream.forget()
+        if told.is_deaf:
+            self._end()
+
+    def at_once(self, told: Told) -> I64:
+        """Take a batch, and return the frames of the copies in it, rising."""
+        self._found = [np.empty(0, np.int64)]
+        for stream in self._observed(told):
+            self._found.append(stream.judge(len(stream), len(stream)))
+            stream.forget()
+        if told.is_deaf:
+            self._streams.clear()
+        return np.sort(np.concatenate(self._found))
+
+    def found(self) -> I64:
+        """Return the frames of all copies, rising, when nothing follows any more."""
+        self._end()
+        self._found = [np.sort(np.concatenate(self._found))]
+        return self._found[0]
+
+    def _observed(self, told: Told) -> Iterator[_Stream]:
+        """Yield the wanted streams of a batch, with its telegrams."""
+        wanted = self._wanted.of(told)
+        if not len(told.laid.data):
+            return
+        rows = told.laid.data.of(wanted)
         if not len(rows):
-            return rows.packet
-        moved = np.zeros(len(told.keys.streams), np.bool_)
-        moved[: len(self._moved)] = self._moved
-        first_move = _first_moves(rows)
-        copies = np.empty(0, np.int64)
-        if rows.repeated is not None:
-            again = np.flatnonzero(rows.repeated)
-            behind = np.searchsorted(rows.start, again, "right") - 1
-            has_moved = moved[rows.stream[again]] | (first_move[behind] <= again)
-            apart_ns = np.abs(rows.time_ns[again] - rows.times_before(again))
-            copies = again[apart_ns < self._limits_ns(told, rows.stream[again], has_moved)]
-        moved[rows.run_stream] |= first_move < rows.stop
-        # Another recording may be of a sender that does not count.
-        self._moved = np.zeros_like(moved) if told.is_deaf else moved
-        return np.sort(rows.packet[copies]) + told.first_frame
+            return
+        values = contents_of(told, rows)
+        content, frame = mixed(values, rows.counter.astype(np.uint64)), rows.packet + told.first_frame
+        runs = zip(*(column.tolist() for column in (rows.run_stream, rows.start, rows.stop, rows.fresh)), strict=True)
+        for number, start, stop, is_fresh in runs:
+            own = slice(start, stop)
+            defined_ns = told_of(self._defined_ns, told.keys.place_key(number)[0]) or None
+            new = _Stream(
+                defined_ns, rows.time_ns[own], rows.counter[own], values[own], content[own], frame[own]
+            )  # fmt: skip
+            known = self._streams.get(number)
+            if known is not None and is_fresh:
+                # Another recording may be of a sender that counts in another way.
+                self._found.append(known.judge(len(known), len(known)))
+                known = None
+            if known is None:
+                known = self._streams[number] = new
+            else:
+                known.append(new)
+            yield known
 
-    def _limits_ns(self, told: Told, stream: I64, has_moved: Bool) -> I64:
-        """Return how soon a copy comes, for each of some telegrams."""
-        limits = np.full(len(stream), _ALWAYS)
-        for number in np.unique(stream).tolist():
-            if interval_ns := self._interval_of(told.keys.place_key(number)[0]):
-                limits[stream == number] = interval_ns // 2
-        found: I64 = np.where(has_moved, limits, np.minimum(limits, AT_ONCE_NS))
-        return found
+    def _end(self) -> None:
+        """Judge what is left; nothing follows it."""
+        for stream in self._streams.values():
+            self._found.append(stream.judge(len(stream), len(stream)))
+        self._streams.clear()
 
 
-def _first_moves(rows: DataRows) -> I64:
-    """Return the first row of each run with another Counter than the one before; its end where there is none."""
-    differs = np.append(False, rows.counter[1:] != rows.counter[:-1])
+def may_be_copies(rows: DataRows, wanted: Bool) -> bool:
+    """Tell whether there may be copies among telegrams of streams that are wanted; of most captures there are none.
+
+    A copy is as the telegram before it in its stream, or the Counter goes back in front of it.
+    """
+    if not len(rows):
+        return False
+    if rows.repeated is not None and wanted[rows.stream[rows.repeated]].any():
+        return True
+    step = np.empty(len(rows), np.uint16)
+    np.subtract(rows.counter[1:], rows.counter[:-1], out=step[1:])
     before = (rows.signature_before >> COUNTER_SHIFT).astype(np.uint16)
-    differs[rows.start] = ~rows.fresh & (rows.counter[rows.start] != before)
-    moves = np.append(np.flatnonzero(differs), len(rows))
-    found: I64 = np.minimum(moves[np.searchsorted(moves, rows.start)], rows.stop)
-    return found
+    step[rows.start] = np.where(rows.fresh, 0, rows.counter[rows.start] - before)
+    back = np.flatnonzero(step.view(np.int16) < 0)
+    # A Counter that begins anew early.
+    back = back[(rows.counter[back] != 0) | ~np.isin((0 - step[back]).astype(np.uint16), EARLY_WRAPS)]
+    return bool(wanted[rows.stream[back]].any())

@@ -10,7 +10,6 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from nvscope.capture.source import LostSpan
-from nvscope.datalogger.copies import Copies
 from nvscope.datalogger.instants import HOLE_NS
 from nvscope.datalogger.judging import Judge
 from nvscope.datalogger.losses import STOPPED_INTERVALS, Drops, Losses
@@ -55,7 +54,6 @@ class DataLog:
         self._losses = Losses(telegrams.keys)
         self._stops = _Stops(telegrams, judge)
         self._captured = Drops(judge.lost)
-        self._copies = Copies(self._cycle_ns)
         self._copied = np.zeros(len(telegrams.keys), np.int64)
         self._seen: dict[SessionLog, int] = {}
         self._last_ns = _NEVER
@@ -127,17 +125,12 @@ class DataLog:
             self._end_ns = max(self._end_ns, *times_ns)
 
     def _without_copies(self, told: Told, rows: DefinedRows) -> DefinedRows:
-        copies = self._copies.frames(told)
+        copies = self._judge.copies_in(told)
         if not len(copies):
             return rows
         again = np.isin(rows.frame, copies, assume_unique=True)
         self._copied += np.bincount(self._number[rows.place[again]], minlength=len(self._copied))
         return rows.take(np.flatnonzero(~again))
-
-    def _cycle_ns(self, key: ListKey) -> int | None:
-        """Return the interval of a list, None where it has none or nobody knows it."""
-        defined_ns = self._judge.least_ns.get(key)
-        return interval_of(key, self._judge.judged().intervals_ns) if defined_ns is None else defined_ns or None
 
     def end(self) -> None:
         """Write all that is left, and close the files."""

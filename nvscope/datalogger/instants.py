@@ -11,12 +11,13 @@ An instant stands behind all packets that had come by then. It is told by the nu
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from dissectors.batch import I64
+from dissectors.batch import I64, Bool
 from nvscope.engine.told import Told
 from nvscope.view.rows.defined import DefinedRows
 
@@ -113,22 +114,25 @@ class Interval:
 class Cycles:
     """Instants behind the cycles of a list, as its telegrams come.
 
-    ``places`` are those of the list, with their SubIndexes in ``subindexes``; a cycle is over with the last of these,
-    with a SubIndex that does not follow, or with one that comes later than ``apart_ns`` behind the one before; and
-    where the clock was set back.
+    ``places`` are those of the list, with their SubIndexes in ``subindexes``, which may come in any order; a cycle is
+    over when all of these have come, with a SubIndex that it has already, or with one that comes later than
+    ``apart_ns`` behind the one before; and where the clock was set back. ``is_open``: there may be further SubIndexes.
     """
 
-    def __init__(self, places: Sequence[int], subindexes: Sequence[int], apart_ns: int) -> None:
+    def __init__(
+        self, places: Sequence[int], subindexes: Collection[int], apart_ns: int, *, is_open: bool = False
+    ) -> None:
         self._places = np.array(sorted(places), np.int64)
-        self._last = max(subindexes, default=0)
+        self._all = frozenset(subindexes)
+        self._is_open = is_open
         self._apart_ns = apart_ns
-        self._open: dict[int, tuple[int, int, int, int]] = {}
+        self._open: dict[int, _Open] = {}
         self._now_ns = _NEVER
 
     @property
     def open_frames(self) -> list[int]:
         """The last frames of cycles that may go on."""
-        return [frame for _, frame, _, _ in self._open.values()]
+        return [one.frame for one in self._open.values()]
 
     def take(self, told: Told, rows: DefinedRows) -> Iterator[Instants]:
         """Yield the instants of the cycles that are over with a batch; within one of them, frames rise."""
@@ -136,7 +140,7 @@ class Cycles:
         own = np.flatnonzero(
             (place < len(self._places)) & (self._places[np.minimum(place, len(self._places) - 1)] == rows.place)
         )
-        if self._last == 0:
+        if len(self._all) < 2 and not self._is_open:
             if len(own):
                 yield Instants(rows.ts_ns[own], rows.frame[own])
             return
@@ -153,7 +157,7 @@ class Cycles:
             self._now_ns = max(self._now_ns, told.until_ns)
         # Packets that are out of order are late by no more than that.
         latest_ns = self._now_ns - self._apart_ns - SET_BACK_NS
-        yield from self._closed([sender for sender, one in self._open.items() if one[2] < latest_ns])
+        yield from self._closed([sender for sender, one in self._open.items() if one.last_ns < latest_ns])
         if told.is_deaf:
             yield from self.end()
 
@@ -164,9 +168,9 @@ class Cycles:
 
     def _closed(self, senders: Sequence[int]) -> Iterator[Instants]:
         """Yield the instants of the open cycles of some senders."""
-        over = sorted((self._open.pop(sender) for sender in senders), key=lambda one: one[1])
+        over = sorted((self._open.pop(sender) for sender in senders), key=lambda one: one.frame)
         if over:
-            yield Instants(np.array([one[0] for one in over]), np.array([one[1] for one in over]))
+            yield Instants(np.array([one.begin_ns for one in over]), np.array([one.frame for one in over]))
 
     def _until_set_back(self, ts_ns: I64) -> int:
         """Return how many of some packets come before the clock is set back, and take their time."""
@@ -191,19 +195,46 @@ class Cycles:
             yield Instants(time_ns[order], frame[order])
 
     def _of_sender(self, number: int, subindex: I64, time_ns: I64, frame: I64) -> tuple[I64, I64]:
-        if number in self._open:
-            begin_ns, last_frame, last_ns, last_subindex = self._open.pop(number)
-            subindex, frame = np.append(last_subindex, subindex), np.append(last_frame, frame)
-            time_ns = np.append(last_ns, time_ns)
-        else:
-            begin_ns = int(time_ns[0])
-        begins = np.ones(len(frame), np.bool_)
-        begins[1:] = (subindex[1:] <= subindex[:-1]) | (time_ns[1:] - time_ns[:-1] > self._apart_ns)
-        start = np.flatnonzero(begins)
-        stop = np.append(start[1:], len(frame))
-        begin, last = time_ns[start].copy(), stop - 1
+        begin_ns = int(time_ns[0])
+        if going := self._open.pop(number, None):
+            begin_ns, known = going.begin_ns, np.array(sorted(going.subindexes))
+            subindex, frame = np.append(known, subindex), np.append(np.full(len(known), going.frame), frame)
+            time_ns = np.append(np.full(len(known), going.last_ns), time_ns)
+        start = _starts(subindex, time_ns[1:] - time_ns[:-1] > self._apart_ns)
+        begin, last = time_ns[start].copy(), np.append(start[1:], len(frame)) - 1
         begin[0] = begin_ns
-        if subindex[-1] < self._last:
-            self._open[number] = int(begin[-1]), int(frame[-1]), int(time_ns[-1]), int(subindex[-1])
+        seen = frozenset(subindex[start[-1] :].tolist())
+        if self._is_open or not seen >= self._all:
+            self._open[number] = _Open(int(begin[-1]), int(frame[-1]), int(time_ns[-1]), seen)
             begin, last = begin[:-1], last[:-1]
         return begin, frame[last]
+
+
+class _Open(NamedTuple):
+    """A cycle that may go on: when it began, and its last telegram."""
+
+    begin_ns: int
+    frame: int
+    last_ns: int
+    subindexes: frozenset[int]
+
+
+def _starts(subindex: I64, is_late: Bool) -> I64:
+    """Return where cycles begin in telegrams of one sender; ``is_late`` are those, but the first, that are too late."""
+    count = len(subindex)
+    order = np.argsort(subindex, kind="stable")
+    again = np.full(count, count)
+    same = subindex[order[1:]] == subindex[order[:-1]]
+    again[order[:-1][same]] = order[1:][same]
+    # What is the next to be there already, of all from one on; or to be late.
+    following = np.minimum.accumulate(again[::-1])[::-1]
+    late = np.append(np.flatnonzero(is_late) + 1, count)
+    following = np.minimum(following, late[np.searchsorted(late, np.arange(count), "right")])
+    # Mostly, they come in their order.
+    start = np.append(0, np.flatnonzero((subindex[1:] <= subindex[:-1]) | is_late) + 1)
+    if (following[start] == np.append(start[1:], count)).all():
+        return start
+    found, ahead = [0], following.tolist()
+    while ahead[found[-1]] < count:
+        found.append(ahead[found[-1]])
+    return np.array(found)

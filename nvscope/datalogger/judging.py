@@ -8,11 +8,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from typing import Protocol
 
+import numpy as np
+
+from dissectors.batch import I64
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.capture.source import LostSpan, Source, SourceInfo
+from nvscope.datalogger.copies import Copies, may_be_copies
 from nvscope.datalogger.losses import Judged, Losses
+from nvscope.datalogger.wanted import WantedStreams
+from nvscope.engine.told import Told
 from nvscope.list_key import ListKey
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
@@ -39,6 +46,10 @@ class Judge(Protocol):
 
     def judged(self) -> Judged: ...
 
+    def copies_in(self, told: Told) -> I64:
+        """Return the frames of the batch, which follows those before, that are copies, rising."""
+        ...
+
 
 class WholeCapture:
     """Tells it of captures that can be read again; ``holds_drops``: their formats say what was lost."""
@@ -51,6 +62,8 @@ class WholeCapture:
         self._holds_drops = holds_drops
         self._known: Judged | None = None
         self._lost: Sequence[LostSpan] | None = None
+        self._wanted = WantedStreams(keys)
+        self._are_copies = False
 
     @property
     def least_ns(self) -> Mapping[ListKey, int]:
@@ -73,10 +86,20 @@ class WholeCapture:
 
     def judged(self) -> Judged:
         if self._known is None:
-            losses = Losses(self._keys)
-            found = self._inquiry.analyze(causes=False, others=[losses])
-            self._known = Judged.of(found.summary, self.least_ns, found.infos, losses.filled)
+            losses, copies = Losses(self._keys), Copies(self._keys, self.least_ns)
+            found = self._inquiry.analyze(causes=False, others=[losses, copies])
+            known = Judged.of(found.summary, self.least_ns, found.infos, losses.filled)
+            self._known = replace(known, copies=copies.found())
         return self._known
+
+    def copies_in(self, told: Told) -> I64:
+        # Behind the first ones, others may go on from one batch to the next.
+        self._are_copies = self._are_copies or may_be_copies(told.laid.data, self._wanted.of(told))
+        if not self._are_copies:
+            return np.empty(0, np.int64)
+        copies = self.judged().copies
+        first, stop = np.searchsorted(copies, [told.first_frame, told.first_frame + len(told)])
+        return copies[first:stop]
 
 
 class StateSoFar:
@@ -84,8 +107,11 @@ class StateSoFar:
 
     lost: Sequence[LostSpan] = ()
 
-    def __init__(self, state: TrackerState, least_ns: Mapping[ListKey, int], source: Source) -> None:
+    def __init__(
+        self, state: TrackerState, keys: Collection[ListKey], least_ns: Mapping[ListKey, int], source: Source
+    ) -> None:
         self._state = state
+        self._copies = Copies(keys, least_ns)
         self._source = source
         self.least_ns = least_ns
         self._known = Judged()
@@ -102,3 +128,6 @@ class StateSoFar:
             self._looked_s, self._streams = now_s, streams
             self._known = Judged.of(summarize(self._state, intervals_ns=self.least_ns), self.least_ns)
         return self._known
+
+    def copies_in(self, told: Told) -> I64:
+        return self._copies.at_once(told)

@@ -16,6 +16,7 @@ import numpy as np
 
 from dissectors.batch import I64
 from nvscope.capture.source import LostSpan, SourceInfo
+from nvscope.datalogger.wanted import WantedStreams
 from nvscope.engine.rows import DataRows
 from nvscope.engine.told import Told
 from nvscope.list_key import ListKey, told_of
@@ -37,13 +38,15 @@ class Judged:
     """What is known of senders: what the Counter of each stream counts, None where it is not believed.
 
     ``intervals_ns`` are those of lists that are sent cyclically. ``filled`` are gaps that late telegrams have filled,
-    as (walk, frame). ``lost`` is when packets were lost while capturing.
+    as (walk, frame). ``lost`` is when packets were lost while capturing. ``copies`` are the frames of telegrams that
+    came again, rising.
     """
 
     scopes: Mapping[_Stream, Scope | None] = field(default_factory=dict)
     intervals_ns: Mapping[ListKey, int] = field(default_factory=dict)
     filled: frozenset[tuple[int, int]] = frozenset()
     lost: tuple[LostSpan, ...] = ()
+    copies: I64 = field(default_factory=lambda: np.empty(0, np.int64))
 
     @staticmethod
     def of(
@@ -96,6 +99,7 @@ class Losses:
     def __init__(self, keys: Collection[ListKey]) -> None:
         self._keys = frozenset(keys)
         self._loss = Loss()
+        self._streams_of = WantedStreams(keys)
         self._wanted = np.zeros(0, np.bool_)
         self._open: dict[tuple[int, int], deque[_Gap]] = {}
         self._streams: dict[int, _Stream] = {}
@@ -112,7 +116,7 @@ class Losses:
         rows = told.laid.data
         if len(rows):
             own, nodes = self._loss.observe(told, rows)
-            self._know(told)
+            self._wanted = self._streams_of.of(told)
             self._begin(told, rows)
             self._note(told, rows, own, Scope.STREAM)
             self._note(told, rows, nodes, Scope.NODE_TELEGRAM)
@@ -130,17 +134,6 @@ class Losses:
                 for key in lists:
                     found.setdefault(key, []).append(frame)
         return {key: np.array(frames, np.int64) for key, frames in found.items()}
-
-    def _know(self, told: Told) -> None:
-        """Find out which of the new streams are of lists that are wanted."""
-        streams = len(told.keys.streams)
-        new = range(len(self._wanted), streams)
-        wanted = np.zeros(streams, np.bool_)
-        wanted[: len(self._wanted)] = self._wanted
-        for number in new:
-            key = told.keys.place_key(number)[0]
-            wanted[number] = key in self._keys or key.on_any_channel in self._keys
-        self._wanted = wanted
 
     def _begin(self, told: Told, rows: DataRows) -> None:
         """Note since when senders have sent the lists that are wanted."""

@@ -256,9 +256,10 @@ def _schedules(planned: Planned, telegrams: DefinedTelegrams, judge: Judge) -> l
 def _cycles(key: ListKey, telegrams: DefinedTelegrams, judge: Judge) -> Cycles:
     number = telegrams.keys.index(key)
     own: Collection[int] = [place for place, one in enumerate(telegrams.places) if one.number == number]
-    subindexes = [telegrams.places[place].layout.subindex for place in own]
+    subindexes = {telegrams.places[place].layout.subindex for place in own}
+    is_open = any(telegrams.places[place].rest is not None for place in own)
     apart_ns = _APART_NS
-    if max(subindexes, default=0):
+    if len(subindexes) > 1 or is_open:
         interval_ns = judge.least_ns.get(key) or interval_of(key, judge.judged().intervals_ns)
         apart_ns = interval_ns // 2 if interval_ns else _APART_NS
-    return Cycles(sorted(own), subindexes, apart_ns)
+    return Cycles(sorted(own), subindexes, apart_ns, is_open=is_open)

@@ -20,6 +20,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from tests.datalogger.oracle_copies import copies_in
 from tests.datalogger.oracle_losses import Packet
 
 SECOND_NS = 10**9
@@ -226,54 +227,44 @@ def instants(times_ns: Sequence[int], interval_ns: int) -> Iterable[tuple[int, i
 
 
 def cycles(packets: Sequence[Packet], defined: DefinedList) -> list[tuple[int, int]]:
-    """Return the places of the first and last telegram of each cycle of a list."""
-    last_subindex = len(defined.telegrams) - 1
+    """Return the places of the first and last telegram of each cycle of a list, whose SubIndexes come in any order."""
     longest_ns = (defined.interval_ns or 2 * UNKNOWN_INTERVAL_NS) // 2
-    going: dict[str, tuple[int, int]] = {}
+    going: dict[str, list[int]] = {}
     over: list[tuple[int, int]] = []
     seen_twice = copies(packets, defined)
     now = packets[0].time_ns
     for place, packet in enumerate(packets):
         if packet.time_ns < now - SET_BACK_NS:
             now = packet.time_ns
-            over += going.values()
+            over += [(one[0], one[-1]) for one in going.values()]
             going.clear()
         now = max(now, packet.time_ns)
         if packet.index != defined.index or not counts_for(packet, defined) or place in seen_twice:
             continue
         if packet.node in going:
-            before = packets[going[packet.node][1]]
-            if packet.subindex <= before.subindex or packet.time_ns - before.time_ns > longest_ns:
-                over.append(going.pop(packet.node))
-        going[packet.node] = going.get(packet.node, (place, place))[0], place
-        if packet.subindex == last_subindex:
-            over.append(going.pop(packet.node))
-    return sorted([*over, *going.values()], key=lambda cycle: cycle[1])
+            own = [packets[one] for one in going[packet.node]]
+            again = packet.subindex in {one.subindex for one in own}
+            if again or packet.time_ns - own[-1].time_ns > longest_ns:
+                done = going.pop(packet.node)
+                over.append((done[0], done[-1]))
+        going.setdefault(packet.node, []).append(place)
+        if len(going[packet.node]) == len(defined.telegrams):
+            done = going.pop(packet.node)
+            over.append((done[0], done[-1]))
+    return sorted([*over, *((one[0], one[-1]) for one in going.values())], key=lambda cycle: cycle[1])
 
 
 def copies(packets: Sequence[Packet], defined: DefinedList) -> set[int]:
-    """Return the places of telegrams of a list that are the one before of their stream, seen once more.
-
-    A sender may say the same with the same counter in each cycle: what is half an interval late is no copy, nor, of one
-    that has shown one counter alone, what is 10 ms late. A list without an interval repeats nothing by itself.
-    """
-    found: set[int] = set()
-    last: dict[object, Packet] = {}
-    counts: set[object] = set()
+    """Return the places of telegrams of a list that are others of their stream, seen once more."""
+    streams: dict[object, list[int]] = {}
     for place, packet in enumerate(packets):
-        if not packet.is_data or packet.index != defined.index or packet.port != defined.port:
-            continue
-        before = last.get(packet.stream)
-        last[packet.stream] = packet
-        if before is None:
-            continue
-        if before.counter != packet.counter:
-            counts.add(packet.stream)
-        limits = [] if defined.interval_ns is None else [defined.interval_ns // 2]
-        limits += [] if packet.stream in counts else [UNKNOWN_INTERVAL_NS]
-        if before.content == packet.content and all(abs(packet.time_ns - before.time_ns) < limit for limit in limits):
-            found.add(place)
-    return found
+        if packet.is_data and packet.index == defined.index and packet.port == defined.port:
+            streams.setdefault(packet.stream, []).append(place)
+    return {
+        places[copy]
+        for places in streams.values()
+        for copy in copies_in([packets[place] for place in places], defined.interval_ns)
+    }
 
 
 def count_changes(found: Iterable[Sample]) -> None:

@@ -64,6 +64,19 @@ def mirror(rng: random.Random, packets: list[Packet]) -> None:
     in_order(packets)
 
 
+def swap(rng: random.Random, packets: list[Packet]) -> None:
+    """From some time on, two SubIndexes of a list come in turns."""
+    chosen = packets[somewhere(rng, packets)]
+    waiting: dict[int, Packet] = {}
+    for packet in [one for one in packets if one.stream[:3] == chosen.stream[:3] and one.time_ns >= chosen.time_ns]:
+        other = waiting.pop(packet.subindex - 1, None)
+        if other is not None:
+            other.time_ns, packet.time_ns = packet.time_ns, other.time_ns
+        else:
+            waiting[packet.subindex] = packet
+    in_order(packets)
+
+
 def stand_still(rng: random.Random, packets: list[Packet]) -> None:
     """From some time on, a stream sends the same telegram again and again."""
     chosen = packets[somewhere(rng, packets)]
@@ -143,7 +156,7 @@ def drop(rng: random.Random, packets: list[Packet]) -> None:
 
 Fault = Callable[[random.Random, list[Packet]], None]
 WHILE_SENT: Sequence[Fault] = (
-    lose, lose, overtake, lose_and_overtake, lose_and_overtake, repeat, restart, stand_still, stop, misshape, malform,
-    stranger,
+    lose, lose, overtake, lose_and_overtake, lose_and_overtake, repeat, swap, restart, stand_still, stop, misshape,
+    malform, stranger,
 )  # fmt: skip
 WHILE_CAPTURED: Sequence[Fault] = (mirror, late_stamp, set_back, pause, drop)

@@ -20,10 +20,12 @@ MIRRORED = "[[mirrored]]\n"
 URI = "Arp.Plc.Eclr/dwValue1"
 
 
-def logged(folder: Path, *captures: str, variables: int = 1, sink: str = "", cyclic: bool = True) -> str:
+def logged(
+    folder: Path, *captures: str, variables: int = 1, sink: str = "", cyclic: bool = True, interval: str = "50ms"
+) -> str:
     """Log a list in each of its cycles; return what is told."""
     names = [f"dwValue{number + 1}" for number in range(variables)]
-    definition = gvl(1, names, pack=variables == 1)
+    definition = gvl(1, names, pack=variables == 1, interval=interval)
     (folder / "list1.gvl").write_text(
         definition if cyclic else definition.replace("Transmission>True", "Transmission>False")
     )
@@ -79,10 +81,60 @@ def test_a_counter_that_stands_still_makes_no_copies(tmp_path: Path) -> None:
 
 def test_what_is_sent_again_unacknowledged_is_no_event_of_its_own(tmp_path: Path) -> None:
     # Each telegram is sent again after 80 ms; the list is sent where something happens.
-    write(tmp_path, [(at + late, 1 + at // 1000, at) for at in (0, 1000, 3000, 7000) for late in (0, 80)])
+    events = [0, 1000, 3000, 7000, 7500, 11000, 11200]
+    write(tmp_path, [(at + late, 1 + number, at) for number, at in enumerate(events) for late in (0, 80)])
     logged(tmp_path, "plant.pcap", cyclic=False)
-    # That its Counter moves is not known of the first one.
-    assert [row[3] for row in rows_of(tmp_path / "log.db")] == [0, 0, 1000, 3000, 7000]
+    assert [row[3] for row in rows_of(tmp_path / "log.db")] == events
+
+
+@pytest.mark.parametrize(
+    ("every", "interval", "cyclic"), [(50, 50, False), (50, 200, True), (5, 5, True), (5, 50, True)]
+)
+@pytest.mark.parametrize("steps", [0, 1, 4, 7])
+def test_what_is_sent_in_each_cycle_is_a_row(
+    every: int, interval: int, steps: int, tmp_path: Path, *, cyclic: bool
+) -> None:
+    """Whatever the definition says: of a Counter that moves with the value, every so many cycles, or not at all."""
+    moved = [at // steps if steps else 0 for at in range(200)]
+    write(tmp_path, [(every * at, 1 + value, value) for at, value in enumerate(moved)])
+    assert "came again" not in logged(tmp_path, "plant.pcap", cyclic=cyclic, interval=f"{interval}ms")
+    assert [row[3] for row in rows_of(tmp_path / "log.db")] == moved
+
+
+def test_events_that_change_nothing_are_rows(tmp_path: Path) -> None:
+    events = [(at * at * 37 % 900 + 1000 * at, at // 5) for at in range(200)]
+    write(tmp_path, [(at, 1 + value, value) for at, value in events])
+    logged(tmp_path, "plant.pcap", cyclic=False)
+    assert [row[3] for row in rows_of(tmp_path / "log.db")] == [value for _, value in events]
+
+
+@pytest.mark.parametrize("late", [1, 24, 30, 45, 60, 130])
+@pytest.mark.parametrize("every", [1, 10])
+def test_what_comes_late_is_no_cycle(late: int, every: int, tmp_path: Path) -> None:
+    """Also behind the next telegrams: a mirror, a capture by another clock, or what is sent again."""
+    sent = [(50 * at, 1 + at, at) for at in range(100)]
+    # Of the last one alone, nobody knows.
+    again = [(at + late, counter, value) for at, counter, value in sent[:-1:every]]
+    write(tmp_path, sorted([*sent, *again]))
+    told = logged(tmp_path, "plant.pcap")
+    assert [row[3] for row in rows_of(tmp_path / "log.db")] == list(range(100))
+    assert f"session: {len(again)} telegrams of udp/1202/1 came again" in told
+
+
+@pytest.mark.parametrize("which", [0, 50])
+def test_one_telegram_that_came_late_is_told(which: int, tmp_path: Path) -> None:
+    sent = [(50 * at, 1 + at, at) for at in range(100)]
+    write(tmp_path, sorted([*sent, (50 * which + 24, 1 + which, which)]))
+    assert "1 telegram of udp/1202/1 came again" in logged(tmp_path, "plant.pcap")
+    assert [row[3] for row in rows_of(tmp_path / "log.db")] == list(range(100))
+
+
+def test_two_captures_by_clocks_that_differ_are_logged_once(tmp_path: Path) -> None:
+    write(tmp_path, [(50 * at, 1 + at, at) for at in range(100)])
+    (tmp_path / "plant.pcap").rename(tmp_path / "other.pcap")
+    write(tmp_path, [(50 * at + 60, 1 + at, at) for at in range(100)])
+    logged(tmp_path, "other.pcap", "plant.pcap")
+    assert [row[3] for row in rows_of(tmp_path / "log.db")] == list(range(100))
 
 
 def test_the_same_value_with_another_counter_is_a_cycle(tmp_path: Path) -> None:

@@ -192,7 +192,7 @@ class ChangeJudge:
             if half.any():
                 _note(notes, topics.HALF, number, chunk, rows[half])
         # In the style of the document a counter is repeated without its value: that tells of nothing new.
-        repeated = known & (steps == 0) & ~valued & ~self.partly[rows]
+        repeated = known & (steps == 0) & ~valued & ~self._partly[rows]
         for place in np.flatnonzero(at_zero & ~repeated).tolist():
             if not known[place]:
                 says = Zero.UNKNOWN

@@ -1,0 +1,60 @@
+"""A cycle of a list of several telegrams is one row, in whatever order these come."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import pytest
+
+from nvscope.capture.open import open_sink
+from tests.datalogger.plants import configuration, gvl, rows_of
+from tests.definition.lists import telegram
+from tests.oracle.builders import MILLISECOND, START
+from tests.packets import batch_of
+from tests.program import run_text
+
+
+def logged(folder: Path, sent: list[tuple[float, int, int, int]]) -> list[tuple[int | None, ...]]:
+    """Log telegrams of a list of three (when in ms, SubIndex, Counter, value) in its cycles; return the values."""
+    names = ["dwA", "dwB", "dwC"]
+    (folder / "list1.gvl").write_text(gvl(1, names, pack=False))
+    (folder / "c.xml").write_text(configuration([f"Arp.Plc.Eclr/{name}" for name in names], 'taskContext="list1"'))
+    frames = [
+        telegram(
+            struct.pack("<I", value), 1, subindex=subindex, counter=counter, ts_ns=START + round(at * MILLISECOND),
+            list_id=1,
+        )
+        for at, subindex, counter, value in sent
+    ]  # fmt: skip
+    with open_sink(str(folder / "plant.pcap")) as sink:
+        sink.write(batch_of(frames))
+    done = run_text("datalog", "plant.pcap", "--config", "c.xml", "--gvl", ".", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return [row[3:] for row in rows_of(folder / "log.db")]
+
+
+ORDERS = [(0, 1, 2), (1, 0, 2), (0, 2, 1), (2, 1, 0), (2, 0, 1), (1, 2, 0)]
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_telegrams_that_change_places_are_of_one_cycle(order: tuple[int, ...], tmp_path: Path) -> None:
+    sent = [
+        (50 * cycle + place / 10, subindex, cycle + 1, cycle)
+        for cycle in range(20)
+        for place, subindex in enumerate(order if cycle % 3 == 1 else (0, 1, 2))
+    ]
+    assert logged(tmp_path, sent) == [(cycle,) * 3 for cycle in range(20)]
+
+
+def test_what_is_lost_of_a_cycle_makes_no_other_of_it(tmp_path: Path) -> None:
+    sent = [
+        (50 * cycle + place / 10, subindex, cycle + 1, cycle)
+        for cycle in range(20)
+        for place, subindex in enumerate((1, 0, 2))
+        if cycle % 5 != 2 or subindex != cycle % 3
+    ]
+    # Of what is lost, the value of the cycle before stays.
+    assert logged(tmp_path, sent) == [
+        tuple(cycle - (cycle % 5 == 2 and subindex == cycle % 3) for subindex in range(3)) for cycle in range(20)
+    ]
