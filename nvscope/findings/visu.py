@@ -184,7 +184,7 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
         VisuEvent.AMBIGUOUS: VISU_COUNT_MISMATCH,
         VisuEvent.SLOW: VISU_SLOW, VisuEvent.UNANSWERED: VISU_SLOW, VisuEvent.LATE: VISU_SLOW,
         VisuEvent.OTHER_NAMES: VISU_OTHER_NAMES, VisuEvent.UNREAD_LIST: VISU_UNREAD_LIST,
-        VisuEvent.CUT: VISU_NOT_CAPTURED, VisuEvent.GIVEN_UP: VISU_SLOW,
+        VisuEvent.CUT: VISU_NOT_CAPTURED, VisuEvent.GIVEN_UP: VISU_SLOW, VisuEvent.RESET: VISU_SLOW,
     }  # fmt: skip
     subjects = list(counts.subjects)
     found: dict[tuple[FindingKind, Subject], dict[VisuEvent, Events]] = defaultdict(dict)
@@ -264,8 +264,9 @@ def _sentence(
     told = []
     if slow:
         told.append(f"took more than 1 s for {count_of(slow, 'reply', 'replies')} to {client}")
-    if unanswered:
-        told.append(f"ended the connection without a reply to {count_of(unanswered, 'request')} of {client}")
+    for verb, times in (("ended", unanswered), ("reset", counts.get(VisuEvent.RESET, 0))):
+        if times:
+            told.append(f"{verb} the connection without a reply to {count_of(times, 'request')} of {client}")
     found = [f"{server} {' and '.join(told)}"] if told else []
     given_up = counts.get(VisuEvent.GIVEN_UP, 0)
     if given_up:
@@ -289,7 +290,7 @@ def _next_step(kind: FindingKind, parts: Mapping[VisuEvent, Events]) -> str:
 
     if kind is not VISU_SLOW:
         return ""
-    steps = {VisuEvent.GIVEN_UP: 1, VisuEvent.UNANSWERED: 2, VisuEvent.SLOW: 0}
+    steps = {VisuEvent.GIVEN_UP: 1, VisuEvent.UNANSWERED: 2, VisuEvent.RESET: 2, VisuEvent.SLOW: 0}
     most = max(steps, key=lambda event: parts[event].count if event in parts else 0)
     return kind.next_steps[steps[most]] if steps[most] else ""
 

@@ -17,7 +17,7 @@ from dissectors.webvisu import Request
 from nvscope.engine.runs import distinct
 from nvscope.tracker.connections import Connections
 from nvscope.tracker.pieces import ORDER_BITS
-from nvscope.tracker.visu.asking import NOTHING, Ask, Asking
+from nvscope.tracker.visu.asking import NOTHING, Ask, Asking, asks_whole
 from nvscope.tracker.visu.controllers import controller_of
 from nvscope.tracker.visu.conversation import Conversation
 from nvscope.tracker.visu.events import OK
@@ -141,6 +141,8 @@ class Exchanges:
                 continue
             if body != last:
                 last, number = body, asked_for.number(asking.by_body(body))
+            if form.is_broken_off and not asks_whole(asked_for.asks[number], body):
+                last, number = b"", 0
             last_place = -1 if form.is_coded else place
             numbers.append(number)
         asked[rows] = numbers

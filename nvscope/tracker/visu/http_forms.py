@@ -39,7 +39,8 @@ class Form:
     is not known. ``touched``: whether what is not whole may be a request of a WebVisu page, or is in the response to
     the first request that waits. ``answers_nobody``: what it answers was forgotten meanwhile. ``missing_bytes`` are
     those of a gap. ``spoken`` is what a connection begins with that does not begin with HTTP. ``broken_by`` is who
-    broke off a connection that did not end in order.
+    broke off a connection that did not end in order. ``is_broken_off``: with that, a request ended that does not say
+    how long it is; nobody knows whether more of it should have come.
     """
 
     what: What
@@ -52,6 +53,7 @@ class Form:
     missing_bytes: int = 0
     spoken: WebProtocol | None = None
     broken_by: Side | None = None
+    is_broken_off: bool = False
 
     @property
     def is_unread(self) -> bool:

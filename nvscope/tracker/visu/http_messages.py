@@ -323,6 +323,10 @@ class HttpStreams:
         at, form = np.array(found.at, np.int64), np.array(found.form, np.int64)
         piece = self._places(ends, range(len(at)))
         order, arrival_ns = pieces.order[piece], pieces.arrival_ns[piece]
-        if found.arrived_ns:
-            arrival_ns[list(found.arrived_ns)] = list(found.arrived_ns.values())
+        for place, arrived_ns in found.arrived_ns.items():
+            last = int(piece[place]) - 1
+            # What breaks a connection off has a time of its own.
+            is_here = found.forms[found.form[place]].is_broken_off and last >= 0
+            is_here = is_here and pieces.stream[last] == pieces.stream[last + 1]
+            arrival_ns[place] = pieces.arrival_ns[last] if is_here else arrived_ns
         return HttpMessages(data, found.forms, stream, form, at, order, arrival_ns, given_up)

@@ -275,17 +275,19 @@ class HttpReader:
         Of one in chunks that ends within a chunk it is not known what it asks for.
         """
         assert self.open is not None
-        head, body = self.open.head, begin + self.open.head_bytes
-        content: bytes | None = None
-        if not self._passes:
-            if head.body is Body.END:
-                content = data[body:end]
-            else:
-                content = (self._chunks or http.Chunks()).whole_up_to(data, body, end)
-        content = None if content is None else http.decoded(content, head.coding)
+        head = self.open.head
+        content = None if self._passes else self._open_content(data, begin, end, head, self.open.head_bytes)
         found.tell(at, Form(What.WHOLE, head, 0, content, is_coded=True))
         self.begin(in_step=True)
         self._is_first = False
+
+    def _open_content(self, data: bytes, begin: int, end: int, head: Head, head_bytes: int) -> bytes | None:
+        """Return what is in a request that does not say how long it is, and goes from ``begin`` to ``end``."""
+        body = begin + head_bytes
+        if head.body is Body.END:
+            return http.decoded(data[body:end], head.coding)
+        content = (self._chunks or http.Chunks()).whole_up_to(data, body, end)
+        return None if content is None else http.decoded(content, head.coding)
 
     def _likeness(self, rest: bytes, head_end: int, head: Head | None) -> Likeness:
         """Tell whether what there is of a message, up to a hole, may be a request of a WebVisu page."""
@@ -347,9 +349,10 @@ class HttpReader:
         self._passes, self._passed = 0, None
 
     def end(self, at: int, found: Forms, ended: int) -> None:
-        """Take the end of the stream: a message that goes up to there is whole, unless it is a request, broken off.
+        """Take the end of the stream: a message that goes up to there is whole.
 
-        ``ended`` is a number of ``Forms.end_of``.
+        ``ended`` is a number of ``Forms.end_of``. Where the connection is broken off, a request might have gone on
+        (``Form.is_broken_off``).
         """
         rest = self.rest
         dropped = ended != Forms.END and self.side is Side.CLIENT
@@ -359,11 +362,15 @@ class HttpReader:
         elif self._passes or (rest and not self._seeks):
             head_end = http.end_of_head(rest, 0, len(rest))
             head = http.read_head(rest[:head_end], self.side) if head_end >= 0 and not self._passes else None
-            if head is not None and head.body is Body.END:
-                if not dropped:
-                    content = http.decoded(rest[head_end:], head.coding)
-                    nobody = self._answered(at, head)
-                    found.tell(at, Form(What.WHOLE, head, 0, content, is_coded=True, answers_nobody=nobody))
+            if dropped:
+                if head is not None and head.body is not Body.LENGTH:
+                    found.arrived_ns[len(found.at)] = self.arrived_ns
+                    content = self._open_content(rest, 0, len(rest), head, head_end)
+                    found.tell(at, Form(What.WHOLE, head, 0, content, is_coded=True, is_broken_off=True))
+            elif head is not None and head.body is Body.END:
+                content = http.decoded(rest[head_end:], head.coding)
+                nobody = self._answered(at, head)
+                found.tell(at, Form(What.WHOLE, head, 0, content, is_coded=True, answers_nobody=nobody))
             # Of a response that was not sent whole nothing is missing: it is none.
             elif self.side is Side.SERVER and self._passed is not None and self._passed.what is What.CUT:
                 found.tell(at, Form(What.CUT, answers_nobody=self._answered(at, self._passed.head)))

@@ -11,11 +11,15 @@ import numpy as np
 
 from dissectors.batch import I64, U64, Bool
 from dissectors.columns import Columns
+from dissectors.headers import RST
 from dissectors.transport import NO_SEGMENTS, SegmentBatch
 from dissectors.webvisu import Request
 from nvscope.engine.runs import runs_of
 from nvscope.tracker.visu.limits import Beyond
 from nvscope.tracker.visu.names import ListFlaw, Naming
+
+_PORT = 4
+"""The column of the server's port in ``VisuBatch.pairs``."""
 
 
 class Kind(IntEnum):
@@ -114,6 +118,13 @@ class VisuBatch:
 
     def __len__(self) -> int:
         return len(self.row)
+
+    def is_reset_by_server(self, row: int, pair: int) -> bool:
+        """Tell whether the server of a pair broke a connection off with the packet in a row."""
+        place = int(np.searchsorted(self.row, row))
+        if place == len(self.row) or self.row[place] != row or not self.segment.flags[place] & RST:
+            return False
+        return bool(self.segment.source_port[place] == self.pairs[_PORT][pair])
 
     def take(self, rows: I64 | Bool) -> VisuBatch:
         """Return the frames at the given positions or where the mask is set."""

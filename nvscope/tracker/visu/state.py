@@ -30,7 +30,7 @@ SLOW_NS = 10**9
 """A reply that takes longer is worth a note."""
 
 _WRONG: Mapping[int, VisuEvent] = {Outcome.MISCOUNTED: VisuEvent.MISCOUNTED, Outcome.AMBIGUOUS: VisuEvent.AMBIGUOUS}
-_LATE = (VisuEvent.SLOW, VisuEvent.UNANSWERED, VisuEvent.GIVEN_UP)
+_LATE = (VisuEvent.SLOW, VisuEvent.UNANSWERED, VisuEvent.GIVEN_UP, VisuEvent.RESET)
 _WITH_STATUS = (VisuEvent.REFUSED, VisuEvent.STATUS)
 _MOST_REMEMBERED = 1 << 14
 _MINUTE_NS = 60 * 10**9
@@ -222,7 +222,8 @@ class VisuCounts:
                     found.append((VisuEvent.GIVEN_UP, whole))
                     self._note_given_up(told, whole, one.latency_ns)
                 else:
-                    found.append((VisuEvent.UNANSWERED, whole))
+                    reset = part.is_reset_by_server(one.row, one.pair)
+                    found.append((VisuEvent.RESET if reset else VisuEvent.UNANSWERED, whole))
             elif one.kind == Kind.CUT:
                 found.append((VisuEvent.CUT, whole))
             elif one.kind == Kind.REPLY:

@@ -15,6 +15,8 @@ Readings, where the rules leave a choice:
 - a request that does not say where it ends is whole where something comes that answers a request, and none waits: with
   the frame of that, and the time at which the latest of it came. A response that is whole or cut is such a thing, a
   hole in the server's direction while that is in step, and the end of that in order
+- a request that does not say where it ends is whole, too, where the connection is reset, or another one begins, if as
+  many variables come as it declares, unambiguously, and a bar behind the last; else nobody knows what it was to become
 - requests that become whole after the server's direction has ended are unanswered where the connection ends by RST or a
   new one; where it ends in order, nothing happens
 - the frame that ended a connection is the one with which the last byte of the direction was there, not the one that
@@ -145,6 +147,9 @@ class Visu:
             self.cut_request(talk, message)
         elif message.body is not None:
             asked = visu_body.asked(message.method, message.target, message.body)
+            if message.broken_off and message.method == b"POST" and not visu_body.is_whole(asked, message.body):
+                self.happened["not whole when it was broken off"] += 1
+                asked = None
         had = self.one_way.told_by(talk.connection, client=True)
         talk.waiting.append(Waiting(asked, message, self.number, self.written(talk, asked), had))
         self.happened["several wait"] += len(talk.waiting) > 1
