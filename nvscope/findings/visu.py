@@ -177,6 +177,7 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
     """Yield a finding for each variable that a client wrote, and for each client and server with trouble."""
     from dissectors import address
     from nvscope.tracker.visu.events import VisuEvent, event_parts
+    from nvscope.tracker.visu.state import Subject
 
     kinds = {
         VisuEvent.WRITTEN: VISU_WRITE, VisuEvent.REFUSED: VISU_ERROR, VisuEvent.STATUS: VISU_ERROR,
@@ -197,6 +198,15 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
         parts[event] = events if before is None else before.among(events)
         if status:
             statuses[subjects[number]].append((status, events.count))
+    given_up = dict(counts.given_up)
+    for one in counts.leaving.given_up():
+        subject = Subject(*counts.ends(one.pair), "")
+        parts, over = found[VISU_SLOW, subject], Events(1, one.over_ns, one.over_ns, (one.asked_frame,))
+        for event in (VisuEvent.GIVEN_UP, VisuEvent.LATE):
+            before = parts.get(event)
+            parts[event] = over if before is None else before.followed_by(over)
+        least, most = given_up.get(subject, (one.waited_ns, one.waited_ns))
+        given_up[subject] = min(least, one.waited_ns), max(most, one.waited_ns)
     nodes = {text: number for number, text in enumerate(facts.summary.addresses)}
     last = {
         (address.text(*one.client), address.text(*one.server), one.variable): one for one in counts.writes.kept
@@ -218,7 +228,7 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
         elif kind is VISU_UNREAD_LIST:
             message = _unread(subject.server, together.count, counts.unread_lists[subject])
         else:
-            message = _sentence(kind, subject, parts, last.get(subject), counts.given_up.get(subject))
+            message = _sentence(kind, subject, parts, last.get(subject), given_up.get(subject))
         yield Finding(
             kind, message, together.count, together.first_ns, together.last_ns, together.frames,
             node=nodes.get(subject.client), variable=variable,

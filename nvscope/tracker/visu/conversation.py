@@ -93,6 +93,8 @@ class Conversation:
         elif form.what is What.END:
             if form.broken_by is None:
                 self.closed = Closed(order, arrival_ns)
+                if self.is_heard:
+                    self._tell_leaving(Kind.LEFT, order, tell)
         else:
             self._take_other(form, order, tell)
         self.is_spoken |= form.what is not What.END
@@ -124,7 +126,14 @@ class Conversation:
         """Take what happens in the server's direction."""
         if form.what is What.ANEW:
             self._take_other(form, order, tell)
-        self.is_heard |= form.what is not What.END
+        was_heard, self.is_heard = self.is_heard, self.is_heard or form.what is not What.END
+        self._take_from_server(form, order, arrival_ns, message, tell)
+        if not was_heard and self.is_heard:
+            self._tell_leaving(Kind.LEFT, order, tell)
+
+    def _take_from_server(
+        self, form: Form, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
+    ) -> None:  # fmt: skip
         if form.what in (What.WHOLE, What.CUT):
             is_interim = form.head is not None and form.head.is_interim
             if is_interim or form.answers_nobody:
@@ -140,6 +149,8 @@ class Conversation:
         elif form.what is What.BROKEN:
             if self.waiting and form.touched is Likeness.YES:
                 self._tell_answer(Kind.CUT, self.waiting[0], order, arrival_ns, message, tell)
+            else:
+                self._tell_leaving(Kind.UNCLEAR, order, tell)
             self._forget_waiting()
         elif form.what is What.END:
             self._tell_unanswered(order, arrival_ns, tell, by_client=form.broken_by is Side.CLIENT)
@@ -163,6 +174,12 @@ class Conversation:
 
     def _miss(self, order: int, size: int, tell: Callable[[Happened], None]) -> None:
         self._take_other(Form(What.GAP, missing_bytes=size), order, tell)
+
+    def _tell_leaving(self, kind: Kind, order: int, tell: Callable[[Happened], None]) -> None:
+        """Tell what waits while its client is leaving: it has closed its side."""
+        if self.closed is not None:
+            for asked in self.waiting:
+                self._tell_answer(kind, asked, order, self.closed.arrival_ns, -1, tell)
 
     def give_up(self, order: int, tell: Callable[[Happened], None]) -> None:
         """Take that the client, which has closed its side, waits for nothing any more."""
@@ -191,7 +208,7 @@ class Conversation:
         if kind is Kind.CUT:
             tell(Happened(kind, self.connection, order, -1, NOTHING, 0, 0, 0, False))
             return
-        latency_ns = arrival_ns - asked.arrival_ns if kind in (Kind.REPLY, Kind.GIVEN_UP) else 0
+        latency_ns = arrival_ns - asked.arrival_ns if kind in (Kind.REPLY, Kind.GIVEN_UP, Kind.LEFT) else 0
         frame = asked.order >> ORDER_BITS
         tell(Happened(kind, self.connection, order, message, asked.asked, latency_ns, frame, 0, False))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +25,7 @@ from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.going_on import GoingOn
 from nvscope.tracker.visu.http_forms import What
 from nvscope.tracker.visu.http_messages import HttpMessages
+from nvscope.tracker.visu.leaving import Leaving
 from nvscope.tracker.visu.limits import MOST_PAIRS, MOST_POLLED, Beyond
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages, no_messages
 from nvscope.tracker.visu.names import ListFlaw, Names
@@ -109,12 +111,30 @@ class Exchanges:
         in_order = np.lexsort((said.connection, said.order)) if several else np.argsort(said.order, kind="stable")
         said = said.take(in_order)
         pair = self._pairs(said.connection)
+        leaving = self._leaving()
         if (pair < 0).any():
             self._left_out[Beyond.PAIR] += int((pair < 0).sum())
             said, pair = said.take(pair >= 0), pair[pair >= 0]
         if not len(said):
             return no_messages()
-        return self._told(http, said, spoken, pair, asked_for.asks, packets, segments, first_frame)
+        return replace(
+            self._told(http, said, spoken, pair, asked_for.asks, packets, segments, first_frame), leaving=leaving
+        )
+
+    def _leaving(self) -> list[Leaving]:
+        """Return what waits in connections whose clients have closed their side."""
+        numbers = sorted(self._closed)
+        found = []
+        for number, pair in zip(numbers, self._pairs(np.array(numbers, np.int64)).tolist(), strict=True):
+            conversation = self._conversations[number]
+            assert conversation.closed is not None
+            frame, closed_ns = conversation.closed.order >> ORDER_BITS, conversation.closed.arrival_ns
+            found += [
+                Leaving(pair, request, one.order >> ORDER_BITS, closed_ns - one.arrival_ns, frame, closed_ns)
+                for one in conversation.waiting
+                if pair >= 0 and (request := one.asked.request) is not None
+            ]
+        return found
 
     def _asked(self, http: HttpMessages, asked_for: AskedFor) -> I64:
         """Return what each message asks for, 0 of all that are no whole requests."""

@@ -76,6 +76,10 @@ def message_words(part: VisuBatch, message: int, *, secrets: bool = False) -> st
         flaw = part.list_flaws.get(message)
         return f"variable list ({size}){f', cannot be used: {flaw.why}' if isinstance(flaw, UnreadList) else ''}"
     request = part.requests[asked]
+    if kind is Kind.LEFT:
+        return f"client closes its side, frame {messages.asked_frame[message]} waits for a reply"
+    if kind is Kind.UNCLEAR:
+        return f"nobody knows what answers frame {messages.asked_frame[message]}"
     if kind is Kind.UNANSWERED:
         unanswered = f"no reply to frame {messages.asked_frame[message]}"
         if messages.outcome[message] != Outcome.GIVEN_UP:

@@ -69,6 +69,7 @@ class Talk:
         """Whether the response that is being received answers nobody."""
         self.readers: dict[bool, Reader] = {}
         self.closed: int | None = None  # when the client closed its side
+        self.passed: int | None = None  # the latest time since, as long as something waits
         self.happened = happened
 
     def reader(self, from_client: bool) -> Reader:
