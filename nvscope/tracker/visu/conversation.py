@@ -33,6 +33,13 @@ class Waiting(NamedTuple):
     acknowledged: int = UNKNOWN
 
 
+class Early(NamedTuple):
+    """A response that came before the request was whole that it answers; its content, if it has any, is in its form."""
+
+    form: Form
+    arrival_ns: int
+
+
 class Closed(NamedTuple):
     """With which order, and when, the client closed its side of a connection."""
 
@@ -61,8 +68,8 @@ class Conversation:
     ``beyond`` requests wait behind those that are ``waiting``: nobody remembers what they ask for. ``left_out`` are
     those of WebVisu pages of which that has not been told yet. ``closed`` is when the client closed its side: what
     waits then may still be answered. ``is_heard``: something that the server sent was captured, ``is_spoken``: the same
-    of the client. ``acknowledged`` is up to where the server had the client's bytes, while none of them was captured,
-    or -1.
+    of the client. ``early`` answers the request that the client has begun, before that is whole. ``acknowledged`` is up
+    to where the server had the client's bytes, while none of them was captured, or -1.
     """
 
     connection: int
@@ -75,6 +82,7 @@ class Conversation:
     is_heard: bool = False
     is_spoken: bool = False
     acknowledged: int = UNKNOWN
+    early: Early | None = None
 
     def take_from_client(
         self, form: Form, asked: Ask, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
@@ -89,6 +97,7 @@ class Conversation:
         elif form.what is What.BROKEN:
             if self._is_of_page(form):
                 self._tell_request(Kind.CUT, NOTHING, order, message, tell)
+            self.early = None
             self._forget_waiting()
         elif form.what is What.END:
             if form.broken_by is None:
@@ -98,6 +107,11 @@ class Conversation:
         else:
             self._take_other(form, order, tell)
         self.is_spoken |= form.what is not What.END
+
+    @property
+    def waits(self) -> bool:
+        """Whether a request waits for its reply."""
+        return bool(self.waiting or self.beyond)
 
     def _is_of_page(self, form: Form) -> bool:
         """Tell whether what is not whole is a request of a page: what says nothing of itself, where others were."""
@@ -157,6 +171,14 @@ class Conversation:
         elif form.what is not What.ANEW:
             self._take_other(form, order, tell)
 
+    def answer_early(self, order: int, message: int, tell: Callable[[Happened], None]) -> None:
+        """Take that the request is whole, with an order, that was answered before; the response is a message now."""
+        assert self.early is not None
+        form, arrival_ns = self.early
+        self.early = None
+        if self.waiting:
+            self.take_from_server(form, order, max(arrival_ns, self.waiting[0].arrival_ns), message, tell)
+
     def note_acknowledged(self, acknowledged: int) -> None:
         """Note up to where the client has the server's bytes, none of which was captured, with its last request."""
         self.waiting[-1] = self.waiting[-1]._replace(acknowledged=acknowledged)
@@ -215,7 +237,7 @@ class Conversation:
     def _take_other(self, form: Form, order: int, tell: Callable[[Happened], None]) -> None:
         if form.what is What.ANEW:
             self._forget_waiting()
-            self.is_visu, self.gap_bytes, self.closed = False, 0, None
+            self.is_visu, self.gap_bytes, self.closed, self.early = False, 0, None, None
             self.is_heard, self.is_spoken, self.acknowledged = False, False, UNKNOWN
         elif form.what is What.GAP:
             if self.is_visu:

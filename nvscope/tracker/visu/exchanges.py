@@ -85,7 +85,8 @@ class Exchanges:
         conversation = self._conversations.get(connection)
         if conversation is None:
             return Waiting()
-        return Waiting([one.is_head for one in conversation.waiting], conversation.beyond)
+        are_head = [one.is_head for one in conversation.waiting]
+        return Waiting(are_head, conversation.beyond, conversation.early is not None)
 
     def take(
         self, http: HttpMessages, packets: PacketBatch, segments: SegmentBatch, first_frame: int
@@ -105,6 +106,7 @@ class Exchanges:
             http, is_plain, asked, asked_for, self._conversations, going_on, self._closed, one_way, self._unheard
         )  # fmt: skip
         said = Said.stacked([whole, _others(http, asked, spoken), *pairing.pair(np.flatnonzero(~taken))])
+        http = pairing.messages
         self._left_out[Beyond.WAITING] += pairing.left_out
         # Several may be given up with one frame; then those of the older connection come first.
         several = bool((said.kind == Kind.GIVEN_UP).any())

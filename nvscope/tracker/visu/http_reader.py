@@ -12,7 +12,7 @@ from dissectors import http
 from dissectors.http import MOST_BODY_BYTES, MOST_HEAD_BYTES, Body, Head, Side
 from dissectors.web_protocols import protocol_of_bytes
 from dissectors.webvisu import Likeness, likeness
-from nvscope.tracker.visu.http_forms import Form, Forms, What
+from nvscope.tracker.visu.http_forms import NOT_BEGUN, Form, Forms, What
 
 if TYPE_CHECKING:
     from nvscope.tracker.visu.waiting_requests import WaitingRequests
@@ -42,12 +42,13 @@ class HttpReader:
     are the places in ``Forms.at`` at which it lost step. ``open`` is the request that has begun, where that does not
     say how long it is; a reader that ``pauses`` does not read on in such a request. ``known_at`` is up to where one had
     to read to know that what is read now is no part of another message; 0 of what is not. ``arrived_ns`` is when what
-    is left over of earlier batches had come.
+    is left over of earlier batches had come. ``begun_at`` is where the head ends of a message that says how long it is,
+    and is not whole: in the data of the batch, below 0 where that was an earlier one; ``NOT_BEGUN`` without such.
     """
 
     __slots__ = (
         "_answers_head", "_answers_nobody", "_chunks", "_found_before", "_is_first", "_passed", "_passes", "_seeks",
-        "arrived_ns", "asks_head", "breaks", "known_at", "open", "pauses", "requests", "rest", "side",
+        "arrived_ns", "asks_head", "begun_at", "breaks", "known_at", "open", "pauses", "requests", "rest", "side",
     )  # fmt: skip
 
     def __init__(self, side: Side) -> None:
@@ -72,12 +73,14 @@ class HttpReader:
         self.open: OpenRequest | None = None
         self.pauses = False
         self.arrived_ns = 0
+        self.begun_at = NOT_BEGUN
 
     def begin(self, *, in_step: bool) -> None:
         """Take the begin of a connection; its first bytes begin a message where it is ``in_step``."""
         self.rest, self._passes, self._passed = b"", 0, None
         self._seeks, self._is_first = not in_step, in_step
         self._answers_head, self._answers_nobody, self._chunks, self.open = None, False, None, None
+        self.begun_at = NOT_BEGUN
 
     def read(self, data: bytes, begin: int, end: int, found: Forms, known_at: int = 0) -> None:
         """Read ``data`` from ``begin``, where its rest is, to ``end``."""
@@ -89,6 +92,7 @@ class HttpReader:
                 return
             begin += self._passes
             self._tell_passed(begin, found)
+        self.begun_at = NOT_BEGUN
         known, body_bytes, find = found.known[self.side], found.body_bytes, data.find
         tell_at, tell_form = found.at.append, found.form.append
         plain = self.requests is None and not self._answers_nobody
@@ -119,7 +123,7 @@ class HttpReader:
                 continue
             behind = head_end + body_bytes[number]
             if behind > end:
-                self._answers_head = False
+                self._answers_head, self.begun_at = False, head_end
                 break
             if behind < known_at:
                 found.late[len(found.at)] = known_at
@@ -202,6 +206,7 @@ class HttpReader:
 
     def _read_length(self, data: bytes, start: int, head_end: int, end: int, head: Head, found: Forms) -> int:
         behind = head_end + head.length
+        self.begun_at = NOT_BEGUN if behind <= end and head.length <= MOST_BODY_BYTES else head_end
         if head.length > MOST_BODY_BYTES:
             self._passed = Form(What.WHOLE, head, is_coded=True)
             if behind > end:
@@ -276,18 +281,11 @@ class HttpReader:
         """
         assert self.open is not None
         head = self.open.head
-        content = None if self._passes else self._open_content(data, begin, end, head, self.open.head_bytes)
+        body = begin + self.open.head_bytes
+        content = None if self._passes else http.content_up_to(data, body, end, head, self._chunks)
         found.tell(at, Form(What.WHOLE, head, 0, content, is_coded=True))
         self.begin(in_step=True)
         self._is_first = False
-
-    def _open_content(self, data: bytes, begin: int, end: int, head: Head, head_bytes: int) -> bytes | None:
-        """Return what is in a request that does not say how long it is, and goes from ``begin`` to ``end``."""
-        body = begin + head_bytes
-        if head.body is Body.END:
-            return http.decoded(data[body:end], head.coding)
-        content = (self._chunks or http.Chunks()).whole_up_to(data, body, end)
-        return None if content is None else http.decoded(content, head.coding)
 
     def _likeness(self, rest: bytes, head_end: int, head: Head | None) -> Likeness:
         """Tell whether what there is of a message, up to a hole, may be a request of a WebVisu page."""
@@ -339,12 +337,16 @@ class HttpReader:
 
     def _out_of_step(self, at: int) -> None:
         self._seeks, self._answers_head, self._answers_nobody, self.open = True, None, False, None
+        self.begun_at = NOT_BEGUN
         if self.requests is not None:
             self.requests.forget(at)
 
     def _tell_passed(self, at: int, found: Forms) -> None:
         assert self._passed is not None
         nobody = self._answered(at, self._passed.head)
+        if self.begun_at != NOT_BEGUN:
+            found.head_at[len(found.at)] = self.begun_at
+        self.begun_at = NOT_BEGUN
         found.tell(at, replace(self._passed, answers_nobody=nobody))
         self._passes, self._passed = 0, None
 
@@ -365,7 +367,7 @@ class HttpReader:
             if dropped:
                 if head is not None and head.body is not Body.LENGTH:
                     found.arrived_ns[len(found.at)] = self.arrived_ns
-                    content = self._open_content(rest, 0, len(rest), head, head_end)
+                    content = http.content_up_to(rest, head_end, len(rest), head, self._chunks)
                     found.tell(at, Form(What.WHOLE, head, 0, content, is_coded=True, is_broken_off=True))
             elif head is not None and head.body is Body.END:
                 content = http.decoded(rest[head_end:], head.coding)

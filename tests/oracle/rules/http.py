@@ -254,6 +254,11 @@ class Reader:
         """Whether a request has begun that does not say where it ends."""
         return self.head is not None and not self.response and self.framing in (TO_THE_END, CHUNKED)
 
+    @property
+    def begun(self) -> bool:
+        """Whether a request has begun that says where it ends, and its head is there."""
+        return self.head is not None and not self.response and isinstance(self.framing, int)
+
     def answered(self) -> Message:
         """Take the open request for whole, since something answers it."""
         assert self.head is not None

@@ -17,6 +17,8 @@ Readings, where the rules leave a choice:
   hole in the server's direction while that is in step, and the end of that in order
 - a request that does not say where it ends is whole, too, where the connection is reset, or another one begins, if as
   many variables come as it declares, unambiguously, and a bar behind the last; else nobody knows what it was to become
+- a response that comes while none waits, and the head of a request is there that says where it ends, answers that: with
+  the frame with which it is whole, and no latency, as far as it ever is
 - requests that become whole after the server's direction has ended are unanswered where the connection ends by RST or a
   new one; where it ends in order, nothing happens
 - the frame that ended a connection is the one with which the last byte of the direction was there, not the one that
@@ -133,6 +135,7 @@ class Visu:
         if from_client:
             if what.dropped:
                 self.cut_request(talk, what.dropped)
+            talk.early = None
             talk.forgotten = False in talk.readers and talk.readers[False].receiving
         else:
             if what.in_step:
@@ -150,6 +153,15 @@ class Visu:
             self.find("NV808", talk)
 
     def request(self, talk: Talk, message: Message) -> None:
+        """Take a request that is whole, or dropped as cut; it may have been answered before."""
+        self.ask(talk, message)
+        if talk.early is not None:
+            early, talk.early, forgotten = talk.early, None, talk.forgotten
+            early.arrival, talk.forgotten = max(early.arrival, message.arrival), False
+            self.response(talk, early)
+            talk.forgotten = forgotten
+
+    def ask(self, talk: Talk, message: Message) -> None:
         asked = None
         if message.cut:
             self.cut_request(talk, message)
@@ -243,6 +255,10 @@ class Visu:
             talk.had_request = True
             self.known[talk.pair].counts["cut"] += 1
             self.find("NV808", talk)
+        if not (forgotten or talk.waiting or talk.early) and True in talk.readers and talk.readers[True].begun:
+            self.happened["early response"] += 1
+            talk.early = message
+            return
         if forgotten or not talk.waiting:
             self.happened["response to a forgotten request" if forgotten else "response to nobody"] += 1
             return
