@@ -105,10 +105,10 @@ class BothDirections:
         client, server, pieces, found = self._client, self._server, self._pieces, self._found
         client.reader.pauses = False
         first = len(found.at)
-        before = range(asked_at, first)
-        head_orders = (self._heads.order_of(place, found.forms[found.form[place]]) for place in before)
+        own = range(asked_at, first)
+        head_orders = (self._heads.order_of(place, found.forms[found.form[place]]) for place in own)
         asked = [
-            one._replace(head_order=order) for one, order in zip(self._asked(before), head_orders, strict=True)
+            one._replace(head_order=order) for one, order in zip(self._asked(own), head_orders, strict=True)
         ]  # fmt: skip
         requests = WaitingRequests(waiting, asked, self._ends, pieces.order, self._end_open)
         server.reader.requests = requests

@@ -217,8 +217,11 @@ class Whole:
         head, begin = found
         method, is_chunked = head.split(b" ")[0], b"chunked" in head
         body = self.sized(CLIENT, head, begin)
-        if method == b"POST" and b"Content-Length" not in head and (body is None or not is_chunked):
-            return self.open(begin, is_chunked, answered_at, is_silent)
+        if method == b"POST" and b"Content-Length" not in head:
+            open_ = self.open(begin, is_chunked, answered_at, is_silent)
+            there = self.count if body is None or not is_chunked else self.frame_of[CLIENT][body[0] - 1]
+            if there == self.count or (open_ is not None and open_.frame < there):
+                return open_
         return None if body is None else Read(body[0], self.frame_of[CLIENT][body[0] - 1], body[1], method)
 
     def open(self, begin: int, is_chunked: bool, answered_at: int, is_silent: bool) -> Read | None:
