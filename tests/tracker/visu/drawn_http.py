@@ -145,7 +145,6 @@ class Read(NamedTuple):
     body: bytes
     method: bytes = b""
     status: int = 0
-    is_broken_off: bool = False
 
 
 class Whole:
@@ -170,7 +169,7 @@ class Whole:
             answer = None if is_silent else self.response(answered_at, asked.method)
             is_silent = answer is None
             at, answered_at = asked.end, answered_at if answer is None else answer.end
-            value = (WRITE.fullmatch if asked.is_broken_off else WRITE.match)(asked.body)
+            value = WRITE.match(asked.body)
             if value is not None:
                 found.append((value[1].decode(), *self.outcome(asked, answer)))
         return found
@@ -237,11 +236,10 @@ class Whole:
             return None
         stop = sum(frame < stop_at for frame in self.frame_of[CLIENT])
         body = self.data[CLIENT][begin:stop]
-        is_broken_off = self.reset and stop_at == self.count - 1
         content = chunks(body, 0)[1] if is_chunked else body
-        if is_broken_off and not content.endswith(b"|"):
-            content = b""
-        return Read(stop, stop_at, content, b"POST", is_broken_off=is_broken_off)
+        if self.reset and stop_at == self.count - 1 and not content.endswith(b"|"):
+            content = b""  # of what was broken off, nobody knows what was to follow
+        return Read(stop, stop_at, content, b"POST")
 
 
 def chunks(data: bytes, at: int) -> tuple[tuple[int, bytes] | None, bytes]:
