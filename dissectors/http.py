@@ -231,6 +231,17 @@ class Chunks:
         return b"".join([*self._parts, data[self._begun]])
 
 
+def content_up_to(data: bytes, start: int, stop: int, head: Head, chunks: Chunks | None = None) -> bytes | None:
+    """Return what is in a body that does not say how long it is, and that ends at ``stop``, wherever it is by then.
+
+    None where nobody knows: a chunk is not whole, or it cannot be decoded. ``chunks`` are those that were read of it.
+    """
+    if head.body is Body.END:
+        return decoded(data[start:stop], head.coding)
+    content = (chunks or Chunks()).whole_up_to(data, start, stop)
+    return None if content is None else decoded(content, head.coding)
+
+
 def read_chunks(data: bytes, start: int, stop: int) -> Chunked:
     """Read a body in chunks that is there as far as it ever will be."""
     chunks = Chunks()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
+from copy import copy
 from enum import Enum
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -24,6 +25,7 @@ from nvscope.tracker.parameter.events import ParameterEvent
 
 if TYPE_CHECKING:  # most plants have none, and then nothing of it is imported
     from nvscope.tracker.parameter.transactions import Transactions
+    from nvscope.tracker.visu.leaving import LeavingClients
     from nvscope.tracker.visu.messages import VisuBatch
 
 _MAXIMUM = 100
@@ -59,6 +61,16 @@ class Tally:
         self.frames: Mapping[Came, KeptFrames] = {one: KeptFrames() for one in (Came.REFUSED, Came.UNANSWERED)}
         self.slow = 0
         self.slow_frames = KeptFrames()
+
+    def with_unanswered(self, frame: I64, time_ns: I64) -> Tally:
+        """Return the same with further requests that nobody answered."""
+        found, came = copy(self), Came.UNANSWERED
+        found.counts = {**self.counts, came: self.counts[came] + len(frame)}
+        kept = KeptFrames()
+        kept.kept = self.frames[came].kept
+        kept.add(frame, time_ns)
+        found.frames = {**self.frames, came: kept}
+        return found
 
     @property
     def requests(self) -> int:
@@ -97,6 +109,15 @@ class Tallies:
         if came in _WITH_LATENCY:
             self._latencies.observe(pair, took_ns, int(pair.max()) + 1)
 
+    def with_unanswered(self, pair: I64, frame: I64, time_ns: I64) -> Tallies:
+        """Return the same with further requests that nobody answered."""
+        found = copy(self)
+        found.of = self.of.copy()
+        for one in distinct(pair).tolist():
+            own = pair == one
+            found.of[one] = found.of[one].with_unanswered(frame[own], time_ns[own])
+        return found
+
     def percentile_ns(self, pair: int, percent: int) -> int | None:
         """Return a percentile of what replies of a pair took, within 0.5 %; None without any."""
         found = self._latencies.percentiles((percent,))
@@ -120,6 +141,7 @@ class AskedWhile:
         self._heard: list[EventBatch] = []
         self._sdo, self._visu = Tallies(most_ns), Tallies(most_ns)
         self._pairs: dict[int, Pair] = {}
+        self._leaving: LeavingClients | None = None
         self._senders = KeyTable(2)
         self._first_judged: int | None = None if setting.since_ns is not None else 0
         self.left_out = False
@@ -136,6 +158,9 @@ class AskedWhile:
         heard, self._heard = self._heard, []
         for events in heard:
             self._take_events(events)
+        part = told.parts.get(VISU)
+        if part is None and self._leaving is not None:
+            self._leaving.observe(told, None)
         if not len(told):
             return
         if self._first_judged is None:
@@ -145,7 +170,6 @@ class AskedWhile:
         segments = told.batch.segments
         if len(segments):
             self._senders.numbers_within(told.max_streams, segments.source_hi, segments.source_lo)
-        part = told.parts.get(VISU)
         if part is not None:
             self._take_messages(told, part)  # type: ignore[arg-type]
 
@@ -160,8 +184,11 @@ class AskedWhile:
         self._sdo.take(came, events.pair[own], events.frame[own], events.time_ns[own], took_ns)
 
     def _take_messages(self, told: Told, part: VisuBatch) -> None:
+        from nvscope.tracker.visu.leaving import LeavingClients  # noqa: PLC0415
         from nvscope.tracker.visu.messages import Kind, Outcome  # noqa: PLC0415
 
+        self._leaving = self._leaving or LeavingClients()
+        self._leaving.observe(told, part.leaving)
         messages = part.messages
         for number in distinct(messages.pair).tolist():
             if number in self._pairs:
@@ -204,12 +231,21 @@ class AskedWhile:
         high, low = (np.array([half], np.uint64) for half in address.halves(node))
         return bool(self._senders.find(high, low)[0] >= 0)
 
+    def _of_pages(self) -> Tallies:
+        """Return what came of the requests of WebVisu; of some that clients gave up, nothing but time tells."""
+        given_up = [] if self._leaving is None else self._leaving.given_up()
+        table = [(one.pair, one.asked_frame, one.over_ns) for one in given_up if one.pair in self._pairs]
+        pair, frame, time_ns = np.array(table, np.int64).reshape(-1, 3).T
+        judged = self._judged(frame)
+        return self._visu.with_unanswered(pair[judged], frame[judged], time_ns[judged])
+
     def pairs(self, known: Evidence) -> Iterator[tuple[Pair, int, Tallies]]:
         """Yield all pairs that spoke, whether they are judged or not, each with its number among tallies."""
         for number, pair in enumerate(pairs_of(known.parameters)):
             yield pair, number, self._sdo
+        of_pages = self._of_pages()
         for number, pair in self._pairs.items():
-            yield pair, number, self._visu
+            yield pair, number, of_pages
 
 
 def pairs_of(known: Transactions | None) -> list[Pair]:

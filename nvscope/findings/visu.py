@@ -177,6 +177,7 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
     """Yield a finding for each variable that a client wrote, and for each client and server with trouble."""
     from dissectors import address
     from nvscope.tracker.visu.events import VisuEvent, event_parts
+    from nvscope.tracker.visu.state import Subject
 
     kinds = {
         VisuEvent.WRITTEN: VISU_WRITE, VisuEvent.REFUSED: VISU_ERROR, VisuEvent.STATUS: VISU_ERROR,
@@ -184,7 +185,7 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
         VisuEvent.AMBIGUOUS: VISU_COUNT_MISMATCH,
         VisuEvent.SLOW: VISU_SLOW, VisuEvent.UNANSWERED: VISU_SLOW, VisuEvent.LATE: VISU_SLOW,
         VisuEvent.OTHER_NAMES: VISU_OTHER_NAMES, VisuEvent.UNREAD_LIST: VISU_UNREAD_LIST,
-        VisuEvent.CUT: VISU_NOT_CAPTURED, VisuEvent.GIVEN_UP: VISU_SLOW,
+        VisuEvent.CUT: VISU_NOT_CAPTURED, VisuEvent.GIVEN_UP: VISU_SLOW, VisuEvent.RESET: VISU_SLOW,
     }  # fmt: skip
     subjects = list(counts.subjects)
     found: dict[tuple[FindingKind, Subject], dict[VisuEvent, Events]] = defaultdict(dict)
@@ -197,6 +198,15 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
         parts[event] = events if before is None else before.among(events)
         if status:
             statuses[subjects[number]].append((status, events.count))
+    given_up = dict(counts.given_up)
+    for one in counts.leaving.given_up():
+        subject = Subject(*counts.ends(one.pair), "")
+        parts, over = found[VISU_SLOW, subject], Events(1, one.over_ns, one.over_ns, (one.asked_frame,))
+        for event in (VisuEvent.GIVEN_UP, VisuEvent.LATE):
+            before = parts.get(event)
+            parts[event] = over if before is None else before.followed_by(over)
+        least, most = given_up.get(subject, (one.waited_ns, one.waited_ns))
+        given_up[subject] = min(least, one.waited_ns), max(most, one.waited_ns)
     nodes = {text: number for number, text in enumerate(facts.summary.addresses)}
     last = {
         (address.text(*one.client), address.text(*one.server), one.variable): one for one in counts.writes.kept
@@ -218,7 +228,7 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
         elif kind is VISU_UNREAD_LIST:
             message = _unread(subject.server, together.count, counts.unread_lists[subject])
         else:
-            message = _sentence(kind, subject, parts, last.get(subject), counts.given_up.get(subject))
+            message = _sentence(kind, subject, parts, last.get(subject), given_up.get(subject))
         yield Finding(
             kind, message, together.count, together.first_ns, together.last_ns, together.frames,
             node=nodes.get(subject.client), variable=variable,
@@ -264,8 +274,9 @@ def _sentence(
     told = []
     if slow:
         told.append(f"took more than 1 s for {count_of(slow, 'reply', 'replies')} to {client}")
-    if unanswered:
-        told.append(f"ended the connection without a reply to {count_of(unanswered, 'request')} of {client}")
+    for verb, times in (("ended", unanswered), ("reset", counts.get(VisuEvent.RESET, 0))):
+        if times:
+            told.append(f"{verb} the connection without a reply to {count_of(times, 'request')} of {client}")
     found = [f"{server} {' and '.join(told)}"] if told else []
     given_up = counts.get(VisuEvent.GIVEN_UP, 0)
     if given_up:
@@ -289,7 +300,7 @@ def _next_step(kind: FindingKind, parts: Mapping[VisuEvent, Events]) -> str:
 
     if kind is not VISU_SLOW:
         return ""
-    steps = {VisuEvent.GIVEN_UP: 1, VisuEvent.UNANSWERED: 2, VisuEvent.SLOW: 0}
+    steps = {VisuEvent.GIVEN_UP: 1, VisuEvent.UNANSWERED: 2, VisuEvent.RESET: 2, VisuEvent.SLOW: 0}
     most = max(steps, key=lambda event: parts[event].count if event in parts else 0)
     return kind.next_steps[steps[most]] if steps[most] else ""
 

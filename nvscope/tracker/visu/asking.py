@@ -31,6 +31,14 @@ class Ask:
 NOTHING = Ask(None)
 
 
+def asks_whole(ask: Ask, body: bytes) -> bool:
+    """Tell whether a body, of which more might have come, is whole by what it says: so many variables, and a bar."""
+    request = ask.request
+    if request is None or request.is_miscounted or request.ambiguous:
+        return False
+    return body.rstrip(b"\r\n").endswith(b"|")
+
+
 class Asking:
     """What has been asked so far."""
 

@@ -14,10 +14,11 @@ import numpy as np
 
 from dissectors.batch import I64
 from nvscope.tracker.pieces import PieceKind, Pieces
-from nvscope.tracker.visu.http_forms import Form, Forms, What
+from nvscope.tracker.visu.http_forms import NOT_BEGUN, Forms, What
 from nvscope.tracker.visu.http_reader import HttpReader
 from nvscope.tracker.visu.http_runs import take_control
-from nvscope.tracker.visu.waiting_requests import Waiting, WaitingRequests
+from nvscope.tracker.visu.request_heads import RequestHeads
+from nvscope.tracker.visu.waiting_requests import Asked, Waiting, WaitingRequests
 
 
 class Run:
@@ -78,17 +79,17 @@ class BothDirections:
     """What both directions of a connection bring in a batch; the client's has paused in front of an open request.
 
     ``ends`` are where pieces end in the data of the batch, ``places_of`` returns the pieces with which some of what was
-    found was there. ``ended`` are, once they were read, the places of the open requests that ended where they were
-    answered: each stands in front of what answers it.
+    found was there, ``heads`` know since when requests had begun that were read before. ``ended`` are, once they were
+    read, the places of the open requests that ended where they were answered: each stands in front of what answers it.
     """
 
     def __init__(
         self, client: Run, server: Run, pieces: Pieces, ends: I64, found: Forms,
-        places_of: Callable[[Sequence[int]], I64],
+        places_of: Callable[[Sequence[int]], I64], heads: RequestHeads,
     ) -> None:  # fmt: skip
         self._client, self._server = client, server
         self._pieces, self._ends, self._found = pieces, ends, found
-        self._places_of = places_of
+        self._places_of, self._heads = places_of, heads
         self._of_client: list[int] = []
         self._breaks: list[int] = []
         self.ended: list[int] = []
@@ -104,7 +105,11 @@ class BothDirections:
         client, server, pieces, found = self._client, self._server, self._pieces, self._found
         client.reader.pauses = False
         first = len(found.at)
-        asked = self._asked(range(asked_at, first))
+        own = range(asked_at, first)
+        head_orders = (self._heads.order_of(place, found.forms[found.form[place]]) for place in own)
+        asked = [
+            one._replace(head_order=order) for one, order in zip(self._asked(own), head_orders, strict=True)
+        ]  # fmt: skip
         requests = WaitingRequests(waiting, asked, self._ends, pieces.order, self._end_open)
         server.reader.requests = requests
         orders = pieces.order[server.start : server.stop]
@@ -140,12 +145,12 @@ class BothDirections:
         self._of_client += more
         requests.ask(self._asked(more))
 
-    def _asked(self, places: range) -> list[tuple[int, Form]]:
+    def _asked(self, places: range) -> list[Asked]:
         """Return orders and forms of what was found at places; note where the client's direction lost step."""
         found = self._found
         orders = self._pieces.order[self._places_of(places)].tolist()
-        asked = [(order, found.forms[found.form[place]]) for order, place in zip(orders, places, strict=True)]
-        self._breaks += [order for order, form in asked if form.what is What.BROKEN]
+        asked = [Asked(order, found.forms[found.form[place]]) for order, place in zip(orders, places, strict=True)]
+        self._breaks += [one.order for one in asked if one.form.what is What.BROKEN]
         return asked
 
     def _forget(self, order: int | None) -> None:
@@ -155,11 +160,14 @@ class BothDirections:
             self._server.reader.forget_request()
             del self._breaks[:count]
 
-    def _end_open(self, at: int) -> None:
-        """Take that something at a place of the data answers a request, and none waits."""
+    def _end_open(self, at: int) -> bool:
+        """Take that something at a place of the data answers a request, and none waits.
+
+        Return whether it is one that says how long it is, and is not whole.
+        """
         client, pieces, found = self._client, self._pieces, self._found
         if client.reader.open is None or self._reach < self._paused_at:
-            return
+            return client.reader.open is None and client.reader.begun_at != NOT_BEGUN
         piece = ~at if at < 0 else int(np.searchsorted(self._ends, at))
         place = len(found.at)
         client.reader.end_open(client.data, client.begin, client.end, ~piece, found)
@@ -168,3 +176,4 @@ class BothDirections:
         found.arrived_ns[place] = arrived_ns
         self.ended.append(place)
         client.begin = client.end
+        return False

@@ -33,6 +33,13 @@ class Waiting(NamedTuple):
     acknowledged: int = UNKNOWN
 
 
+class Early(NamedTuple):
+    """A response that came before the request was whole that it answers; its content, if it has any, is in its form."""
+
+    form: Form
+    arrival_ns: int
+
+
 class Closed(NamedTuple):
     """With which order, and when, the client closed its side of a connection."""
 
@@ -61,8 +68,8 @@ class Conversation:
     ``beyond`` requests wait behind those that are ``waiting``: nobody remembers what they ask for. ``left_out`` are
     those of WebVisu pages of which that has not been told yet. ``closed`` is when the client closed its side: what
     waits then may still be answered. ``is_heard``: something that the server sent was captured, ``is_spoken``: the same
-    of the client. ``acknowledged`` is up to where the server had the client's bytes, while none of them was captured,
-    or -1.
+    of the client. ``early`` answers the request that the client has begun, before that is whole. ``acknowledged`` is up
+    to where the server had the client's bytes, while none of them was captured, or -1.
     """
 
     connection: int
@@ -75,6 +82,7 @@ class Conversation:
     is_heard: bool = False
     is_spoken: bool = False
     acknowledged: int = UNKNOWN
+    early: Early | None = None
 
     def take_from_client(
         self, form: Form, asked: Ask, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
@@ -89,13 +97,21 @@ class Conversation:
         elif form.what is What.BROKEN:
             if self._is_of_page(form):
                 self._tell_request(Kind.CUT, NOTHING, order, message, tell)
+            self.early = None
             self._forget_waiting()
         elif form.what is What.END:
             if form.broken_by is None:
                 self.closed = Closed(order, arrival_ns)
+                if self.is_heard:
+                    self._tell_leaving(Kind.LEFT, order, tell)
         else:
             self._take_other(form, order, tell)
         self.is_spoken |= form.what is not What.END
+
+    @property
+    def waits(self) -> bool:
+        """Whether a request waits for its reply."""
+        return bool(self.waiting or self.beyond)
 
     def _is_of_page(self, form: Form) -> bool:
         """Tell whether what is not whole is a request of a page: what says nothing of itself, where others were."""
@@ -124,7 +140,14 @@ class Conversation:
         """Take what happens in the server's direction."""
         if form.what is What.ANEW:
             self._take_other(form, order, tell)
-        self.is_heard |= form.what is not What.END
+        was_heard, self.is_heard = self.is_heard, self.is_heard or form.what is not What.END
+        self._take_from_server(form, order, arrival_ns, message, tell)
+        if not was_heard and self.is_heard:
+            self._tell_leaving(Kind.LEFT, order, tell)
+
+    def _take_from_server(
+        self, form: Form, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
+    ) -> None:  # fmt: skip
         if form.what in (What.WHOLE, What.CUT):
             is_interim = form.head is not None and form.head.is_interim
             if is_interim or form.answers_nobody:
@@ -140,11 +163,21 @@ class Conversation:
         elif form.what is What.BROKEN:
             if self.waiting and form.touched is Likeness.YES:
                 self._tell_answer(Kind.CUT, self.waiting[0], order, arrival_ns, message, tell)
+            else:
+                self._tell_leaving(Kind.UNCLEAR, order, tell)
             self._forget_waiting()
         elif form.what is What.END:
             self._tell_unanswered(order, arrival_ns, tell, by_client=form.broken_by is Side.CLIENT)
         elif form.what is not What.ANEW:
             self._take_other(form, order, tell)
+
+    def answer_early(self, order: int, message: int, tell: Callable[[Happened], None]) -> None:
+        """Take that the request is whole, with an order, that was answered before; the response is a message now."""
+        assert self.early is not None
+        form, arrival_ns = self.early
+        self.early = None
+        if self.waiting:
+            self.take_from_server(form, order, max(arrival_ns, self.waiting[0].arrival_ns), message, tell)
 
     def note_acknowledged(self, acknowledged: int) -> None:
         """Note up to where the client has the server's bytes, none of which was captured, with its last request."""
@@ -163,6 +196,12 @@ class Conversation:
 
     def _miss(self, order: int, size: int, tell: Callable[[Happened], None]) -> None:
         self._take_other(Form(What.GAP, missing_bytes=size), order, tell)
+
+    def _tell_leaving(self, kind: Kind, order: int, tell: Callable[[Happened], None]) -> None:
+        """Tell what waits while its client is leaving: it has closed its side."""
+        if self.closed is not None:
+            for asked in self.waiting:
+                self._tell_answer(kind, asked, order, self.closed.arrival_ns, -1, tell)
 
     def give_up(self, order: int, tell: Callable[[Happened], None]) -> None:
         """Take that the client, which has closed its side, waits for nothing any more."""
@@ -191,14 +230,14 @@ class Conversation:
         if kind is Kind.CUT:
             tell(Happened(kind, self.connection, order, -1, NOTHING, 0, 0, 0, False))
             return
-        latency_ns = arrival_ns - asked.arrival_ns if kind in (Kind.REPLY, Kind.GIVEN_UP) else 0
+        latency_ns = arrival_ns - asked.arrival_ns if kind in (Kind.REPLY, Kind.GIVEN_UP, Kind.LEFT) else 0
         frame = asked.order >> ORDER_BITS
         tell(Happened(kind, self.connection, order, message, asked.asked, latency_ns, frame, 0, False))
 
     def _take_other(self, form: Form, order: int, tell: Callable[[Happened], None]) -> None:
         if form.what is What.ANEW:
             self._forget_waiting()
-            self.is_visu, self.gap_bytes, self.closed = False, 0, None
+            self.is_visu, self.gap_bytes, self.closed, self.early = False, 0, None, None
             self.is_heard, self.is_spoken, self.acknowledged = False, False, UNKNOWN
         elif form.what is What.GAP:
             if self.is_visu:

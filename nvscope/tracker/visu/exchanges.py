@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,13 +18,14 @@ from dissectors.webvisu import Request
 from nvscope.engine.runs import distinct
 from nvscope.tracker.connections import Connections
 from nvscope.tracker.pieces import ORDER_BITS
-from nvscope.tracker.visu.asking import NOTHING, Ask, Asking
+from nvscope.tracker.visu.asking import NOTHING, Ask, Asking, asks_whole
 from nvscope.tracker.visu.controllers import controller_of
 from nvscope.tracker.visu.conversation import Conversation
 from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.going_on import GoingOn
 from nvscope.tracker.visu.http_forms import What
 from nvscope.tracker.visu.http_messages import HttpMessages
+from nvscope.tracker.visu.leaving import Leaving
 from nvscope.tracker.visu.limits import MOST_PAIRS, MOST_POLLED, Beyond
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages, no_messages
 from nvscope.tracker.visu.names import ListFlaw, Names
@@ -83,7 +85,8 @@ class Exchanges:
         conversation = self._conversations.get(connection)
         if conversation is None:
             return Waiting()
-        return Waiting([one.is_head for one in conversation.waiting], conversation.beyond)
+        are_head = [one.is_head for one in conversation.waiting]
+        return Waiting(are_head, conversation.beyond, conversation.early is not None)
 
     def take(
         self, http: HttpMessages, packets: PacketBatch, segments: SegmentBatch, first_frame: int
@@ -103,18 +106,37 @@ class Exchanges:
             http, is_plain, asked, asked_for, self._conversations, going_on, self._closed, one_way, self._unheard
         )  # fmt: skip
         said = Said.stacked([whole, _others(http, asked, spoken), *pairing.pair(np.flatnonzero(~taken))])
+        http = pairing.messages
         self._left_out[Beyond.WAITING] += pairing.left_out
         # Several may be given up with one frame; then those of the older connection come first.
         several = bool((said.kind == Kind.GIVEN_UP).any())
         in_order = np.lexsort((said.connection, said.order)) if several else np.argsort(said.order, kind="stable")
         said = said.take(in_order)
         pair = self._pairs(said.connection)
+        leaving = self._leaving()
         if (pair < 0).any():
             self._left_out[Beyond.PAIR] += int((pair < 0).sum())
             said, pair = said.take(pair >= 0), pair[pair >= 0]
         if not len(said):
             return no_messages()
-        return self._told(http, said, spoken, pair, asked_for.asks, packets, segments, first_frame)
+        return replace(
+            self._told(http, said, spoken, pair, asked_for.asks, packets, segments, first_frame), leaving=leaving
+        )
+
+    def _leaving(self) -> list[Leaving]:
+        """Return what waits in connections whose clients have closed their side."""
+        numbers = sorted(self._closed)
+        found = []
+        for number, pair in zip(numbers, self._pairs(np.array(numbers, np.int64)).tolist(), strict=True):
+            conversation = self._conversations[number]
+            assert conversation.closed is not None
+            frame, closed_ns = conversation.closed.order >> ORDER_BITS, conversation.closed.arrival_ns
+            found += [
+                Leaving(pair, request, one.order >> ORDER_BITS, closed_ns - one.arrival_ns, frame, closed_ns)
+                for one in conversation.waiting
+                if pair >= 0 and (request := one.asked.request) is not None
+            ]
+        return found
 
     def _asked(self, http: HttpMessages, asked_for: AskedFor) -> I64:
         """Return what each message asks for, 0 of all that are no whole requests."""
@@ -141,6 +163,8 @@ class Exchanges:
                 continue
             if body != last:
                 last, number = body, asked_for.number(asking.by_body(body))
+            if form.is_broken_off and not asks_whole(asked_for.asks[number], body):
+                last, number = b"", 0
             last_place = -1 if form.is_coded else place
             numbers.append(number)
         asked[rows] = numbers

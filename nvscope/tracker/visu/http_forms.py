@@ -11,6 +11,9 @@ from dissectors.web_protocols import WebProtocol
 from dissectors.webvisu import Likeness
 from nvscope.tracker.pieces import BROKEN_OFF, BY_CLIENT
 
+NOT_BEGUN = -2
+"""Stands for a place in data: of no request, the head is there and the body is not."""
+
 _MOST_FORMS = 4096
 
 
@@ -39,7 +42,8 @@ class Form:
     is not known. ``touched``: whether what is not whole may be a request of a WebVisu page, or is in the response to
     the first request that waits. ``answers_nobody``: what it answers was forgotten meanwhile. ``missing_bytes`` are
     those of a gap. ``spoken`` is what a connection begins with that does not begin with HTTP. ``broken_by`` is who
-    broke off a connection that did not end in order.
+    broke off a connection that did not end in order. ``is_broken_off``: with that, a request ended that does not say
+    how long it is; nobody knows whether more of it should have come.
     """
 
     what: What
@@ -52,6 +56,7 @@ class Form:
     missing_bytes: int = 0
     spoken: WebProtocol | None = None
     broken_by: Side | None = None
+    is_broken_off: bool = False
 
     @property
     def is_unread(self) -> bool:
@@ -66,7 +71,8 @@ class Forms:
     ``form`` is a place in ``forms``, of which ``body_bytes`` are known by place. ``known`` are the heads by side of
     which nothing more is to be known to read a message. ``late`` is up to where one had to read to find some, by place
     in ``at``: those that lie in what was taken for another message at first. ``arrived_ns`` is when some had
-    come that ended only later, by place in ``at``, too.
+    come that ended only later, by place in ``at``, too; ``head_at`` is where the heads end of those of which ``at``
+    does not say it, below 0 where that was in an earlier batch.
     """
 
     BEGIN, END, ANEW, BROKEN_BY_CLIENT, BROKEN_BY_SERVER = range(5)
@@ -76,6 +82,7 @@ class Forms:
         self.form: list[int] = []
         self.late: dict[int, int] = {}
         self.arrived_ns: dict[int, int] = {}
+        self.head_at: dict[int, int] = {}
         self._clear()
 
     def _clear(self) -> None:
@@ -88,7 +95,7 @@ class Forms:
 
     def renew(self) -> None:
         """Forget what was found, and all forms where there are too many."""
-        self.at, self.form, self.late, self.arrived_ns = [], [], {}, {}
+        self.at, self.form, self.late, self.arrived_ns, self.head_at = [], [], {}, {}, {}
         if len(self.forms) > _MOST_FORMS:
             self._clear()
 
@@ -112,7 +119,7 @@ class Forms:
         self.at[begin:] = [self.at[place] for place in order]
         self.form[begin:] = [self.form[place] for place in order]
         now = {old: new for new, old in enumerate(order, begin)}
-        for column in (self.late, self.arrived_ns):
+        for column in (self.late, self.arrived_ns, self.head_at):
             column.update([(now[place], column.pop(place)) for place in order if place in column])
 
     def tell(self, at: int, form: Form) -> None:

@@ -6,7 +6,7 @@ A message may lie in any number of segments and batches, and a segment may hold 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -16,11 +16,12 @@ from dissectors.http import Side
 from nvscope.engine.runs import runs_of
 from nvscope.tracker.pieces import ANEW, Brought, PieceKind, Pieces
 from nvscope.tracker.visu.both_directions import BothDirections, Run
-from nvscope.tracker.visu.http_forms import Form, Forms
+from nvscope.tracker.visu.http_forms import NOT_BEGUN, Form, Forms
 from nvscope.tracker.visu.http_reader import END_OF_HEAD, HttpReader
 from nvscope.tracker.visu.http_runs import Controls, are_short, read_run, take_control
 from nvscope.tracker.visu.limits import MOST_HELD_BYTES
-from nvscope.tracker.visu.waiting_requests import Waiting, WaitingRequests
+from nvscope.tracker.visu.request_heads import EARLIER, ClientRows, RequestHeads
+from nvscope.tracker.visu.waiting_requests import Asked, Waiting, WaitingRequests
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,8 +30,8 @@ class HttpMessages:
 
     A request that ends where it is answered, since it does not say how long it is, stands in front of what answers it.
     ``form`` is a place in ``forms``. Of a message whose content is as it came, that begins at ``start`` in ``data``.
-    ``order`` and ``arrival_ns`` are those of the piece that made it whole (``nvscope.tracker.pieces``). ``given_up`` is
-    how many messages had begun for which there was no room.
+    ``order`` and ``arrival_ns`` are those of the piece that made it whole (``nvscope.tracker.pieces``). ``clients``
+    know since when requests had begun, ``given_up`` is how many messages had begun for which there was no room.
     """
 
     data: bytes
@@ -40,10 +41,24 @@ class HttpMessages:
     start: I64
     order: I64
     arrival_ns: I64
+    clients: ClientRows
     given_up: int = 0
 
     def __len__(self) -> int:
         return len(self.stream)
+
+    def with_later(self, rows: Sequence[tuple[Form, int, int, int]]) -> HttpMessages:
+        """Return the messages, and some behind them by form, stream, order and arrival, whose content is in their form.
+
+        Those are of earlier batches, and told later.
+        """
+        stream, order, arrival_ns = np.array([row[1:] for row in rows], np.int64).T
+        form = len(self.forms) + np.arange(len(rows))
+        return replace(
+            self, forms=[*self.forms, *(row[0] for row in rows)], stream=np.append(self.stream, stream),
+            form=np.append(self.form, form), start=np.append(self.start, np.zeros(len(rows), np.int64)),
+            order=np.append(self.order, order), arrival_ns=np.append(self.arrival_ns, arrival_ns),
+        )  # fmt: skip
 
     def content(self, row: int) -> bytes | None:
         """Return what is in the body of a message, None where that is not known."""
@@ -65,6 +80,8 @@ class HttpStreams:
         self._found = Forms()
         # Connections, and those between the same ends before, in which the client has sent HEAD.
         self._with_head: set[int] = set()
+        # How much of the data of a batch is of earlier ones, by the first piece of its stream.
+        self._rests: dict[int, int] = {}
         # Connections whose client has begun a request that does not say how long it is.
         self._open: set[int] = set()
         self._most_held_bytes = most_held_bytes
@@ -119,7 +136,8 @@ class HttpStreams:
             if paused is not None:
                 server = Run(self._reader(stream), data, behind[place], start, stop)
                 self._held_bytes -= len(server.reader.rest)
-                both = BothDirections(paused, server, pieces, ends, found, partial(self._places, ends))
+                places_of, heads = partial(self._places, ends), self._heads(pieces, ends)
+                both = BothDirections(paused, server, pieces, ends, found, places_of, heads)
                 of_client = both.read(waiting_of(stream >> 1), before - counts[-1])
                 given_up += self._leave_both(stream >> 1, (paused, server), pieces, both.ended)
                 counts[-1] += of_client
@@ -137,9 +155,11 @@ class HttpStreams:
                 counts.append(len(found.at) - before)
                 continue
             reader = self._reader(stream)
+            if reader.begun_at >= 0:
+                reader.begun_at = EARLIER
             if stream & 1 and stream >> 1 in self._with_head:
                 first = before if asking != stream >> 1 else before - counts[-1]
-                reader.requests = self._requests(brought, ends, slice(first, before), waiting_of(stream >> 1))
+                reader.requests = self._requests(brought, ends, range(first, before), stream >> 1, waiting_of)
             asking = stream >> 1
             self._held_bytes -= len(reader.rest)
             first_new = behind[place] + len(reader.rest)
@@ -259,6 +279,7 @@ class HttpStreams:
             for place, reader in zip(run_start.tolist(), readers, strict=True)
             if reader is not None and reader.rest
         ]  # fmt: skip
+        self._rests = {place: len(rest) for place, rest in rests}
         for place, rest in reversed(rests):
             parts.insert(place, rest)
             size[place] += len(rest)
@@ -293,12 +314,24 @@ class HttpStreams:
         if end > begin and kind_of[-1] == int(PieceKind.DATA):
             reader.read(data, begin, end, found)
 
-    def _requests(self, brought: Brought, ends: I64, asked: slice, waiting: Waiting) -> WaitingRequests:
+    def _requests(
+        self, brought: Brought, ends: I64, own: range, connection: int, waiting_of: Callable[[int], Waiting]
+    ) -> WaitingRequests:
         """Return the requests of a connection, of which some were found in this batch."""
-        found, orders = self._found, brought.pieces.order
-        places = self._places(ends, range(asked.start, asked.stop))
-        forms = (found.forms[number] for number in found.form[asked])
-        return WaitingRequests(waiting, zip(orders[places].tolist(), forms, strict=True), ends, orders)
+        found, orders, heads = self._found, brought.pieces.order, self._heads(brought.pieces, ends)
+        forms = [found.forms[number] for number in found.form[own.start : own.stop]]
+        head_orders = map(heads.order_of, own, forms)
+        asked = map(Asked, orders[self._places(ends, own)].tolist(), forms, head_orders)
+        return WaitingRequests(waiting_of(connection), asked, ends, orders, begun=heads.begun(connection))
+
+    def _heads(self, pieces: Pieces, ends: I64) -> RequestHeads:
+        """Return since when requests of a batch had begun."""
+
+        def begun_of(connection: int) -> int:
+            reader = self._readers.get(2 * connection)
+            return NOT_BEGUN if reader is None else reader.begun_at
+
+        return RequestHeads(self._found, pieces, ends, self._rests, begun_of)
 
     def _places(self, ends: I64, which: Sequence[int]) -> I64:
         """Return the pieces with which some of what was found was there."""
@@ -323,6 +356,11 @@ class HttpStreams:
         at, form = np.array(found.at, np.int64), np.array(found.form, np.int64)
         piece = self._places(ends, range(len(at)))
         order, arrival_ns = pieces.order[piece], pieces.arrival_ns[piece]
-        if found.arrived_ns:
-            arrival_ns[list(found.arrived_ns)] = list(found.arrived_ns.values())
-        return HttpMessages(data, found.forms, stream, form, at, order, arrival_ns, given_up)
+        for place, arrived_ns in found.arrived_ns.items():
+            last = int(piece[place]) - 1
+            # What breaks a connection off has a time of its own.
+            is_here = found.forms[found.form[place]].is_broken_off and last >= 0
+            is_here = is_here and pieces.stream[last] == pieces.stream[last + 1]
+            arrival_ns[place] = pieces.arrival_ns[last] if is_here else arrived_ns
+        clients = ClientRows(self._heads(pieces, ends), found, stream, form, order)
+        return HttpMessages(data, found.forms, stream, form, at, order, arrival_ns, clients, given_up)

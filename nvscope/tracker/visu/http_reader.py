@@ -12,7 +12,7 @@ from dissectors import http
 from dissectors.http import MOST_BODY_BYTES, MOST_HEAD_BYTES, Body, Head, Side
 from dissectors.web_protocols import protocol_of_bytes
 from dissectors.webvisu import Likeness, likeness
-from nvscope.tracker.visu.http_forms import Form, Forms, What
+from nvscope.tracker.visu.http_forms import NOT_BEGUN, Form, Forms, What
 
 if TYPE_CHECKING:
     from nvscope.tracker.visu.waiting_requests import WaitingRequests
@@ -42,12 +42,13 @@ class HttpReader:
     are the places in ``Forms.at`` at which it lost step. ``open`` is the request that has begun, where that does not
     say how long it is; a reader that ``pauses`` does not read on in such a request. ``known_at`` is up to where one had
     to read to know that what is read now is no part of another message; 0 of what is not. ``arrived_ns`` is when what
-    is left over of earlier batches had come.
+    is left over of earlier batches had come. ``begun_at`` is where the head ends of a message that says how long it is,
+    and is not whole: in the data of the batch, below 0 where that was an earlier one; ``NOT_BEGUN`` without such.
     """
 
     __slots__ = (
         "_answers_head", "_answers_nobody", "_chunks", "_found_before", "_is_first", "_passed", "_passes", "_seeks",
-        "arrived_ns", "asks_head", "breaks", "known_at", "open", "pauses", "requests", "rest", "side",
+        "arrived_ns", "asks_head", "begun_at", "breaks", "known_at", "open", "pauses", "requests", "rest", "side",
     )  # fmt: skip
 
     def __init__(self, side: Side) -> None:
@@ -72,12 +73,14 @@ class HttpReader:
         self.open: OpenRequest | None = None
         self.pauses = False
         self.arrived_ns = 0
+        self.begun_at = NOT_BEGUN
 
     def begin(self, *, in_step: bool) -> None:
         """Take the begin of a connection; its first bytes begin a message where it is ``in_step``."""
         self.rest, self._passes, self._passed = b"", 0, None
         self._seeks, self._is_first = not in_step, in_step
         self._answers_head, self._answers_nobody, self._chunks, self.open = None, False, None, None
+        self.begun_at = NOT_BEGUN
 
     def read(self, data: bytes, begin: int, end: int, found: Forms, known_at: int = 0) -> None:
         """Read ``data`` from ``begin``, where its rest is, to ``end``."""
@@ -89,6 +92,7 @@ class HttpReader:
                 return
             begin += self._passes
             self._tell_passed(begin, found)
+        self.begun_at = NOT_BEGUN
         known, body_bytes, find = found.known[self.side], found.body_bytes, data.find
         tell_at, tell_form = found.at.append, found.form.append
         plain = self.requests is None and not self._answers_nobody
@@ -119,7 +123,7 @@ class HttpReader:
                 continue
             behind = head_end + body_bytes[number]
             if behind > end:
-                self._answers_head = False
+                self._answers_head, self.begun_at = False, head_end
                 break
             if behind < known_at:
                 found.late[len(found.at)] = known_at
@@ -202,6 +206,7 @@ class HttpReader:
 
     def _read_length(self, data: bytes, start: int, head_end: int, end: int, head: Head, found: Forms) -> int:
         behind = head_end + head.length
+        self.begun_at = NOT_BEGUN if behind <= end and head.length <= MOST_BODY_BYTES else head_end
         if head.length > MOST_BODY_BYTES:
             self._passed = Form(What.WHOLE, head, is_coded=True)
             if behind > end:
@@ -275,14 +280,9 @@ class HttpReader:
         Of one in chunks that ends within a chunk it is not known what it asks for.
         """
         assert self.open is not None
-        head, body = self.open.head, begin + self.open.head_bytes
-        content: bytes | None = None
-        if not self._passes:
-            if head.body is Body.END:
-                content = data[body:end]
-            else:
-                content = (self._chunks or http.Chunks()).whole_up_to(data, body, end)
-        content = None if content is None else http.decoded(content, head.coding)
+        head = self.open.head
+        body = begin + self.open.head_bytes
+        content = None if self._passes else http.content_up_to(data, body, end, head, self._chunks)
         found.tell(at, Form(What.WHOLE, head, 0, content, is_coded=True))
         self.begin(in_step=True)
         self._is_first = False
@@ -337,19 +337,24 @@ class HttpReader:
 
     def _out_of_step(self, at: int) -> None:
         self._seeks, self._answers_head, self._answers_nobody, self.open = True, None, False, None
+        self.begun_at = NOT_BEGUN
         if self.requests is not None:
             self.requests.forget(at)
 
     def _tell_passed(self, at: int, found: Forms) -> None:
         assert self._passed is not None
         nobody = self._answered(at, self._passed.head)
+        if self.begun_at != NOT_BEGUN:
+            found.head_at[len(found.at)] = self.begun_at
+        self.begun_at = NOT_BEGUN
         found.tell(at, replace(self._passed, answers_nobody=nobody))
         self._passes, self._passed = 0, None
 
     def end(self, at: int, found: Forms, ended: int) -> None:
-        """Take the end of the stream: a message that goes up to there is whole, unless it is a request, broken off.
+        """Take the end of the stream: a message that goes up to there is whole.
 
-        ``ended`` is a number of ``Forms.end_of``.
+        ``ended`` is a number of ``Forms.end_of``. Where the connection is broken off, a request might have gone on
+        (``Form.is_broken_off``).
         """
         rest = self.rest
         dropped = ended != Forms.END and self.side is Side.CLIENT
@@ -359,11 +364,15 @@ class HttpReader:
         elif self._passes or (rest and not self._seeks):
             head_end = http.end_of_head(rest, 0, len(rest))
             head = http.read_head(rest[:head_end], self.side) if head_end >= 0 and not self._passes else None
-            if head is not None and head.body is Body.END:
-                if not dropped:
-                    content = http.decoded(rest[head_end:], head.coding)
-                    nobody = self._answered(at, head)
-                    found.tell(at, Form(What.WHOLE, head, 0, content, is_coded=True, answers_nobody=nobody))
+            if dropped:
+                if head is not None and head.body is not Body.LENGTH:
+                    found.arrived_ns[len(found.at)] = self.arrived_ns
+                    content = http.content_up_to(rest, head_end, len(rest), head, self._chunks)
+                    found.tell(at, Form(What.WHOLE, head, 0, content, is_coded=True, is_broken_off=True))
+            elif head is not None and head.body is Body.END:
+                content = http.decoded(rest[head_end:], head.coding)
+                nobody = self._answered(at, head)
+                found.tell(at, Form(What.WHOLE, head, 0, content, is_coded=True, answers_nobody=nobody))
             # Of a response that was not sent whole nothing is missing: it is none.
             elif self.side is Side.SERVER and self._passed is not None and self._passed.what is What.CUT:
                 found.tell(at, Form(What.CUT, answers_nobody=self._answered(at, self._passed.head)))

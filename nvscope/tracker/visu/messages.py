@@ -11,11 +11,16 @@ import numpy as np
 
 from dissectors.batch import I64, U64, Bool
 from dissectors.columns import Columns
+from dissectors.headers import RST
 from dissectors.transport import NO_SEGMENTS, SegmentBatch
 from dissectors.webvisu import Request
 from nvscope.engine.runs import runs_of
+from nvscope.tracker.visu.leaving import Leaving
 from nvscope.tracker.visu.limits import Beyond
 from nvscope.tracker.visu.names import ListFlaw, Naming
+
+_PORT = 4
+"""The column of the server's port in ``VisuBatch.pairs``."""
 
 
 class Kind(IntEnum):
@@ -24,8 +29,9 @@ class Kind(IntEnum):
     ``NAMES``: the reply to a request for a list of variables. ``CUT``: a request or a reply of which bytes are missing.
     ``UNANSWERED``: the connection ended without a reply, or the client waits no more. ``GAP``: bytes are missing of a
     connection with such requests. ``OTHER``: a request of another protocol, or the begin of a connection over which
-    another one is spoken. ``GIVEN_UP``: what is unanswered since the client waits no more; batches have that as
-    ``UNANSWERED``, by its outcome.
+    another one is spoken. ``LEFT``: a request waits, and its client closes its side of the connection; ``UNCLEAR``:
+    then nobody knows any more what answers it. ``GIVEN_UP``: what is unanswered since the client waits no more; batches
+    have that as ``UNANSWERED``, by its outcome.
     """
 
     READ = 0
@@ -36,7 +42,9 @@ class Kind(IntEnum):
     UNANSWERED = 5
     GAP = 6
     OTHER = 7
-    GIVEN_UP = 8
+    LEFT = 8
+    UNCLEAR = 9
+    GIVEN_UP = 10
 
 
 class Outcome(IntEnum):
@@ -65,7 +73,8 @@ class VisuMessages(Columns):
     ``stop`` are where the content of its body lies. Of replies: HTTP ``status``, ``outcome``, how many values it has
     (``fields``), ``latency_ns``, and ``asked_frame``, that of the request; of what is no reply -1, 0 of times.
     ``spoken`` is a ``WebProtocol``, -1 of what is of WebVisu.
-    ``asked_frame`` is also that of what is unanswered, ``latency_ns`` also how long the client waited that gave up.
+    ``asked_frame`` is also that of what is unanswered, or waits, ``latency_ns`` also how long the client waited that
+    gave up, or leaves.
     ``gap_bytes`` are missing of the connection that were not told before; ``opens``: it is the first such request of
     its connection. ``polled_ns`` is how long it is since the pair read the same the last time, -1 of what is no such
     read. ``naming`` is which of ``VisuBatch.namings`` was known.
@@ -97,7 +106,8 @@ class VisuBatch:
     the contents of bodies, ``requests`` what was asked for, by number; ``pairs`` are halves of the addresses of client
     and server, and its port, by number of the pair, five columns of uint64; ``namings`` are what variables were called,
     ``list_flaws`` what there is to say of lists, by message.
-    ``left_out`` is how often there was no room for something up to here, and that was not told before.
+    ``left_out`` is how often there was no room for something up to here, and that was not told before. ``leaving`` is
+    what waits behind the batch in connections whose clients have closed their side.
     """
 
     row: I64
@@ -111,9 +121,17 @@ class VisuBatch:
     namings: Sequence[Naming]
     list_flaws: Mapping[int, ListFlaw]
     left_out: Mapping[Beyond, int]
+    leaving: Sequence[Leaving]
 
     def __len__(self) -> int:
         return len(self.row)
+
+    def is_reset_by_server(self, row: int, pair: int) -> bool:
+        """Tell whether the server of a pair broke a connection off with the packet in a row."""
+        place = int(np.searchsorted(self.row, row))
+        if place == len(self.row) or self.row[place] != row or not self.segment.flags[place] & RST:
+            return False
+        return bool(self.segment.source_port[place] == self.pairs[_PORT][pair])
 
     def take(self, rows: I64 | Bool) -> VisuBatch:
         """Return the frames at the given positions or where the mask is set."""
@@ -125,13 +143,14 @@ class VisuBatch:
     def of(
         messages: VisuMessages, segments: SegmentBatch, data: bytes, requests: Sequence[Request], pairs: Sequence[U64],
         namings: Sequence[Naming], list_flaws: Mapping[int, ListFlaw], left_out: Mapping[Beyond, int],
+        leaving: Sequence[Leaving] = (),
     ) -> VisuBatch:  # fmt: skip
         """Return the frames of some messages that stand in their order; ``segments`` are those of the batch."""
         start, stop = runs_of(messages.row)
         row = messages.row[start]
         own = segments.take(np.searchsorted(segments.row, row))
         return VisuBatch(
-            row, start, stop - start, messages, own, data, requests, pairs, namings, list_flaws, left_out
+            row, start, stop - start, messages, own, data, requests, pairs, namings, list_flaws, left_out, leaving
         )  # fmt: skip
 
 

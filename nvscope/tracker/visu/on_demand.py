@@ -72,6 +72,8 @@ class VisuState:
         """Take a batch, which follows those observed so far."""
         part = told.parts.get(NAME)
         if part is None:
+            if self.known is not None:
+                self.known.observe(told, None)
             return
         from nvscope.tracker.visu.messages import VisuBatch  # noqa: PLC0415
         from nvscope.tracker.visu.state import VisuCounts  # noqa: PLC0415
@@ -93,7 +95,7 @@ class VisuState:
         from nvscope.tracker.visu.summary import summarize_others, summarize_visu  # noqa: PLC0415
 
         further = {
-            WRITES: tuple(self.known.writes.kept),
+            WRITES: self.known.writes.so_far(self.known.leaving.given_up()),
             UNCHANGING: self.known.unchanging.summary(),
             OTHERS: summarize_others(self.known),
         }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,10 +11,10 @@ import numpy as np
 from dissectors.batch import I64, Bool
 from dissectors.webvisu import is_like_reply
 from nvscope.engine.runs import runs_of, stable_order
-from nvscope.tracker.visu.conversation import Conversation, Happened
+from nvscope.tracker.visu.conversation import Conversation, Early, Happened
 from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.going_on import NEVER, GoingOn
-from nvscope.tracker.visu.http_forms import What
+from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.one_way import UNKNOWN, OneWay, more_bytes
 from nvscope.tracker.visu.plain_exchanges import AskedFor, Said, paired
@@ -23,6 +24,9 @@ _FEW = 16
 
 _LEAST = 4
 """Twice as many of a connection go in turn at a time, at least."""
+
+_MOST_EARLY_BYTES = 1 << 16
+"""A longer response that comes before its request is whole is not read."""
 
 _MANY = 1 << 12
 """No more are looked at, so that little is looked at in vain where a reply is too many again and again."""
@@ -49,7 +53,13 @@ class Pairing:
         self._going_on, self._closed = going_on, closed
         self._one_way, self._unheard = one_way, unheard
         self._happened: list[Happened] = []
+        self._later: list[tuple[Form, int, int, int]] = []
         self.left_out = 0
+
+    @property
+    def messages(self) -> HttpMessages:
+        """The messages of the batch, and behind them those of earlier ones that are told with it."""
+        return self._http.with_later(self._later) if self._later else self._http
 
     def pair(self, rows: I64) -> list[Said]:
         """Take messages, all of their connections, by stream and in each in its order; return what is to be told."""
@@ -74,7 +84,8 @@ class Pairing:
         for number in sorted(self._closed):
             conversation = self._conversations[number]
             self._leave(conversation, NEVER)
-            if not conversation.waiting:
+            # Another connection may have begun between the same ends.
+            if conversation.closed is None or not conversation.waiting:
                 self._closed.discard(number)
         for number in self._one_way.of_clients(self._unheard):
             conversation = self._conversations[number]
@@ -91,7 +102,7 @@ class Pairing:
         begin, end = run
         least = _LEAST
         while begin < end:
-            both_ways = conversation.is_heard and conversation.is_spoken
+            both_ways = conversation.is_heard and conversation.is_spoken and conversation.early is None
             if conversation.is_visu and end - begin >= _FEW and conversation.closed is None and both_ways:
                 place = bisect_left(peculiar, begin)
                 stop = min(peculiar[place] if place < len(peculiar) else end, end, begin + _MANY)
@@ -139,6 +150,9 @@ class Pairing:
             if stream & 1:
                 if not conversation.is_spoken:
                     self._note_unasked(conversation, row)
+                elif not conversation.waits and self._is_early(conversation, row, order):
+                    conversation.early = self._early(row)
+                    continue
                 conversation.take_from_server(http.forms[form], order, arrival_ns, row, tell)
                 if not conversation.is_spoken and http.forms[form].what in (What.BEGIN, What.ANEW):
                     conversation.acknowledged = self._one_way.acknowledged_at(stream, order)
@@ -146,6 +160,27 @@ class Pairing:
                 conversation.take_from_client(http.forms[form], asks[ask], order, arrival_ns, row, tell)
                 if not conversation.is_heard and conversation.waiting and conversation.waiting[-1].order == order:
                     conversation.note_acknowledged(self._one_way.acknowledged_at(stream, order))
+                if conversation.early is not None and http.forms[form].what in (What.WHOLE, What.CUT):
+                    self._later.append((conversation.early.form, stream + 1, order, conversation.early.arrival_ns))
+                    conversation.answer_early(order, len(http) + len(self._later) - 1, tell)
+
+    def _is_early(self, conversation: Conversation, row: int, order: int) -> bool:
+        """Tell whether a message of a server answers the request that its client has begun; none waits."""
+        form = self._http.forms[int(self._http.form[row])]
+        if form.what not in (What.WHOLE, What.CUT) or form.answers_nobody or (form.head and form.head.is_interim):
+            return False
+        return conversation.early is None and self._http.clients.has_begun(conversation.connection, order)
+
+    def _early(self, row: int) -> Early:
+        """Return a response that is told when the request is whole."""
+        http = self._http
+        form = http.forms[int(http.form[row])]
+        if form.what is What.WHOLE:
+            content = http.content(row)
+            if content is not None and len(content) > _MOST_EARLY_BYTES:
+                content = None
+            form = replace(form, content=content, is_coded=True)
+        return Early(form, int(http.arrival_ns[row]))
 
     def _miss(self, conversation: Conversation, before: int) -> None:
         """Tell that a reply was not captured, of a server of which nothing was, as far as that is known before."""

@@ -17,6 +17,7 @@ from nvscope.engine.told import Told
 from nvscope.tracker.events import EventLog, LeftOutLog
 from nvscope.tracker.latency import Latencies
 from nvscope.tracker.visu.events import OK, OTHER_STATUS, VisuEvent, event_word
+from nvscope.tracker.visu.leaving import LeavingClients
 from nvscope.tracker.visu.limits import MOST_ENTRIES, Beyond
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages
 from nvscope.tracker.visu.names import Naming, OtherNames, UnreadList, has_password, name_of
@@ -30,7 +31,7 @@ SLOW_NS = 10**9
 """A reply that takes longer is worth a note."""
 
 _WRONG: Mapping[int, VisuEvent] = {Outcome.MISCOUNTED: VisuEvent.MISCOUNTED, Outcome.AMBIGUOUS: VisuEvent.AMBIGUOUS}
-_LATE = (VisuEvent.SLOW, VisuEvent.UNANSWERED, VisuEvent.GIVEN_UP)
+_LATE = (VisuEvent.SLOW, VisuEvent.UNANSWERED, VisuEvent.GIVEN_UP, VisuEvent.RESET)
 _WITH_STATUS = (VisuEvent.REFUSED, VisuEvent.STATUS)
 _MOST_REMEMBERED = 1 << 14
 _MINUTE_NS = 60 * 10**9
@@ -104,7 +105,8 @@ class VisuCounts:
     the writes among them by subject and minute since 1970. ``writes`` are who wrote what, ``unchanging`` what never
     changed, ``others`` what is spoken beside by pair and ``WebProtocol``, ``other_names`` the first list that
     contradicts others, by client and server, ``unread_lists`` the first one that nobody can read, and ``given_up`` how
-    long clients waited at least and at most for what they gave up. ``left_out`` is that for which there was no room,
+    long clients waited at least and at most for what they gave up. ``leaving`` are those of whom nothing but time may
+    tell that they gave up: that is counted nowhere else. ``left_out`` is that for which there was no room,
     keyed by ``Beyond``.
     """
 
@@ -123,6 +125,7 @@ class VisuCounts:
         self.other_names: dict[Subject, OtherNames] = {}
         self.given_up: dict[Subject, tuple[int, int]] = {}
         self.unread_lists: dict[Subject, UnreadList] = {}
+        self.leaving = LeavingClients()
         self._minutes: set[tuple[int, int]] = set()
         self._statuses: set[tuple[int, int]] = set()
         self._variables: set[tuple[int, str]] = set()
@@ -131,8 +134,11 @@ class VisuCounts:
         self._secrets: dict[tuple[Request, int], Collection[int]] = {}
         self._secret_entries = 0
 
-    def observe(self, told: Told, part: VisuBatch) -> None:
-        """Take what a batch brings."""
+    def observe(self, told: Told, part: VisuBatch | None) -> None:
+        """Take what a batch brings; None where that is no more than time, and what is of others."""
+        if part is None:
+            self.leaving.observe(told, None)
+            return
         messages = part.messages
         own = self.pairs.numbers_within(told.max_streams, *part.pairs)
         pair = own[messages.pair]
@@ -149,6 +155,8 @@ class VisuCounts:
         self._note(told, part, pair, messages)
         self._note_writes(told, part, pair, messages)
         self.unchanging.observe(part, told.max_streams)
+        leaving = [one._replace(pair=int(own[one.pair])) for one in part.leaving]
+        self.leaving.observe(told, [one for one in leaving if one.pair >= 0])
         self.events.settle()
         self.write_minutes.settle()
         self.left_out.settle()
@@ -222,7 +230,8 @@ class VisuCounts:
                     found.append((VisuEvent.GIVEN_UP, whole))
                     self._note_given_up(told, whole, one.latency_ns)
                 else:
-                    found.append((VisuEvent.UNANSWERED, whole))
+                    reset = part.is_reset_by_server(one.row, one.pair)
+                    found.append((VisuEvent.RESET if reset else VisuEvent.UNANSWERED, whole))
             elif one.kind == Kind.CUT:
                 found.append((VisuEvent.CUT, whole))
             elif one.kind == Kind.REPLY:
@@ -279,6 +288,7 @@ class VisuCounts:
         wanted = (kind == Kind.UNANSWERED) | (kind == Kind.WRITE) | (kind == Kind.CUT)
         wanted |= messages.latency_ns > SLOW_NS
         wanted |= (outcome != Outcome.NONE) & (outcome != Outcome.DONE)
+        wanted &= (kind != Kind.LEFT) & (kind != Kind.UNCLEAR)
         reads, replies = np.flatnonzero(kind == Kind.READ), np.flatnonzero(kind == Kind.REPLY)
         wanted[reads] |= peculiar[asked[reads]]
         # What was asked before says nothing new.

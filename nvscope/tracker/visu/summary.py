@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -78,10 +79,12 @@ def summarize_visu(counts: VisuCounts) -> Sequence[VisuSummary]:
     words = zip(*(word.tolist() for word in counts.pairs.words), strict=True)
     columns = zip(*(counts.columns.column(name).tolist() for name in PairColumns.COLUMNS), strict=True)
     found = []
+    since = Counter(one.pair for one in counts.leaving.given_up())
     for pair, ((client_hi, client_lo, server_hi, server_lo, port), row) in enumerate(zip(words, columns, strict=True)):
         counted = dict(zip(PairColumns.COLUMNS, row, strict=True))
         if not counted["connections"]:
             continue
+        counted["unanswered"] += since[pair]
         ends = (client_hi, client_lo), (server_hi, server_lo)
         told = VisuSummary(
             client=address.text(*ends[0]), server=address.text(*ends[1]), port=port,

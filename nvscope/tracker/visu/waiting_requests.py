@@ -1,7 +1,7 @@
 """Waiting requests: what a response answers, as far as that says where messages end.
 
 A response has no body, whatever it says, where it answers HEAD (RFC 9110, section 9.3.2). And a request that does not
-say how long it is ends at the latest where it is answered.
+say how long it is ends at the latest where it is answered; one that says so may be answered early, before it is whole.
 """
 
 from __future__ import annotations
@@ -13,34 +13,49 @@ from typing import NamedTuple
 from dissectors.batch import I64
 from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.limits import MOST_WAITING
+from nvscope.tracker.visu.request_heads import NEVER
 
 
 class Waiting(NamedTuple):
-    """The requests of a connection that wait: whether each is HEAD, and how many there are ``beyond`` these."""
+    """The requests of a connection that wait: whether each is HEAD, and how many there are ``beyond`` these.
+
+    ``is_early``: the one that has begun, and is not whole, is answered.
+    """
 
     are_head: Iterable[bool] = ()
     beyond: int = 0
+    is_early: bool = False
+
+
+class Asked(NamedTuple):
+    """What the client's direction shows with an order; and with which one the head was there, if it is a request."""
+
+    order: int
+    form: Form
+    head_order: int = NEVER
 
 
 class WaitingRequests:
     """The requests of a connection that wait while a batch of what its server sends is read.
 
-    ``waiting`` are those before it. ``asked`` is what the client's direction shows in the batch: orders
-    (``nvscope.tracker.pieces``), and what it is. ``ends`` are where pieces end in the data that is read, ``orders``
-    those of pieces. ``answers_more`` is called with a place of the data where something comes that answers a request,
-    and none waits.
+    ``waiting`` are those before it. ``asked`` is what the client's direction shows in the batch (orders are those of
+    ``nvscope.tracker.pieces``), ``begun`` with which order the head was there of what is not whole behind that.
+    ``ends`` are where pieces end in the data that is read, ``orders`` those of pieces. ``answers_more`` is called with
+    a place of the data where something comes that answers a request, and none waits; it tells whether that is one that
+    has begun.
     """
 
     def __init__(
-        self, waiting: Waiting, asked: Iterable[tuple[int, Form]], ends: I64, orders: I64,
-        answers_more: Callable[[int], None] | None = None,
+        self, waiting: Waiting, asked: Iterable[Asked], ends: I64, orders: I64,
+        answers_more: Callable[[int], bool] | None = None, begun: int = NEVER,
     ) -> None:  # fmt: skip
-        self._waiting, self._beyond = deque(waiting.are_head), waiting.beyond
+        self._waiting, self._beyond, self._is_early = deque(waiting.are_head), waiting.beyond, waiting.is_early
+        self._begun = begun
         self._asked = deque(asked)
         self._ends, self._orders = ends, orders
         self._answers_more = answers_more
 
-    def ask(self, asked: Iterable[tuple[int, Form]]) -> None:
+    def ask(self, asked: Iterable[Asked]) -> None:
         """Take more of what the client's direction shows."""
         self._asked.extend(asked)
 
@@ -51,13 +66,17 @@ class WaitingRequests:
 
     def answered(self, at: int) -> None:
         """Take the end of a response, or that there was one of which bytes are missing."""
-        self._go_on(at)
+        order = self._go_on(at)
         if self._waiting:
             self._waiting.popleft()
         elif self._beyond:
             self._beyond -= 1
-        elif self._answers_more is not None:
-            self._answers_more(at)
+        else:
+            asked = next((one for one in self._asked if one.form.what is not What.GAP), None)
+            if asked is None and self._answers_more is not None:
+                self._is_early |= self._answers_more(at)
+            else:
+                self._is_early |= (self._begun if asked is None else asked.head_order) < order
 
     def ended(self, at: int) -> None:
         """Take that the server has closed its side: what has not been answered never is."""
@@ -74,14 +93,19 @@ class WaitingRequests:
         self._waiting.clear()
         self._beyond = 0
 
-    def _go_on(self, at: int) -> None:
+    def _go_on(self, at: int) -> int:
+        """Take what the client shows in front of a place of the data; return the order of that."""
         order = int(self._orders[~at if at < 0 else int(self._ends.searchsorted(at))])
-        while self._asked and self._asked[0][0] < order:
-            _, form = self._asked.popleft()
+        while self._asked and self._asked[0].order < order:
+            form = self._asked.popleft().form
             if form.what in (What.WHOLE, What.CUT):
-                if self._beyond or len(self._waiting) >= MOST_WAITING:
+                if self._is_early:
+                    self._is_early = False
+                elif self._beyond or len(self._waiting) >= MOST_WAITING:
                     self._beyond += 1
                 else:
                     self._waiting.append(form.head is not None and form.head.method == "HEAD")
             elif form.what in (What.BROKEN, What.ANEW):
+                self._is_early = False
                 self._forget()
+        return order

@@ -99,5 +99,6 @@ def _note(
             conversations.pop(number, None)
     spoke = np.zeros(len(start), np.bool_)
     spoke[visu] = True
-    for number in connection[whole & ~ended & spoke].tolist():
-        conversations[number] = Conversation(number, is_visu=True, is_heard=True, is_spoken=True)
+    stays = whole & ~ended
+    for number, is_visu in zip(connection[stays].tolist(), spoke[stays].tolist(), strict=True):
+        conversations[number] = Conversation(number, is_visu=is_visu, is_heard=True, is_spoken=True)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -12,6 +13,7 @@ from dissectors.batch import I64, Bool
 from dissectors.webvisu import Place, Request, read_reply
 from nvscope.tracker.readings.form import cut_text
 from nvscope.tracker.visu.controllers import Controller, controller_at, controller_of
+from nvscope.tracker.visu.leaving import Leaving
 from nvscope.tracker.visu.limits import MOST_ENTRIES
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages
 from nvscope.tracker.visu.names import is_secret, name_of
@@ -93,6 +95,18 @@ class Writes:
                 self._answer(key, request, messages, step, int(frames[step]))
         self._learn(part, messages, reads[reads >= done], frames)
         return beyond
+
+    def so_far(self, given_up: Iterable[Leaving]) -> Sequence[Write]:
+        """Return the writes that are kept, with what became of them, and of those that were given up meanwhile."""
+        gone: set[int] = set()
+        for left in given_up:
+            for one, writes in self._open.get((left.pair, left.asked_frame), ()):
+                if one == left.request and writes and id(writes[0]) not in gone:
+                    gone.update(map(id, writes))
+                    break
+        if not gone:
+            return tuple(self.kept)
+        return tuple(replace(one, outcome=WriteOutcome.UNANSWERED) if id(one) in gone else one for one in self.kept)
 
     def _is_written(self, part: VisuBatch, messages: VisuMessages) -> Bool:
         writes = np.array([one.writes for one in part.requests] + [False], np.bool_)

@@ -76,10 +76,15 @@ def message_words(part: VisuBatch, message: int, *, secrets: bool = False) -> st
         flaw = part.list_flaws.get(message)
         return f"variable list ({size}){f', cannot be used: {flaw.why}' if isinstance(flaw, UnreadList) else ''}"
     request = part.requests[asked]
+    if kind is Kind.LEFT:
+        return f"client closes its side, frame {messages.asked_frame[message]} waits for a reply"
+    if kind is Kind.UNCLEAR:
+        return f"nobody knows what answers frame {messages.asked_frame[message]}"
     if kind is Kind.UNANSWERED:
         unanswered = f"no reply to frame {messages.asked_frame[message]}"
         if messages.outcome[message] != Outcome.GIVEN_UP:
-            return f"{unanswered}, connection ended by the controller"
+            reset = part.is_reset_by_server(int(messages.row[message]), int(messages.pair[message]))
+            return f"{unanswered}, connection {'reset' if reset else 'ended'} by the controller"
         waited_ns = int(messages.latency_ns[message])
         return f"{unanswered}, given up{f' after {units.duration(waited_ns)}' if waited_ns > 0 else ''}"
     told = "; ".join(_shown(variables_of(part, message, secrets=secrets)))

@@ -21,7 +21,8 @@ Readings, where the rules leave a choice:
   is to the first request that waits
 - a response is being received where its status line is whole
 - a request is open where its head is whole and it is in chunks, or has a body and does not say how long that is. It
-  ends where it is answered: with its content where chunks are whole, one of chunks that end within one has none
+  ends where it is answered: with its content where chunks are whole, one of chunks that end within one has none; and
+  where the connection is reset, with what came before that
 """
 
 from __future__ import annotations
@@ -47,7 +48,8 @@ class Message:
     """A request or a response, or what was seen of one.
 
     ``body`` is decoded; None where it is not known: cut, longer than its limit, or not to be decoded. ``seen`` is what
-    came of it before the first missing byte, as it came. ``whole`` tells whether it came to its end, cut or not.
+    came of it before the first missing byte, as it came. ``whole`` tells whether it came to its end, cut or not;
+    ``broken_off``: that its end is the reset of the connection, and nobody knows whether more should have come.
     """
 
     method: bytes = b""
@@ -58,6 +60,7 @@ class Message:
     cut: bool = False
     whole: bool = True
     arrival: int = 0
+    broken_off: bool = False
 
 
 @dataclass
@@ -251,6 +254,11 @@ class Reader:
         """Whether a request has begun that does not say where it ends."""
         return self.head is not None and not self.response and self.framing in (TO_THE_END, CHUNKED)
 
+    @property
+    def begun(self) -> bool:
+        """Whether a request has begun that says where it ends, and its head is there."""
+        return self.head is not None and not self.response and isinstance(self.framing, int)
+
     def answered(self) -> Message:
         """Take the open request for whole, since something answers it."""
         assert self.head is not None
@@ -289,10 +297,16 @@ class Reader:
 
     def end(self, reset: bool, time: int) -> Iterator[Message | Lost]:
         """End the direction: a message may end with it; a response of which bytes are missing is told, as cut."""
-        self.latest = time if self.latest is None else max(self.latest, time)
+        before, self.latest = self.latest, time if self.latest is None else max(self.latest, time)
         message = self.so_far()
-        if self.head is not None and message is not None:
-            if self.framing == TO_THE_END and (self.response or not reset):
+        if reset and self.open:
+            self.latest = before
+            message = self.answered()
+            message.broken_off = True
+            self.happened["open request broken off"] += 1
+            yield message
+        elif self.head is not None and message is not None:
+            if self.framing == TO_THE_END:
                 self.happened["body to the end"] += 1
                 yield self.whole(len(self.buffer), self.buffer[self.head.end :])
             elif self.response:

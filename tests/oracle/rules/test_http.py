@@ -115,7 +115,9 @@ def test_a_head_has_a_limit() -> None:
 def test_bodies_up_to_the_end() -> None:
     post, response = b"POST /a HTTP/1.0\r\n\r\nabc", b"HTTP/1.0 200 OK\r\n\r\nabc"
     assert told(post, END) == ["POST abc"]
-    assert told(post, RESET) == []
+    (broken_off,) = read(post, RESET)
+    assert isinstance(broken_off, Message)
+    assert (broken_off.broken_off, broken_off.body) == (True, b"abc")
     assert told(response, END, response=True) == told(response, RESET, response=True) == ["200 abc"]
     assert told(GET) == ["GET"]
     (message,) = read(response, END, response=True)

@@ -224,7 +224,9 @@ def test_a_request_up_to_the_end() -> None:
     line = Line().open().ask(request).wait(5 * MILLISECOND).close(True).answer(reply(b"|1|"))
     (row,) = seen(line.frames).rows()
     assert (row["reads"], row["latency_ns"]["max"]) == (1, MILLISECOND)
-    assert seen(Line().open().ask(request).reset(True).frames).rows() == []
+    (row,) = seen(Line().open().ask(request).reset(True).frames).rows()
+    assert (row["reads"], row["unanswered"]) == (1, 1)
+    assert seen(Line().open().ask(request[:-1]).reset(True).frames).rows() == []
 
 
 def test_a_reply_that_is_not_whole_at_the_end_is_none_unless_bytes_are_missing() -> None:

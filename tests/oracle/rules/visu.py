@@ -15,6 +15,10 @@ Readings, where the rules leave a choice:
 - a request that does not say where it ends is whole where something comes that answers a request, and none waits: with
   the frame of that, and the time at which the latest of it came. A response that is whole or cut is such a thing, a
   hole in the server's direction while that is in step, and the end of that in order
+- a request that does not say where it ends is whole, too, where the connection is reset, or another one begins, if as
+  many variables come as it declares, unambiguously, and a bar behind the last; else nobody knows what it was to become
+- a response that comes while none waits, and the head of a request is there that says where it ends, answers that: with
+  the frame with which it is whole, and no latency, as far as it ever is
 - requests that become whole after the server's direction has ended are unanswered where the connection ends by RST or a
   new one; where it ends in order, nothing happens
 - the frame that ended a connection is the one with which the last byte of the direction was there, not the one that
@@ -40,7 +44,7 @@ from tests.oracle.rules.keys import node_order
 from tests.oracle.rules.streams import Connection, Delivery, Event, Streams
 from tests.oracle.rules.visu_body import Answered, Asked
 from tests.oracle.rules.visu_figures import Row, lacks_many, percentiles
-from tests.oracle.rules.visu_leaving import given_up
+from tests.oracle.rules.visu_leaving import given_up, given_up_at_the_end, note_passing
 from tests.oracle.rules.visu_one_way import OneWay
 from tests.oracle.rules.visu_talk import Home, Pair, Talk, Told, Waiting, Written
 
@@ -77,6 +81,7 @@ class Visu:
         for talk in given_up(frame, self.talks.values(), self.streams.ports, self.streams.servers):
             self.happened["given up"] += 1
             self.nobody_answers(talk)
+        note_passing(frame, self.talks.values())
         self.one_way.look_at(frame)
         for talk in list(self.talks.values()):
             if talk.connection in self.streams.connections.values() and (size := self.one_way.reply_bytes(talk)):
@@ -107,6 +112,13 @@ class Visu:
             elif not isinstance(event, Delivery) and not event.reset:
                 talk.closed = event.time
 
+    def end(self) -> None:
+        """Take the end of the capture: time may have passed since clients closed their side."""
+        for time, talk in given_up_at_the_end(self.talks.values()):
+            self.now = time
+            self.happened["given up at the end"] += 1
+            self.nobody_answers(talk)
+
     def delivered(self, frame: Frame) -> Iterator[Event]:
         """Yield what a frame delivers; what begins with it is known before."""
         events = self.streams.observe(self.number, frame)
@@ -123,6 +135,7 @@ class Visu:
         if from_client:
             if what.dropped:
                 self.cut_request(talk, what.dropped)
+            talk.early = None
             talk.forgotten = False in talk.readers and talk.readers[False].receiving
         else:
             if what.in_step:
@@ -140,11 +153,23 @@ class Visu:
             self.find("NV808", talk)
 
     def request(self, talk: Talk, message: Message) -> None:
+        """Take a request that is whole, or dropped as cut; it may have been answered before."""
+        self.ask(talk, message)
+        if talk.early is not None:
+            early, talk.early, forgotten = talk.early, None, talk.forgotten
+            early.arrival, talk.forgotten = max(early.arrival, message.arrival), False
+            self.response(talk, early)
+            talk.forgotten = forgotten
+
+    def ask(self, talk: Talk, message: Message) -> None:
         asked = None
         if message.cut:
             self.cut_request(talk, message)
         elif message.body is not None:
             asked = visu_body.asked(message.method, message.target, message.body)
+            if message.broken_off and message.method == b"POST" and not visu_body.is_whole(asked, message.body):
+                self.happened["not whole when it was broken off"] += 1
+                asked = None
         had = self.one_way.told_by(talk.connection, client=True)
         talk.waiting.append(Waiting(asked, message, self.number, self.written(talk, asked), had))
         self.happened["several wait"] += len(talk.waiting) > 1
@@ -230,6 +255,10 @@ class Visu:
             talk.had_request = True
             self.known[talk.pair].counts["cut"] += 1
             self.find("NV808", talk)
+        if not (forgotten or talk.waiting or talk.early) and True in talk.readers and talk.readers[True].begun:
+            self.happened["early response"] += 1
+            talk.early = message
+            return
         if forgotten or not talk.waiting:
             self.happened["response to a forgotten request" if forgotten else "response to nobody"] += 1
             return

@@ -89,6 +89,11 @@ def asked(method: bytes, target: bytes, body: bytes) -> Asked | None:
     return None
 
 
+def is_whole(asked: Asked | None, body: bytes) -> bool:
+    """Whether a body, of which more might have come, has all that it says it has."""
+    return asked is not None and not (asked.miscounted or asked.ambiguous) and straight(body)[-1:] == b"|"
+
+
 def may_be_asked(seen: bytes, target: bytes, *, had_request: bool) -> bool:
     """Whether what is seen of a body is how a request begins, or the begin of that.
 

@@ -67,8 +67,10 @@ class Talk:
         self.gap_bytes = 0
         self.forgotten = False
         """Whether the response that is being received answers nobody."""
+        self.early: Message | None = None  # answers the request that is being received
         self.readers: dict[bool, Reader] = {}
         self.closed: int | None = None  # when the client closed its side
+        self.passed: int | None = None  # the latest time since, as long as something waits
         self.happened = happened
 
     def reader(self, from_client: bool) -> Reader:

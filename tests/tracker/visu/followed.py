@@ -15,7 +15,7 @@ from nvscope.protocols.visu import VISU
 from nvscope.tracker.readings.form import MOST_CHARACTERS
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
-from nvscope.tracker.visu.on_demand import VisuState
+from nvscope.tracker.visu.on_demand import WRITES
 from nvscope.view.documents.visu import visu_rows
 from tests.oracle.frame import Frame
 from tests.oracle.rules.visu import Visu
@@ -57,9 +57,7 @@ def told(state: TrackerState) -> tuple[Rows, Rows]:
 
 def writes_of(state: TrackerState) -> list[tuple[Any, ...]]:
     """Return the writes of a state: when, by whom, what, over what, and what came of it."""
-    counts = state.others[VISU.name]
-    assert isinstance(counts, VisuState)
-    kept = [] if counts.known is None else counts.known.writes.kept
+    kept = summarize(state).others.get(WRITES, ())
     return [
         (
             one.time_ns, one.frame, address.text(*one.client), address.text(*one.server), one.port, one.variable,
@@ -89,6 +87,7 @@ def by_the_rules(frames: Sequence[Frame]) -> Visu:
     rules = Visu()
     for frame in frames:
         rules.observe(frame)
+    rules.end()
     return rules
 
 

@@ -117,8 +117,10 @@ def test_who_ended_the_connection_is_told(end: object) -> None:
     gave_up = "10.0.0.1 gave up 1 request to 10.0.0.5 without a reply after 500.0 ms. If it answers nobody"
     assert message(by_client.frames).startswith(gave_up)
     by_server = end(Line().open().ask(READ).wait(499 * MILLISECOND), False)
-    ended = "10.0.0.5 ended the connection without a reply to 1 request of 10.0.0.1. If it ends connections"
+    verb = "reset" if end is Line.reset else "ended"
+    ended = f"10.0.0.5 {verb} the connection without a reply to 1 request of 10.0.0.1. If it ends connections"
     assert message(by_server.frames).startswith(ended)
+    assert said(by_server.frames)[-1] == f"no reply to frame 4, connection {verb} by the controller"
 
 
 def test_another_connection_between_the_same_ends_is_the_clients() -> None:

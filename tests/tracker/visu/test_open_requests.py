@@ -6,9 +6,11 @@ import pytest
 
 from tests.oracle.builders import SECOND
 from tests.oracle.frame import Frame
+from tests.oracle.tcp import SYN
 from tests.oracle.tcp_line import Line
 from tests.packets import batch_of, cut
 from tests.tracker.visu.followed import by_the_rules, followed, told, writes_by_the_rules, writes_of
+from tests.tracker.visu.test_endings import said
 
 HEAD = b"POST /plc/webvisu.htm HTTP/1.0\r\n"
 WRITE = HEAD + b"\r\n|1|1|0|4|0|4|6|9.5|"
@@ -51,12 +53,33 @@ def asked(request: bytes = WRITE) -> Line:
         (lambda line: line.answer(REFUSED).close(False).close(True), "refused"),
         (lambda line: line.answer(DONE[:-2]).close(False).close(True), "unanswered"),
         (lambda line: line.close(False).close(True), "unanswered"),
+        (lambda line: line.reset(False), "unanswered"),
+        (lambda line: line.reset(True), "unanswered"),
+        (lambda line: line.segment(True, flags=SYN, seq=77), "unanswered"),
+        (lambda line: line.answer(DONE[:-2]).reset(False), "unanswered"),
+        (lambda line: line.answer(NO_LENGTH).reset(False), "confirmed"),
         (lambda line: line.say(False, DONE, captured=len(DONE) - 1).close(False), "open"),
     ],
 )
 def test_what_is_answered_before_the_client_closes_its_side(request_: bytes, end: object, outcome: str) -> None:
     assert callable(end)
     assert became(end(asked(request_)).frames) == [("9.5", outcome)]
+
+
+@pytest.mark.parametrize("end", [Line.reset, lambda line, side: line.segment(side, flags=SYN, seq=77)])
+@pytest.mark.parametrize(
+    "request_", [WRITE[:-1], WRITE[:-2], WRITE[:-9], CHUNKS[:-4], WRITE.replace(b"|1|1|0", b"|1|2|0")]
+)
+def test_what_was_to_follow_where_the_connection_is_broken_off_nobody_knows(request_: bytes, end: object) -> None:
+    assert callable(end)
+    for by_client in (True, False):
+        assert became(end(asked(request_), by_client).frames) == []
+
+
+def test_of_a_request_that_was_broken_off_the_wait_begins_with_its_last_byte() -> None:
+    line = asked(WRITE[:30]).ask(WRITE[30:]).wait(SECOND).reset(True)
+    assert became(line.frames) == [("9.5", "unanswered")]
+    assert said(line.frames)[-1] == f"no reply to frame {len(line.frames)}, given up after 1.0 s"
 
 
 def test_more_may_be_asked_behind_it() -> None:

@@ -16,8 +16,10 @@ from nvscope.protocols.visu import VISU
 from nvscope.tracker.parted import PartedState
 from nvscope.tracker.state import TrackerState
 from tests.laws import examples, some
+from tests.oracle.builders import SECOND
 from tests.oracle.frame import Frame
 from tests.oracle.rules.visu import Visu
+from tests.oracle.tcp_line import tcp_frame
 from tests.oracle.visu_traffic import visu_traffic
 from tests.packets import Batches, batch_of, cut, recorded
 from tests.tracker.visu.followed import by_the_rules, followed, reading, seen, told, writes_by_the_rules, writes_of
@@ -62,6 +64,12 @@ def near(row: dict[str, Any]) -> dict[str, Any]:
     return found
 
 
+def later(frames: list[Frame]) -> list[Frame]:
+    """Return frames, and one of other ports long behind them, as that of a list that goes on."""
+    end_ns = max((frame.ts_ns for frame in frames), default=0)
+    return [*frames, tcp_frame(end_ns + 20 * SECOND, ("10.0.0.1", 50_000), ("10.0.0.5", 1202))]
+
+
 def check(frames: list[Frame]) -> None:
     rules: Visu = by_the_rules(frames)
     state = followed([batch_of(frames)])
@@ -80,12 +88,13 @@ def test_what_becomes_of_requests_is_what_the_rules_say(seed: int) -> None:
 @given(seed=SEEDS)
 def test_so_it_is_of_any_traffic(seed: int) -> None:
     check(visu_traffic(seed))
+    check(later(visu_traffic(seed)))
 
 
 @examples(60)
 @given(seed=SEEDS, packets=st.integers(1, 90))
 def test_any_cut_gives_the_same(seed: int, packets: int) -> None:
-    frames = visu_traffic(seed)
+    frames = later(visu_traffic(seed))
     parts, whole = followed(cut(batch_of(frames), packets)), followed([batch_of(frames)])
     assert told(parts) == told(whole)
     assert writes_of(parts) == writes_of(whole)

@@ -1,0 +1,132 @@
+"""Clients that close their side while they wait, where nothing comes over these ports behind that but time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from dissectors.batch import PacketBatch
+from nvscope.tracker.visu.writes import WriteOutcome
+from tests.oracle.builders import SECOND
+from tests.oracle.frame import Frame
+from tests.oracle.pcap import write_pcap
+from tests.oracle.tcp_line import Line, tcp_frame
+from tests.packets import batch_of, cut, recorded
+from tests.program import run_text
+from tests.tracker.visu.followed import followed, told, writes_of
+from tests.tracker.visu.test_endings import READ, REPLY, WRITE, figures, left, message, said
+
+RULE = '[[rule]]\nid = "a"\ncheck = "transaction"\nmax_unanswered = 0\n'
+
+
+def other(time_ns: int) -> Frame:
+    """Return a frame of which nobody asks anything but its time."""
+    return tcp_frame(time_ns, ("10.0.0.8", 5000), ("10.0.0.9", 1202))
+
+
+def closed_ns(line: Line) -> int:
+    return line.frames[-2].ts_ns
+
+
+def wrote() -> Line:
+    return Line().open().ask(WRITE).segment(False).wait(SECOND).close(True).segment(False)
+
+
+@pytest.mark.parametrize(("after_ns", "unanswered"), [(10 * SECOND - 1, 0), (10 * SECOND, 1), (10**15, 1)])
+def test_time_tells_whatever_tells_the_time(after_ns: int, unanswered: int) -> None:
+    line = left()
+    frames = [*line.frames, other(closed_ns(line) + after_ns)]
+    assert figures(frames) == (0, unanswered, 0)
+    live = [batch_of(line.frames), PacketBatch.nothing(closed_ns(line) + after_ns)]
+    assert told(followed(live)) == told(followed([batch_of(frames)]))
+    if unanswered:
+        assert message(frames).startswith("10.0.0.1 gave up 1 request to 10.0.0.5 without a reply after 1.0 s. If")
+
+
+def test_it_is_told_where_the_client_leaves() -> None:
+    assert said(left().frames) == ["read 1 variable: 4,0,4,6", "client closes its side, frame 4 waits for a reply"]
+    assert said(left().answer(REPLY).frames)[-1] == "reply (1.0 s): 4,0,4,6 = 12.5"
+
+
+def test_a_write_is_unanswered_from_then_on() -> None:
+    line = wrote()
+    assert outcome(line.frames, 9) == WriteOutcome.OPEN
+    assert outcome(line.frames, 10) == WriteOutcome.UNANSWERED
+    twice = Line().open().ask(WRITE + WRITE).segment(False).close(True).segment(False)
+    assert outcome(twice.frames, 10) == WriteOutcome.UNANSWERED
+
+
+def outcome(frames: list[Frame], after_s: int) -> str:
+    """Return what became of all writes, as a report says it."""
+    state = followed([batch_of([*frames, other(frames[-2].ts_ns + after_s * SECOND)])])
+    (row,), _ = told(state)
+    writes = writes_of(state)
+    ((found,),) = {row[8:9] for row in writes}
+    assert row["unanswered"] == (len(writes) if found == WriteOutcome.UNANSWERED else 0)
+    return str(found)
+
+
+def test_a_look_meanwhile_changes_nothing() -> None:
+    """A reply that overtakes a clock that was wrong: what a look said before is said no more."""
+    line = wrote()
+    wrong = other(closed_ns(line) + 60 * SECOND)
+    late = line.wait(SECOND).answer(REPLY.replace(b"|12.5|", b"|0|").replace(b"6", b"3")).frames
+    frames = [*late[:-1], wrong, late[-1]]
+    assert figures(frames[:-1]) == (0, 1, 0)
+    assert figures(frames) == (1, 0, 0)
+
+
+@pytest.mark.parametrize(
+    "answer", [b"no HTTP at all, and more than a line\r\n", b"HTTP/1.1 200 OK\r\nContent-Length: x\r\n\r\n"]
+)
+def test_of_who_is_answered_by_something_else_nobody_knows(answer: bytes) -> None:
+    line = left()
+    end_ns = closed_ns(line) + 60 * SECOND
+    assert figures([*line.answer(answer).frames, other(end_ns)]) == (0, 0, 0)
+    assert said(line.frames)[-1] == "nobody knows what answers frame 4"
+
+
+def test_frames_before_it_left_tell_nothing() -> None:
+    early = other(99 * SECOND)
+    assert figures([early, *left().frames]) == (0, 0, 0)
+    assert figures([*left().frames[:5], early, *left().frames[5:]]) == (0, 0, 0)
+
+
+def test_several_are_given_up_each_at_its_time() -> None:
+    lines = [
+        Line(("10.0.0.1", 50_100 - number), now=number * 7).open().ask(READ + READ).close(True) for number in range(8)
+    ]
+    frames = sorted((frame for line in lines for frame in line.frames), key=lambda frame: frame.ts_ns)
+    assert figures([*frames, other(20 * SECOND)]) == (0, 16, 0)
+
+
+def test_who_was_heard_later_leaves_too() -> None:
+    line = Line().ask(READ).close(True).answer(REPLY[:20])
+    assert figures([*line.frames, other(20 * SECOND)]) == (0, 1, 0)
+
+
+def test_where_nobody_listened_nobody_knows() -> None:
+    line = left()
+    later = batch_of([other(closed_ns(line) + 60 * SECOND)])
+    (row,), _ = told(followed(recorded([batch_of(line.frames)], [later])))
+    assert row["unanswered"] == 0
+
+
+def test_a_rule_fails_for_it(tmp_path: Path) -> None:
+    line = left()
+    (tmp_path / "a.rules.toml").write_text(RULE)
+    for after_s, code in ((9, 3), (10, 1)):
+        write_pcap([*line.frames, other(closed_ns(line) + after_s * SECOND)], tmp_path / "x.pcap")
+        done = run_text("check", tmp_path / "x.pcap", tmp_path / "a.rules.toml")
+        assert done.returncode == code, done.stdout
+    assert "1 unanswered of 1 request" in done.stdout
+
+
+def test_all_of_it_is_the_same_however_it_is_cut() -> None:
+    line = wrote()
+    frames = [*line.frames, *(other(closed_ns(line) + second * SECOND) for second in range(14))]
+    assert {repr(told(followed(cut(batch_of(frames), packets)))) for packets in range(1, 12)} == {
+        repr(told(followed([batch_of(frames)])))
+    }
+    assert {row[8] for row in writes_of(followed([batch_of(frames)]))} == {"unanswered"}
