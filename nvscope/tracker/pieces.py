@@ -43,6 +43,9 @@ class Order(IntEnum):
 
 ORDER_BITS = 3
 
+NEVER = int(np.iinfo(np.int64).max)
+"""The order, or the frame, of what does not happen."""
+
 
 @dataclass(frozen=True, slots=True)
 class Pieces(Columns):

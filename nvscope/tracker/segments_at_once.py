@@ -11,11 +11,9 @@ import numpy as np
 from dissectors.batch import I64, Bool
 from dissectors.headers import ACK, FIN, RST, SYN
 from nvscope.engine.runs import runs_of
-from nvscope.tracker.pieces import ANEW, IN_STEP, ORDER_BITS, Order, PieceKind, Pieces
+from nvscope.tracker.pieces import ANEW, IN_STEP, NEVER, ORDER_BITS, Order, PieceKind, Pieces
 from nvscope.tracker.segments import FAR, HALF, WRAP, Segments, StreamColumns
 from nvscope.tracker.segments_in_turn import FORGOTTEN_NS
-
-NEVER = int(np.iinfo(np.int64).max)
 
 _APART = 1 << 34
 _LATE = NEVER - FORGOTTEN_NS

@@ -18,9 +18,9 @@ from dissectors.headers import FIN, RST, SYN
 from dissectors.transport import SegmentBatch
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.tracker.connections import Connections
-from nvscope.tracker.pieces import ORDER_BITS, Brought, Pieces, no_pieces
+from nvscope.tracker.pieces import NEVER, ORDER_BITS, Brought, Pieces, no_pieces
 from nvscope.tracker.segments import Segments, StreamColumns
-from nvscope.tracker.segments_at_once import NEVER, SegmentsAtOnce
+from nvscope.tracker.segments_at_once import SegmentsAtOnce
 from nvscope.tracker.segments_in_turn import (
     FORGOTTEN_NS,
     MOST_KEPT_BYTES,

@@ -10,7 +10,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dissectors.batch import I64, U64, Bool
+from dissectors.batch import I64, Bool
+from dissectors.datalogger.row_shapes import RowShapes
 from dissectors.datalogger.tables import LogTable
 from nvscope.datalogger.audit.chunk import Chunk
 
@@ -29,7 +30,7 @@ class Tasks:
         self._columns = [one.column if one.counter is None else one.counter for one in table.variables]
         self._group = list(range(len(self._columns)))
         self._seen: set[int] = set()
-        self._weights: U64 = np.random.default_rng(0).integers(1, 1 << 63, len(self._columns)).astype(np.uint64)
+        self._shapes = RowShapes(len(self._columns))
         self.merged: list[tuple[int, int]] = []
         """Groups that turned out to be one, since ``rows`` was called last: the one that is no more, and the other."""
         self.blank: Bool | None = None
@@ -62,9 +63,7 @@ class Tasks:
         if self._is_one(filled):
             yield from self._of_one(self.of(filled[0]), filled, chunk)
             return
-        shape = np.zeros(len(chunk), np.uint64)
-        for number in filled:
-            shape += chunk.rows.filled(self._columns[number]) * self._weights[number]
+        shape = self._shapes.of(len(chunk), ((number, chunk.rows.filled(self._columns[number])) for number in filled))
         shapes, first, which = np.unique(shape, return_index=True, return_inverse=True)
         groups = np.full(len(shapes), -1, np.int64)
         for start in range(0, len(shapes), _MOST_SHAPES):

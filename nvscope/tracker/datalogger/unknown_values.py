@@ -13,8 +13,9 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from dissectors.batch import I64, U64, Bool
+from dissectors.batch import I64, Bool
 from dissectors.datalogger.records import Form, Records
+from dissectors.datalogger.row_shapes import RowShapes
 from dissectors.datalogger.tables import LogTable
 
 _REALS = ("FLOAT", "DOUBLE")
@@ -80,7 +81,7 @@ class SampledUnknown:
         self._is_real: Bool = np.array([one.declared.upper() in _REALS for one in table.variables], np.bool_)
         self._group: I64 = np.arange(len(self._columns))
         self._seen: Bool = np.zeros(len(self._columns), np.bool_)
-        self._weights: U64 = np.random.default_rng(0).integers(1, 1 << 63, len(self._columns)).astype(np.uint64)
+        self._shapes = RowShapes(len(self._columns))
 
     def of(self, records: Records) -> Unknown:
         """Return where variables are unknown in rows that follow those before."""
@@ -104,9 +105,7 @@ class SampledUnknown:
 
     def _parts(self, filled: _Matrix) -> Iterator[tuple[int, int]]:
         """Yield stretches of rows in which no more becomes known of tasks, once what is known in each is."""
-        shape = np.zeros(filled.shape[1], np.uint64)
-        for place, weight in enumerate(self._weights):
-            shape += filled[place] * weight
+        shape = self._shapes.of(filled.shape[1], enumerate(filled))
         first_rows = np.sort(np.unique(shape, return_index=True)[1])
         begin = 0
         for row in first_rows.tolist():

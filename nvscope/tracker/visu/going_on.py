@@ -16,15 +16,13 @@ from dissectors.headers import ACK, RST, SYN
 from dissectors.keys import KeyTable
 from dissectors.transport import SegmentBatch
 from nvscope.tracker.connections import Connections
-from nvscope.tracker.pieces import ORDER_BITS, Order
+from nvscope.tracker.pieces import NEVER, ORDER_BITS, Order
 
 PATIENCE_NS = 10**9
 """Who opens another connection sooner may ask for several things at a time."""
 
 LONGEST_NS = 10 * 10**9
 """Nothing came for so long after the client closed its side: it is not waited for any more."""
-
-NEVER = int(np.iinfo(np.int64).max)
 
 
 class GoingOn:

@@ -16,11 +16,10 @@ from dissectors.headers import ACK, SYN
 from dissectors.transport import SegmentBatch
 from nvscope.engine.runs import distinct, stable_order
 from nvscope.tracker.connections import Connections
-from nvscope.tracker.pieces import ORDER_BITS, Order
+from nvscope.tracker.pieces import NEVER, ORDER_BITS, Order
 from nvscope.tracker.segments import FAR, WRAP
 
 UNKNOWN = -1
-NEVER = int(np.iinfo(np.int64).max)
 
 _LEAST_BYTES = 2
 """One more is what the end of a direction takes, which carries nothing (RFC 9293, section 3.4)."""

@@ -11,9 +11,10 @@ import numpy as np
 from dissectors.batch import I64, Bool
 from dissectors.webvisu import is_like_reply
 from nvscope.engine.runs import runs_of, stable_order
+from nvscope.tracker.pieces import NEVER
 from nvscope.tracker.visu.conversation import Conversation, Early, Happened
 from nvscope.tracker.visu.events import OK
-from nvscope.tracker.visu.going_on import NEVER, GoingOn
+from nvscope.tracker.visu.going_on import GoingOn
 from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.one_way import UNKNOWN, OneWay, more_bytes

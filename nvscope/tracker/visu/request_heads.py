@@ -12,13 +12,11 @@ from functools import cached_property
 import numpy as np
 
 from dissectors.batch import I64
-from nvscope.tracker.pieces import Pieces
+from nvscope.tracker.pieces import NEVER, Pieces
 from nvscope.tracker.visu.http_forms import NOT_BEGUN, Form, Forms, What
 
 EARLIER = -1
 """The order of what was there before a batch."""
-
-NEVER = int(np.iinfo(np.int64).max)
 
 
 class RequestHeads:

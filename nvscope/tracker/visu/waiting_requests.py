@@ -11,9 +11,9 @@ from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 from dissectors.batch import I64
+from nvscope.tracker.pieces import NEVER
 from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.limits import MOST_WAITING
-from nvscope.tracker.visu.request_heads import NEVER
 
 
 class Waiting(NamedTuple):
