@@ -190,7 +190,7 @@ def check_files(planned: Sequence[Planned], is_input: Callable[[str], bool], *, 
             if path != one.path and (what := unlike_logger(path)):
                 series = os.path.basename(one.path)
                 raise UsageError(
-                    f"so a closed file of {series} is called, and it is no whole database of a DataLogger: {what}",
+                    f"it has the name of a closed file of {series}, and is no whole database of a DataLogger: {what}",
                     where=path, next_step=f"move it to another folder, or give it a name that does not begin with "
                     f"{series}.; or log to a file of another name with -w: closed files are gone on with, and removed "
                     "when they are too many",

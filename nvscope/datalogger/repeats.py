@@ -71,10 +71,17 @@ class Seen:
 
     @cached_property
     def _recent(self) -> I64:
-        found = _earlier(self.content, RECENT)
-        row = np.flatnonzero(found >= 0)
-        found[row[np.abs(self.time_ns[row] - self.time_ns[found[row]]) > RECENT_NS]] = -1
-        return found
+        return np.where(self._is_aged, -1, self._again)
+
+    @cached_property
+    def _again(self) -> I64:
+        """Which of the telegrams before it each one is as, however long ago that came; -1 where there is none."""
+        return _earlier(self.content, RECENT)
+
+    @cached_property
+    def _is_aged(self) -> Bool:
+        """Which telegrams are new since what they repeat is long ago: they say nothing of when values change."""
+        return (self._again >= 0) & (np.abs(self.time_ns - self.time_ns[self._again]) > RECENT_NS)
 
     @cached_property
     def _comes_round(self) -> bool:
@@ -121,6 +128,12 @@ class Seen:
         return np.diff(self.time_ns[self.new])
 
     @cached_property
+    def _tells(self) -> Bool:
+        """Which closed spans go from one telegram with something new in it to another."""
+        is_aged = self._is_aged[self.new]
+        return ~(is_aged[1:] | is_aged[:-1])
+
+    @cached_property
     def _span(self) -> I64:
         """The number of the span of each telegram."""
         return np.cumsum(self.before < 0) - 1
@@ -157,13 +170,14 @@ class Seen:
     @cached_property
     def _interval_ns(self) -> int | None:
         """The interval of the stream, None where it has none."""
-        direct = self._closed[self._repeats == 0]
+        closed = self._closed[self._tells]
+        direct = closed[self._repeats[self._tells] == 0]
         # Where few are direct, what lies between the others may have been lost.
-        often = 4 * len(direct) >= len(self._closed)
+        often = 4 * len(direct) >= len(closed)
         of_all = regular(self._gaps)
         if often and (of_direct := regular(direct)) is not None:
             return of_direct if of_all is None else min(of_direct, of_all)
-        of_new = regular(self._closed)
+        of_new = regular(closed)
         if of_new is not None and (often or self._are_copied) and 4 * (self.defined_ns or of_new) >= 3 * of_new:
             return of_new
         for found in (self._defined_of_few, of_all, self._of_pairs):
@@ -203,7 +217,7 @@ class Seen:
         late = self.content[repeats] != self.content[self.new[self._span[repeats]]]
         if np.count_nonzero(late) >= max(LEAST, len(repeats) / 2):
             return True
-        span = np.flatnonzero(self._repeats)
+        span = np.flatnonzero((self._repeats > 0) & self._tells)
         if len(span) < LEAST:
             return False
         first = self._gaps[self.new[span]]

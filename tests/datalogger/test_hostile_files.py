@@ -146,7 +146,7 @@ def test_a_file_that_is_no_closed_database_is_not_taken_for_one(
     first, then, *_ = told.splitlines()
     assert code == 2
     assert first.startswith(
-        f"nvscope: log.db.5: so a closed file of log.db is called, and it is no whole database of a DataLogger: {what}"
+        f"nvscope: log.db.5: it has the name of a closed file of log.db, and is no whole database of a DataLogger: {what}"
     )
     assert then.startswith("  move it to another folder, or give it a name that does not begin with log.db.; or log to")
     assert ((folder.path / "log.db.5").read_bytes(), (folder.path / "log.db").read_bytes()) == (content, whole)
