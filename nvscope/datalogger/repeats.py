@@ -173,12 +173,12 @@ class Seen:
         closed = self._closed[self._tells]
         direct = closed[self._repeats[self._tells] == 0]
         # Where few are direct, what lies between the others may have been lost.
-        often = 4 * len(direct) >= len(closed)
+        often = 2 * len(direct) >= len(closed)
         of_all = regular(self._gaps)
         if often and (of_direct := regular(direct)) is not None:
             return of_direct if of_all is None else min(of_direct, of_all)
         of_new = regular(closed)
-        if of_new is not None and (often or self._are_copied) and 4 * (self.defined_ns or of_new) >= 3 * of_new:
+        if of_new is not None and self._are_copied and 4 * (self.defined_ns or of_new) >= 3 * of_new:
             return of_new
         for found in (self._defined_of_few, of_all, self._of_pairs):
             if found is not None:
@@ -220,13 +220,16 @@ class Seen:
         span = np.flatnonzero((self._repeats > 0) & self._tells)
         if len(span) < LEAST:
             return False
-        first = self._gaps[self.new[span]]
-        last = self._gaps[self.new[span + 1] - 1]
-        near = 2 * np.minimum(first, last) * (self._repeats[span] + 1) <= self._closed[span]
+        # Of those that stand for several cycles, what is behind tells of the sender: it may pause with each new value.
+        first, then = self._gaps[self.new[span]], self._gaps[self.new[span] + 1]
+        near = 4 * np.minimum(first, then) <= first + then
         if 10 * np.count_nonzero(near) >= 9 * len(near):
             return True
-        first, last = np.sort(first), np.sort(last)
-        return bool(_at(first, 90) < _at(last, 10) or _at(last, 90) < _at(first, 10))
+        first, then = np.sort(first), np.sort(then)
+        # Of cycles that are about as long as a repeat may be late, only the short ones are repeats.
+        if 4 * _at(first, 90) > 3 * RECENT_NS or len(span) < 2 * LEAST:
+            return False
+        return 16 * _at(first, 90) < 15 * _at(then, 10) or 16 * _at(then, 90) < 15 * _at(first, 10)
 
     @cached_property
     def _counts_by_itself(self) -> bool:
@@ -288,10 +291,12 @@ class Seen:
             found |= repeats & np.append(late | (back == 0), False)[self._span]
         row = np.flatnonzero(repeats)
         of_new = self.before[self.before[row]] < 0
-        once = 9 * (len(self.new) - 1) <= 10 * len(row) <= 10 * len(self.new)
+        once = len(self.new) > 1 and 9 * (len(self.new) - 1) <= 10 * len(row) <= 10 * len(self.new)
         if once and 10 * np.count_nonzero(of_new) >= 9 * len(row):
             usual = _usual(self._behind_ns[row])
-            if usual is not None:
+            # A sender that gives each value two cycles, and pauses now and then, repeats it one cycle later.
+            onward_ns = _at(np.sort(self._gaps[self.new[1:] - 1]), 50)
+            if usual is not None and 2 * usual[1] < min(onward_ns, self.defined_ns or onward_ns):
                 found |= repeats & (self._behind_ns >= usual[0]) & (self._behind_ns <= usual[1])
         return found
 

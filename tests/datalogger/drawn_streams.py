@@ -55,6 +55,25 @@ def drawn_stream(rng: random.Random, *, habits: Sequence[str] = HABITS, regular:
     return Stream(sent, habit, values, interval_ns, jitter, defined_ns)
 
 
+def drawn_pauses(rng: random.Random) -> Stream:
+    """Draw a sender that gives each value some cycles, and pauses after some; it may send about once in a second."""
+    habit, values = rng.choice(["with values", "still"]), rng.choice([1, 2, 3, 5, 60, 10_000])
+    interval_ns = rng.choice([20, 40, 100, 250, 333, 950, 995, 1002]) * MS
+    pauses, pause_ns = rng.choice([7, 15, 19, 60]), rng.choice([0, 950, 1240, 2000]) * MS
+    jitter, losses = rng.choice([0.0005, 0.01, 0.05]), rng.choice([0.0, 0.02, 0.2])
+    at_ns, sent = START_NS, list[Packet]()
+    for number in range(rng.choice([12, 60, 600])):
+        value = number // values
+        at_ns += interval_ns + (pause_ns if number and number % pauses == 0 else 0)
+        if rng.random() < losses:
+            continue
+        counter = 5 + (value if habit == "with values" else 0)
+        off = round(interval_ns * rng.uniform(-jitter, jitter))
+        sent.append(Packet(at_ns + off, "10.0.0.1", 1, 0, 1, counter, value.to_bytes(4, "little")))
+    told = f"each for {values}, {pause_ns} behind each {pauses}"
+    return Stream(sent, habit, told, interval_ns, jitter, rng.choice([interval_ns, None]))
+
+
 def seen_twice(
     rng: random.Random, sent: Sequence[Packet], late_ns: int, *, each: int = 1, off_ns: int = 0
 ) -> list[Packet]:

@@ -52,7 +52,7 @@ def copies_in(stream: Sequence[Packet], defined_ns: int | None) -> set[int]:
     at_once = soon(times, defined_ns)
     interval_ns = interval(stream, spans, defined_ns)
     if interval_ns is None:
-        return without_interval(stream, spans, repeated, late, at_once)
+        return without_interval(stream, spans, repeated, late, at_once, defined_ns)
     found = {place for place in repeated if late[place] < at_once}
     rooms = room(stream, spans, interval_ns)
     for span in spans[:-1]:
@@ -100,6 +100,18 @@ def recent(stream: Sequence[Packet]) -> dict[int, int]:
     return found
 
 
+def long_ago(stream: Sequence[Packet]) -> set[int]:
+    """Return the places of those that are new since what they are as came more than a second ago."""
+    found: set[int] = set()
+    last: dict[object, int] = {}
+    for place, packet in enumerate(stream):
+        before = last.get(packet.content)
+        last[packet.content] = place
+        if before is not None and place - before <= RECENT and abs(packet.time_ns - stream[before].time_ns) > SECOND_NS:
+            found.add(place)
+    return found
+
+
 def comes_round(stream: Sequence[Packet], repeated: dict[int, int]) -> bool:
     """Tell whether a sender has few Counters: then what is not directly behind the other is no repeat.
 
@@ -122,18 +134,21 @@ def comes_round(stream: Sequence[Packet], repeated: dict[int, int]) -> bool:
 def interval(stream: Sequence[Packet], spans: Sequence[Span], defined_ns: int | None) -> int | None:
     times = [packet.time_ns for packet in stream]
     closed = [span for span in spans if span.end is not None]
-    long = [times[span.end] - times[span.begin] for span in closed if span.end is not None]
-    direct = [ns for ns, span in zip(long, closed, strict=True) if not span.repeats]
-    often = 4 * len(direct) >= len(closed)
+    old = long_ago(stream)
+    telling = [span for span in closed if span.begin not in old and span.end not in old]
+    long = [times[span.end] - times[span.begin] for span in telling if span.end is not None]
+    direct = [ns for ns, span in zip(long, telling, strict=True) if not span.repeats]
+    often = 2 * len(direct) >= len(telling)
     of_direct = median_if_regular(direct)
     of_all = median_if_regular([now - then for then, now in pairwise(times)])
     if often and of_direct is not None:
         return of_direct if of_all is None else min(of_direct, of_all)
     of_new = median_if_regular(long)
-    if of_new is not None and (often or are_copied(stream, closed)) and 4 * (defined_ns or of_new) >= 3 * of_new:
+    if of_new is not None and are_copied(stream, closed) and 4 * (defined_ns or of_new) >= 3 * of_new:
         return of_new
     if defined_ns and 1 < len(closed) < ENOUGH and len(stream) <= 3 * ENOUGH:
-        near = all(4 * abs(ns - defined_ns) <= defined_ns for ns in long)
+        lasted = [times[span.end] - times[span.begin] for span in closed if span.end is not None]
+        near = all(4 * abs(ns - defined_ns) <= defined_ns for ns in lasted)
         if near and not any(span.repeats and evenly(times, span, 8) for span in closed):
             return defined_ns
     of_pairs = median_if_regular([now - then for then, now in zip(times, times[2:], strict=False)])
@@ -155,18 +170,20 @@ def are_copied(stream: Sequence[Packet], closed: Sequence[Span]) -> bool:
     late = [place for place in every if stream[place].content != stream[max(n for n in news if n < place)].content]
     if len(late) >= ENOUGH and 2 * len(late) >= len(every):
         return True
-    with_repeats = [span for span in closed if span.repeats]
+    old = long_ago(stream)
+    with_repeats = [span for span in closed if span.repeats and span.begin not in old and span.end not in old]
     if len(with_repeats) < ENOUGH:
         return False
+    # How late what comes next is behind a new telegram, and what comes next behind that.
     first = [times[span.begin + 1] - times[span.begin] for span in with_repeats]
-    last = [times[span.end] - times[span.end - 1] for span in with_repeats if span.end is not None]
-    near = 0
-    for one, other, span in zip(first, last, with_repeats, strict=True):
-        assert span.end is not None
-        near += 2 * min(one, other) * (len(span.repeats) + 1) <= times[span.end] - times[span.begin]
+    then = [times[span.begin + 2] - times[span.begin + 1] for span in with_repeats]
+    near = sum(4 * min(one, other) <= one + other for one, other in zip(first, then, strict=True))
     if 10 * near >= 9 * len(with_repeats):
         return True
-    return share(first, 90) < share(last, 10) or share(last, 90) < share(first, 10)
+    # Cycles of about a second are repeats where they come sooner: that is why those are shorter than the others.
+    if 4 * share(first, 90) > 3 * SECOND_NS or len(with_repeats) < 2 * ENOUGH:
+        return False
+    return 16 * share(first, 90) < 15 * share(then, 10) or 16 * share(then, 90) < 15 * share(first, 10)
 
 
 def counts_by_itself(stream: Sequence[Packet], closed: Sequence[Span]) -> bool:
@@ -201,7 +218,8 @@ def room(stream: Sequence[Packet], spans: Sequence[Span], interval_ns: int) -> d
 
 
 def without_interval(
-    stream: Sequence[Packet], spans: Sequence[Span], repeated: dict[int, int], late: dict[int, int], at_once: int
+    stream: Sequence[Packet], spans: Sequence[Span], repeated: dict[int, int], late: dict[int, int], at_once: int,
+    defined_ns: int | None,
 ) -> set[int]:  # fmt: skip
     found = {place for place, late_ns in late.items() if late_ns < at_once}
     closed = [span for span in spans if span.end is not None]
@@ -211,11 +229,15 @@ def without_interval(
             # A sender that begins anew does so with 0 or 1.
             if span.repeats and (back == 0 or (back <= RECENT and stream[span.begin + 1].counter > 1)):
                 found |= set(span.repeats)
-    once = 9 * (len(spans) - 1) <= 10 * len(repeated) <= 10 * len(spans)
+    once = closed and 9 * (len(spans) - 1) <= 10 * len(repeated) <= 10 * len(spans)
     of_new = [place for place, original in repeated.items() if original not in repeated]
     usual = usually(list(late.values()))
     if once and 10 * len(of_new) >= 9 * len(repeated) and usual is not None:
-        found |= {place for place, late_ns in late.items() if usual[0] <= late_ns <= usual[1]}
+        # What comes from a telegram to the next new one; a cycle of a slow value comes as late as that.
+        onward = [stream[span.end].time_ns - stream[span.end - 1].time_ns for span in closed if span.end is not None]
+        cycle_ns = min(share(onward, 50), defined_ns or share(onward, 50))
+        if 2 * usual[1] < cycle_ns:
+            found |= {place for place, late_ns in late.items() if usual[0] <= late_ns <= usual[1]}
     return found
 
 

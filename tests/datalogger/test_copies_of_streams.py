@@ -19,7 +19,7 @@ from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
 from nvscope.list_key import ListKey
 from tests.datalogger.drawn_plants import frame_of, write_pcap
-from tests.datalogger.drawn_streams import Stream, drawn_stream, seen_twice
+from tests.datalogger.drawn_streams import Stream, drawn_pauses, drawn_stream, seen_twice
 from tests.datalogger.oracle_copies import copies_in
 from tests.datalogger.oracle_losses import Packet
 from tests.datalogger.plant_faults import MS
@@ -73,6 +73,30 @@ def test_no_cycle_is_a_copy(seed: int) -> None:
     """However a sender counts, what is sent and seen once makes its rows."""
     stream = drawn_stream(random.Random(seed))
     assert found(stream.sent, stream.defined_ns) == set(), stream
+
+
+@given(SEEDS)
+@examples(2000)
+def test_no_cycle_is_a_copy_where_a_sender_pauses(seed: int) -> None:
+    stream = drawn_pauses(random.Random(seed))
+    assert found(stream.sent, stream.defined_ns) == copies_in(stream.sent, stream.defined_ns) == set(), stream
+
+
+@pytest.mark.parametrize(
+    ("every_ms", "values", "pauses", "pause_ms"),
+    [(100, 600, 60, 2000), (40, 600, 19, 1240), (50, 2, 15, 950), (50, 2, 19, 1500)],
+)
+@pytest.mark.parametrize("is_defined", [True, False])
+def test_cycles_between_pauses_are_no_copies(
+    every_ms: int, values: int, pauses: int, pause_ms: int, *, is_defined: bool
+) -> None:
+    """A Counter that stands still, and pauses that come regularly, make nothing of this a copy."""
+    times_ns = [(number * every_ms + number // pauses * pause_ms) * MS for number in range(600)]
+    sent = [
+        Packet(time_ns, "10.0.0.1", 1, 0, 1, 5, bytes([number // values % 256]))
+        for number, time_ns in enumerate(times_ns)
+    ]
+    assert found(sent, every_ms * MS if is_defined else None) == set()
 
 
 @given(SEEDS, st.integers(1, 3))

@@ -146,7 +146,8 @@ def test_a_file_that_is_no_closed_database_is_not_taken_for_one(
     first, then, *_ = told.splitlines()
     assert code == 2
     assert first.startswith(
-        f"nvscope: log.db.5: it has the name of a closed file of log.db, and is no whole database of a DataLogger: {what}"
+        "nvscope: log.db.5: it has the name of a closed file of log.db, and is no whole database of a DataLogger: "
+        f"{what}"
     )
     assert then.startswith("  move it to another folder, or give it a name that does not begin with log.db.; or log to")
     assert ((folder.path / "log.db.5").read_bytes(), (folder.path / "log.db").read_bytes()) == (content, whole)
