@@ -81,7 +81,8 @@ class Seen:
     @cached_property
     def _is_aged(self) -> Bool:
         """Which telegrams are new since what they repeat is long ago: they say nothing of when values change."""
-        return (self._again >= 0) & (np.abs(self.time_ns - self.time_ns[self._again]) > RECENT_NS)
+        found: Bool = (self._again >= 0) & (np.abs(self.time_ns - self.time_ns[self._again]) > RECENT_NS)
+        return found
 
     @cached_property
     def _comes_round(self) -> bool:

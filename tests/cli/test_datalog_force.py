@@ -40,7 +40,10 @@ def test_what_is_no_closed_file_is_nobodys_to_remove(here: Path, option: str, fo
     path.write_bytes(before)
     done = logged(here, option)
     assert done.returncode == 2
-    assert "log.db.2024: it has the name of a closed file of log.db, and is no whole database of a DataLogger" in done.stderr
+    assert (
+        "log.db.2024: it has the name of a closed file of log.db, and is no whole database of a DataLogger"
+        in done.stderr
+    )
     assert path.read_bytes() == before
     assert len(rows_of(here / "log.db")) == 100
 
