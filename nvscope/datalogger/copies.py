@@ -13,6 +13,7 @@ from typing import ClassVar
 import numpy as np
 
 from dissectors.batch import I64, U16, U64, Bool
+from dissectors.columns import Columns
 from nvscope.datalogger.contents import contents_of, mixed
 from nvscope.datalogger.repeats import Seen
 from nvscope.datalogger.wanted import WantedStreams
@@ -26,50 +27,49 @@ BLOCK = 512
 """So many telegrams of a stream are judged at a time, by those and as many before and behind them."""
 
 
-@dataclass(slots=True)
-class _Stream:
-    """The last telegrams of a stream; of the first ``judged`` of them it is known what they are."""
+@dataclass(frozen=True, slots=True)
+class _Telegrams(Columns):
+    """Telegrams of a stream in their order, as ``Seen`` has them."""
 
-    defined_ns: int | None
     time_ns: I64
     counter: U16
     values: U64
     content: U64
     frame: I64
+
+
+@dataclass(slots=True)
+class _Stream:
+    """The last telegrams of a stream; of the first ``judged`` of them it is known what they are."""
+
+    defined_ns: int | None
+    telegrams: _Telegrams
     judged: int = 0
 
     def __len__(self) -> int:
-        return len(self.frame)
+        return len(self.telegrams)
 
-    def append(self, other: _Stream) -> None:
+    def append(self, telegrams: _Telegrams) -> None:
         """Take telegrams that follow."""
-        self.time_ns = np.append(self.time_ns, other.time_ns)
-        self.counter = np.append(self.counter, other.counter)
-        self.values = np.append(self.values, other.values)
-        self.content = np.append(self.content, other.content)
-        self.frame = np.append(self.frame, other.frame)
+        self.telegrams = _Telegrams.stacked([self.telegrams, telegrams])
 
     def forget(self) -> None:
         """Forget telegrams by which none will be judged."""
-        part = slice(max(self.judged - BLOCK, 0), None)
-        # Copied, so that nothing else of a batch is kept.
-        self.time_ns, self.counter, self.frame = (
-            self.time_ns[part].copy(), self.counter[part].copy(), self.frame[part].copy()
-        )  # fmt: skip
-        self.values, self.content = self.values[part].copy(), self.content[part].copy()
+        # Taken by numbers, which copies: nothing else of a batch is kept.
+        self.telegrams = self.telegrams.take(np.arange(max(self.judged - BLOCK, 0), len(self)))
         self.judged = min(self.judged, BLOCK)
 
     def judge(self, until: int, end: int) -> I64:
         """Return the frames of the copies that are not judged yet, up to ``until``, by telegrams up to ``end``."""
         begin, judged = max(self.judged - BLOCK, 0), self.judged
         self.judged = until
+        own, part = self.telegrams, slice(begin, end)
         # Who counts on and on repeats nothing.
-        if (np.diff(self.counter[begin:end]).view(np.int16) > 0).all():
+        if (np.diff(own.counter[part]).view(np.int16) > 0).all():
             return np.empty(0, np.int64)
-        part = slice(begin, end)
-        seen = Seen(self.time_ns[part], self.counter[part], self.values[part], self.content[part], self.defined_ns)
+        seen = Seen(own.time_ns[part], own.counter[part], own.values[part], own.content[part], self.defined_ns)
         copies: I64 = np.flatnonzero(seen.copies()[judged - begin : until - begin])
-        return self.frame[judged + copies]
+        return own.frame[judged + copies]
 
 
 class Copies:
@@ -127,17 +127,15 @@ class Copies:
         runs = zip(*(column.tolist() for column in (rows.run_stream, rows.start, rows.stop, rows.fresh)), strict=True)
         for number, start, stop, is_fresh in runs:
             own = slice(start, stop)
-            defined_ns = told_of(self._defined_ns, told.keys.place_key(number)[0]) or None
-            new = _Stream(
-                defined_ns, rows.time_ns[own], rows.counter[own], values[own], content[own], frame[own]
-            )  # fmt: skip
+            new = _Telegrams(rows.time_ns[own], rows.counter[own], values[own], content[own], frame[own])
             known = self._streams.get(number)
             if known is not None and is_fresh:
                 # Another recording may be of a sender that counts in another way.
                 self._found.append(known.judge(len(known), len(known)))
                 known = None
             if known is None:
-                known = self._streams[number] = new
+                defined_ns = told_of(self._defined_ns, told.keys.place_key(number)[0]) or None
+                known = self._streams[number] = _Stream(defined_ns, new)
             else:
                 known.append(new)
             yield known

@@ -103,8 +103,8 @@ class Losses:
         self._wanted = np.zeros(0, np.bool_)
         self._open: dict[tuple[int, int], deque[_Gap]] = {}
         self._streams: dict[int, _Stream] = {}
-        self._begun: dict[int, int] = {}
-        """The first frames of wanted streams."""
+        self._begun: set[int] = set()
+        """The wanted streams that came."""
         self._lists: dict[int, dict[ListKey, int]] = {}
         """The wanted lists of each node, with the first frame of each."""
         self.gaps: list[tuple[int, int, _Stream, tuple[ListKey, ...]]] = []
@@ -137,15 +137,12 @@ class Losses:
 
     def _begin(self, told: Told, rows: DataRows) -> None:
         """Note since when senders have sent the lists that are wanted."""
-        new = [number for number in np.flatnonzero(self._wanted).tolist() if number not in self._begun]
-        if not new:
-            return
-        streams, first = np.unique(rows.stream, return_index=True)
-        for number in new:
-            place = int(np.searchsorted(streams, number))
-            if place == len(streams) or streams[place] != number:
+        runs = np.flatnonzero(self._wanted[rows.run_stream])
+        first = rows.packet[rows.start[runs]] + told.first_frame
+        for number, frame in zip(rows.run_stream[runs].tolist(), first.tolist(), strict=True):
+            if number in self._begun:
                 continue
-            frame = self._begun[number] = int(rows.packet[first[place]]) + told.first_frame
+            self._begun.add(number)
             lists = self._lists.setdefault(int(told.keys.node_of(np.array([number]))[0]), {})
             key = self._wanted_key(told.keys.stream_key(number).list)
             lists[key] = min(lists.get(key, frame), frame)

@@ -9,6 +9,7 @@ from nvscope.datalogger.database import IN_MEMORY
 from nvscope.datalogger.datalog import Heard
 from nvscope.datalogger.oldest_rows import Deleted
 from nvscope.datalogger.session_log import Counted, SessionLog
+from nvscope.enumeration import first_few, joined
 from nvscope.list_key import ListKey
 from nvscope.units import count, count_of, data_size, duration, ranges
 from nvscope.view.escape import visible
@@ -80,8 +81,7 @@ def _unseen(log: SessionLog, heard: Heard, key: ListKey, since: str) -> Iterator
         return
     places = sorted(set().union(*(elements[one.element] for one in own)))
     numbers = f"SubIndex{'' if len(places) == 1 else 'es'} {', '.join(ranges(places))}"
-    named = ", ".join(visible(one.uri) for one in own[:_MOST_NAMED])
-    named += f" and {len(own) - _MOST_NAMED} more" if len(own) > _MOST_NAMED else ""
+    named = first_few([visible(one.uri) for one in own], _MOST_NAMED)
     them = f"{count_of(len(own), 'variable')} {'is' if len(own) == 1 else 'are'}"
     nulls = f"; {them} NULL in all rows: {named}" if log.counted.rows else ""
     shape = ""
@@ -104,7 +104,7 @@ def _deleted(deleted: Deleted) -> str:
         parts.append(f"{count_of(deleted.before, 'row')} of earlier runs")
     if deleted.own or not parts:
         parts.append(f"{count_of(deleted.own, 'row')}{' of this run' if parts else ''}")
-    return " and ".join([*([", ".join(parts[:-1])] if parts[:-1] else []), parts[-1]])
+    return joined(parts)
 
 
 def _where(counted: Counted, session: Session) -> str:

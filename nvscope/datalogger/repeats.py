@@ -38,8 +38,7 @@ LEAST = 5
 """So many times it takes to say that something is so."""
 
 _FEW = 3 * LEAST
-_NS = 1_000_000
-_LOST_NONE, _LOST_MOST = 1, RECENT
+_MS_NS = 1_000_000
 
 _MOST_LATE = 8
 """More repeats than so many do not come behind one new telegram, and late, where a Counter goes on and on."""
@@ -248,7 +247,7 @@ class Seen:
             direct[:] = True
         counts = direct & (self._steps == intervals)
         # What a Counter that counts intervals has passed over was lost.
-        lost = (self._steps >= _LOST_NONE) & (self._steps <= _LOST_MOST)
+        lost = (self._steps >= 1) & (self._steps <= RECENT)
         lost &= 10 * np.count_nonzero(counts) >= 9 * np.count_nonzero(direct)
         return np.maximum(intervals - np.where(lost, self._steps, 1), 0)
 
@@ -333,9 +332,9 @@ def _usual(behind_ns: I64) -> tuple[int, int] | None:
         return None
     in_order = np.sort(behind_ns)
     low, middle, high = (_at(in_order, percent) for percent in (5, 50, 95))
-    if high - low > max(_NS, middle // 8):
+    if high - low > max(_MS_NS, middle // 8):
         return None
-    around = _NS + middle // 16
+    around = _MS_NS + middle // 16
     return low - around, high + around
 
 

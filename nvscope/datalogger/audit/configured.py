@@ -6,6 +6,7 @@ from nvscope import units
 from nvscope.datalogger.audit.audit import Audit
 from nvscope.datalogger.audit.intervals import limit_ns
 from nvscope.datalogger.configuration import Session
+from nvscope.enumeration import first_few
 
 _MOST_NAMED = 3
 
@@ -21,8 +22,7 @@ def compare(session: Session, audit: Audit) -> None:
         return
     stored = {name.casefold() for table in tables for name in table.audit.names}
     missing = [one.uri for one in session.variables if one.uri.casefold() not in stored]
-    more = f" and {len(missing) - _MOST_NAMED} more" if len(missing) > _MOST_NAMED else ""
-    named = f"{', '.join(missing[:_MOST_NAMED])}{more}"
+    named = first_few(missing, _MOST_NAMED)
     variables = units.count_of(len(session.variables), "variable")
     if missing and len(missing) == len(session.variables):
         audit.unfit.append(f"the configuration does not fit: no table has any of its {variables} ({named})")
