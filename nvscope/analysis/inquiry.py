@@ -30,7 +30,7 @@ from nvscope.engine.told import Told
 from nvscope.errors import UsageError
 from nvscope.findings.finding import Finding
 from nvscope.protocols.protocol import Protocol
-from nvscope.protocols.table import PROTOCOLS, accumulators_of, fields_of, of_project
+from nvscope.protocols.table import PROTOCOLS, accumulators_of, fields_of
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import Summary
 from nvscope.view.documents.report import report_document
@@ -155,12 +155,9 @@ class Inquiry:
             from nvscope.view.display_filter import PacketChoice  # noqa: PLC0415
 
             choose = PacketChoice(chosen)
-        timeout_ns = self.timeout_ns or self.project.limits.acknowledgement_ns
         return reading_of(
-            self.ports, self.pdos, choose=choose, timeout_ns=timeout_ns,
-            protocols=of_project(self.protocols, self.project),
-            max_streams=self.project.limits.max_streams, all_frames=all_frames,
-            parameter_timeout_ns=self.project.limits.parameter_ns,
+            self.project, self.ports, self.pdos, choose=choose, timeout_ns=self.timeout_ns, protocols=self.protocols,
+            all_frames=all_frames,
         )  # fmt: skip
 
     @property

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from nvscope.cli.decode_as import DecodeOption, port_rules, with_page_ports
 from nvscope.cli.definitions import GvlOption, ProjectOption, flaws_told_first, project_of
 from nvscope.cli.frame_files import no_file_named
 from nvscope.cli.named_files import named_files
@@ -14,7 +15,6 @@ from nvscope.cli.sources import (
     NOTHING_BETWEEN,
     BitRateOption,
     ChannelMapOption,
-    DecodeOption,
     ForceOption,
     FromTimeOption,
     ReadOption,
@@ -22,7 +22,6 @@ from nvscope.cli.sources import (
     ToTimeOption,
     asked_range,
     duration_ns,
-    port_rules,
     tell_of_losses,
     with_channels,
 )
@@ -69,7 +68,7 @@ def baseline(
     if not (write.endswith(_ENDING) or is_stdout(write)):
         raise UsageError(f"{write}: files of rules end with {_ENDING}", next_step="so check finds them by themselves")
     warmup_ns = duration_ns("--warmup", warmup, least_ns=0)
-    plant = with_channels(project_of(project, gvl, paths), channel_map)
+    plant = with_page_ports(with_channels(project_of(project, gvl, paths), channel_map), decode)
     plant = replace(plant, buses=plant.buses.overridden(bit_rates or ()))
     asked = asked_range(from_time, to_time, utc=utc)
 

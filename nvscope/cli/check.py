@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from nvscope.cli.check_files import Wanted
+from nvscope.cli.decode_as import DecodeOption, port_rules, with_page_ports
 from nvscope.cli.definitions import GvlOption, ProjectOption, flaws_told_first, project_of
 from nvscope.cli.encodings import as_data
 from nvscope.cli.live import LiveOptions, captured, with_live_options
@@ -19,7 +20,6 @@ from nvscope.cli.sources import (
     NOTHING_BETWEEN,
     BitRateOption,
     ChannelMapOption,
-    DecodeOption,
     ForceOption,
     FromTimeOption,
     ReadOption,
@@ -27,7 +27,6 @@ from nvscope.cli.sources import (
     ToTimeOption,
     asked_range,
     duration_ns,
-    port_rules,
     tell_of_bit_rates,
     tell_of_channels,
     tell_of_losses,
@@ -139,7 +138,7 @@ def check(
     paths, gvl = files_named.captures, files_named.definitions
     ports = port_rules(decode)
     asked = asked_range(from_time, to_time, utc=utc)
-    plant = with_channels(project_of(project, gvl, paths), channel_map)
+    plant = with_page_ports(with_channels(project_of(project, gvl, paths), channel_map), decode)
     plant = replace(plant, buses=plant.buses.overridden(bit_rates or ()))
     files = rules or _found(plant)
     told = _read(files, plant, paths, ports, asked)

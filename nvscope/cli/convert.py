@@ -6,13 +6,13 @@ from typing import Annotated
 
 import typer
 
+from nvscope.cli.decode_as import DecodeOption, port_rules, with_page_ports
 from nvscope.cli.definitions import GvlOption, ProjectOption, flaws_told_first, project_of, tell_of_flaws
 from nvscope.cli.frame_files import no_file_named, write_frames
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
     ChannelMapOption,
-    DecodeOption,
     FilterOption,
     ForceOption,
     FromTimeOption,
@@ -20,7 +20,6 @@ from nvscope.cli.sources import (
     SourcesArgument,
     ToTimeOption,
     asked_range,
-    port_rules,
     tell_of_losses,
     with_channels,
 )
@@ -65,7 +64,7 @@ def convert(
         raise no_file_named("-w FILE.mcap, .pcapng, .pcap, or .log")
     ports = port_rules(decode)
     asked = asked_range(from_time, to_time, utc=utc)
-    plant = with_channels(project_of(project, gvl, paths), channel_map)
+    plant = with_page_ports(with_channels(project_of(project, gvl, paths), channel_map), decode)
 
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.progress import watching

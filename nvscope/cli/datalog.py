@@ -8,18 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from nvscope.cli.datalog_config import config as config_verb
+from nvscope.cli.decode_as import DecodeOption, port_rules, with_page_ports
 from nvscope.cli.definitions import GvlOption, ProjectOption, project_of, tell_of_flaws
 from nvscope.cli.help import Command, Group
 from nvscope.cli.live import LiveOptions, LiveRun, captured, with_live_options
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
     ChannelMapOption,
-    DecodeOption,
     FromTimeOption,
     ReadOption,
     ToTimeOption,
     asked_range,
-    port_rules,
     tell_of_losses,
     with_channels,
 )
@@ -155,7 +154,7 @@ def datalog(
     if append and force:
         raise UsageError("--append and --force exclude each other", next_step="leave one of them out")
     ports = port_rules(decode)
-    plant = with_channels(project_of(project, gvl, paths), channel_map)
+    plant = with_page_ports(with_channels(project_of(project, gvl, paths), channel_map), decode)
 
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.progress import watching

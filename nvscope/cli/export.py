@@ -9,6 +9,7 @@ import typer
 
 from nvscope.analysis.read_values import read_source
 from nvscope.cli import completion
+from nvscope.cli.decode_as import DecodeOption, port_rules, with_page_ports
 from nvscope.cli.definitions import GvlOption, ProjectOption, flaws_told_first, project_of, tell_of_lists
 from nvscope.cli.exported_readings import (
     check_read_alone,
@@ -26,7 +27,6 @@ from nvscope.cli.secrets import SecretsOption, warn_of_secrets
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
     ChannelMapOption,
-    DecodeOption,
     FilterOption,
     ForceOption,
     FromTimeOption,
@@ -34,7 +34,6 @@ from nvscope.cli.sources import (
     SourcesArgument,
     ToTimeOption,
     asked_range,
-    port_rules,
     tell_of_channels,
     tell_of_losses,
     with_channels,
@@ -178,7 +177,7 @@ def export(
     format_of(write)
     require("export needs", "polars", "pyarrow")
     between = asked_range(from_time, to_time, utc=utc)
-    plant = with_channels(project_of(project, gvl, paths), channel_map)
+    plant = with_page_ports(with_channels(project_of(project, gvl, paths), channel_map), decode)
     inquiry = Inquiry(captured(paths, live, plant, ports), plant, ports, watch=watching(quiet=quiet), asked=between)
     layouts = None if wants_telegrams else inquiry.layouts
     lists: Lists = []

@@ -10,6 +10,7 @@ import typer
 
 from nvscope.cli.completion import fields as fields_beginning
 from nvscope.cli.counts import at_least_one
+from nvscope.cli.decode_as import DecodeOption, port_rules, with_page_ports
 from nvscope.cli.definitions import (
     GvlOption,
     NoNamesOption,
@@ -26,14 +27,12 @@ from nvscope.cli.secrets import SecretsOption, warn_of_secrets
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
     ChannelMapOption,
-    DecodeOption,
     FilterOption,
     FromTimeOption,
     ReadOption,
     SourcesArgument,
     ToTimeOption,
     asked_range,
-    port_rules,
     tell_of_channels,
     tell_of_losses,
     with_channels,
@@ -151,7 +150,7 @@ def packets(
     between = asked_range(from_time, to_time, utc=moment in ("u", "ud"))
     asked = trees or wanted is not None or bool(fields) or records or between is not None or write is not None
 
-    plant = with_channels(project_of(project, gvl, paths), channel_map)
+    plant = with_page_ports(with_channels(project_of(project, gvl, paths), channel_map), decode)
     from nvscope.definition.defined_pdos import pdos_of
 
     pdos = pdos_of(plant.definition)
@@ -207,7 +206,7 @@ def packets(
     if inquiry:
         reading = inquiry.reading(chosen_by, all_frames=all_frames)
     else:
-        reading = reading_of(ports, pdos, all_frames=all_frames)
+        reading = reading_of(plant, ports, pdos, all_frames=all_frames)
     telegrams = PacketRows(limit=count)
     seen = SeenLists() if inquiry and plant.files and count is None else None
     out = sys.stdout

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nvscope.cli.counts import at_least_one
+from nvscope.cli.decode_as import DecodeOption, port_rules, with_page_ports
 from nvscope.cli.definitions import GvlOption, ProjectOption, project_of, tell_of_flaws
 from nvscope.cli.frame_files import check_sources
 from nvscope.cli.limits import file_limits
@@ -16,12 +17,10 @@ from nvscope.cli.live import LiveOptions, LiveRun, captured, with_live_options
 from nvscope.cli.named_files import named_files
 from nvscope.cli.sources import (
     ChannelMapOption,
-    DecodeOption,
     ForceOption,
     ReadOption,
     SourcesArgument,
     duration_ns,
-    port_rules,
     tell_of_losses,
     with_channels,
 )
@@ -168,7 +167,7 @@ def record(
             raise UsageError("-b makes files, and -w - is stdout", next_step="name a file with -w, or leave -b out")
     to_disk_ns = _TO_DISK_NS if fsync is None else duration_ns("--fsync", fsync)
     ports = port_rules(decode)
-    plant = with_channels(project_of(project, gvl, paths), channel_map)
+    plant = with_page_ports(with_channels(project_of(project, gvl, paths), channel_map), decode)
 
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.progress import watching

@@ -11,18 +11,17 @@ import typer
 
 from nvscope.capture.content import STDIN
 from nvscope.capture.player import LEAST_RATE, MOST_RATE
+from nvscope.cli.decode_as import DecodeOption, port_rules, with_page_ports
 from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, flaws_told_first, project_of
 from nvscope.cli.named_files import named_files
 from nvscope.cli.screen import RING_MIB, SIGNALLED, RingOption, ThemeOption, clock, has_screen
 from nvscope.cli.sending import MapOption, NetworkOption, PortOption, Stop, Target, ToOption, target_of, tell_of_sent
 from nvscope.cli.sources import (
     ChannelMapOption,
-    DecodeOption,
     FilesArgument,
     FilterOption,
     ReadOption,
     asked_range,
-    port_rules,
     tell_of_losses,
     with_channels,
 )
@@ -93,7 +92,7 @@ def replay(
         raise UsageError("it is not said where to send", next_step="add --to udp://127.0.0.1")
     files = named_files(sources, read, gvl)
     how.check(LEAST_RATE, MOST_RATE)
-    plant = with_channels(project_of(project, files.definitions, files.captures), channel_map)
+    plant = with_page_ports(with_channels(project_of(project, files.definitions, files.captures), channel_map), decode)
     show(
         files.captures, how, plant, port_rules(decode), wanted=wanted, names=not no_names, ring_mib=ring, theme=theme,
         utc=utc, colour=colour,

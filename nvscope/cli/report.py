@@ -10,6 +10,7 @@ import typer
 
 from nvscope.cli.completion import lists
 from nvscope.cli.counts import at_least_one
+from nvscope.cli.decode_as import DecodeOption, port_rules, with_page_ports
 from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, flaws_told_first, project_of, tell_of_lists
 from nvscope.cli.encodings import as_data
 from nvscope.cli.live import LiveOptions, captured, with_live_options
@@ -19,7 +20,6 @@ from nvscope.cli.sources import (
     NOTHING_BETWEEN,
     BitRateOption,
     ChannelMapOption,
-    DecodeOption,
     FilterOption,
     FromTimeOption,
     ReadOption,
@@ -27,7 +27,6 @@ from nvscope.cli.sources import (
     ToTimeOption,
     asked_range,
     duration_ns,
-    port_rules,
     tell_of_bit_rates,
     tell_of_channels,
     tell_of_gaps,
@@ -136,7 +135,7 @@ def report(
         )
 
     asked = asked_range(from_time, to_time, utc=utc)
-    plant = with_channels(project_of(project, gvl, paths), channel_map)
+    plant = with_page_ports(with_channels(project_of(project, gvl, paths), channel_map), decode)
     plant = replace(plant, buses=plant.buses.overridden(bit_rates or ()))
     if max_streams is not None:
         plant = replace(plant, limits=replace(plant.limits, max_streams=max_streams))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import replace
@@ -20,7 +19,6 @@ from nvscope.enumeration import first_few
 from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
-    from dissectors.netvar import PortRules
     from nvscope.capture.recordings import Recording
     from nvscope.capture.source import SourceInfo
     from nvscope.definition.project import Project
@@ -45,16 +43,6 @@ FilesArgument = Annotated[
 ]
 ReadOption = Annotated[
     list[str] | None, typer.Option("-r", metavar="SOURCE", help="The same as an argument.", show_default=False)
-]
-DecodeOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "-d",
-        metavar="udp.port==PORT,WHAT",
-        help="Decide what is on a UDP port, or on ports FIRST-LAST: nvl (telegrams, whatever their identity) or data "
-        "(no telegrams).",
-        show_default=False,
-    ),
 ]
 FilterOption = Annotated[
     str | None,
@@ -113,8 +101,6 @@ BitRateOption = Annotated[
 
 NOTHING_BETWEEN = "nvscope: no frame lies in the time that --from-time and --to-time leave."
 
-_DECODE_AS = re.compile(r"\s*udp\.port\s*==\s*(\d+)(?:-(\d+))?\s*,\s*(\w+)\s*", re.ASCII)
-_MAX_PORT = 65535
 _MOST_RECORDINGS = 3
 
 
@@ -160,25 +146,6 @@ def _tell_of_channel(option: str, text: str, name: str, seen: Sequence[str]) -> 
 
     known = visible(nearest(name, list(seen))) or "The captures have no channels."
     echo(f"nvscope: {option} {visible(text)}: no channel is called {visible(name)}. {known}", err=True)
-
-
-def port_rules(options: Sequence[str] | None) -> PortRules | None:
-    """Return what the -d options say, None without any; UsageError where one cannot be understood."""
-    if not options:
-        return None
-    from dissectors.netvar import PortRules
-
-    ports: dict[str, list[int]] = {"nvl": [], "data": []}
-    for option in options:
-        match = _DECODE_AS.fullmatch(option)
-        first, last = (int(match[1]), int(match[2] or match[1])) if match else (0, -1)
-        if not match or match[3] not in ports or not 0 <= first <= last <= _MAX_PORT:
-            raise UsageError(
-                f"-d {option}: expected udp.port==PORT,nvl or udp.port==PORT,data",
-                next_step="for example -d udp.port==1300,nvl, or a range: -d udp.port==1300-1310,data",
-            )
-        ports[match[3]] += range(first, last + 1)
-    return PortRules(tuple(ports["nvl"]), tuple(ports["data"]))
 
 
 def asked_range(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from nvscope.cli.completion import lists
+from nvscope.cli.decode_as import DecodeOption, port_rules, with_page_ports
 from nvscope.cli.definitions import (
     GvlOption,
     NoNamesOption,
@@ -26,7 +27,6 @@ from nvscope.cli.read_notes import hidden_in, tell_of_read_ones
 from nvscope.cli.secrets import SecretsOption, warn_of_secrets
 from nvscope.cli.sources import (
     ChannelMapOption,
-    DecodeOption,
     FilterOption,
     ForceOption,
     FromTimeOption,
@@ -34,7 +34,6 @@ from nvscope.cli.sources import (
     SourcesArgument,
     ToTimeOption,
     asked_range,
-    port_rules,
     tell_of_channels,
     tell_of_losses,
     with_channels,
@@ -125,7 +124,7 @@ def variables(
     paths, gvl = files_named.captures, files_named.definitions
     ports = port_rules(decode)
     _check(gvl, history, every, at, infer, write, as_json=as_json)
-    plant = with_channels(project_of(project, gvl, paths), channel_map)
+    plant = with_page_ports(with_channels(project_of(project, gvl, paths), channel_map), decode)
 
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.progress import watching

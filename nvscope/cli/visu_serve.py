@@ -6,10 +6,11 @@ from typing import Annotated
 
 import typer
 
+from nvscope.cli.decode_as import DecodeOption
 from nvscope.cli.definitions import GvlOption, ProjectOption
 from nvscope.cli.live import LiveOptions, LiveRun, with_live_options
 from nvscope.cli.sdo_serve import ServedNetworkOption
-from nvscope.cli.sources import ChannelMapOption, DecodeOption, duration_ns
+from nvscope.cli.sources import ChannelMapOption, duration_ns
 from nvscope.cli.terminal import ColourOption, colour_wanted, echo, erase_interrupt
 
 _BOUND = "for example --bind 192.168.1.20"

@@ -6,10 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from nvscope.cli.decode_as import port_rules
 from nvscope.cli.definitions import flaws_told_first, project_of, tell_of_lists
 from nvscope.cli.live import LiveOptions, captured
 from nvscope.cli.named_files import named_files
-from nvscope.cli.sources import port_rules, tell_of_losses, with_channels
+from nvscope.cli.sources import tell_of_losses, with_channels
 from nvscope.cli.terminal import echo
 from nvscope.errors import ExitCode, UsageError
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nvscope.capture.content import STDIN
+from nvscope.cli.decode_as import DecodeOption, port_rules, with_page_ports
 from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, flaws_told_first, project_of, tell_of_lists
 from nvscope.cli.encodings import as_data
 from nvscope.cli.limits import file_limits
@@ -20,7 +21,6 @@ from nvscope.cli.scenes import scenes
 from nvscope.cli.screen import RING_MIB, SIGNALLED, RingOption, ThemeOption, clock, has_screen
 from nvscope.cli.sources import (
     ChannelMapOption,
-    DecodeOption,
     FilterOption,
     FromTimeOption,
     ReadOption,
@@ -28,7 +28,6 @@ from nvscope.cli.sources import (
     ToTimeOption,
     asked_range,
     duration_ns,
-    port_rules,
     tell_of_losses,
     with_channels,
 )
@@ -95,7 +94,7 @@ def watch(
     ports = port_rules(decode)
     asked = asked_range(from_time, to_time, utc=utc)
     every_ns = _EVERY_NS if every is None else duration_ns("--every", every)
-    plant = with_channels(project_of(project, gvl, paths), channel_map)
+    plant = with_page_ports(with_channels(project_of(project, gvl, paths), channel_map), decode)
 
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.analysis.watching import Watching

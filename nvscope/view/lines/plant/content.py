@@ -264,6 +264,7 @@ def advice(report: Report) -> tuple[str, ...]:
         "not only 1202.",
         "Were the frames cut (snap length)? At least the first 12 bytes of the UDP payload are needed.",
         f"Are they encapsulated or fragmented? Findings {UNSUPPORTED_LINK_TYPE.code} and the other frames tell.",
+        "`-d tcp.port==PORT,http` looks for WebVisu on a TCP port other than 80 and 8080.",
     )
 
 

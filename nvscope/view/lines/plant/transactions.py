@@ -21,8 +21,8 @@ NO_TRANSACTIONS = "No Parameter Manager and no WebVisu was heard: nobody asks a 
 ADVICE = (
     "Parameter Manager: telegrams as of network variables, over UDP. Where they do not begin with 3S-0, "
     "`-d udp.port==PORT,nvl` names their port.",
-    "WebVisu: pages that poll over TCP ports 80 and 8080, in clear. HTTPS (port 443) cannot be read. Of an interface, "
-    "only `-f ''` or a filter that lets TCP in shows them.",
+    "WebVisu: pages that poll over TCP ports 80 and 8080, in clear; `-d tcp.port==PORT,http` names others. HTTPS "
+    "(port 443) cannot be read. Of an interface, only `-f ''` or a filter that lets TCP in shows them.",
     "What two others say to each other is heard at a mirror port, or on one of the two.",
 )
 """What to check where there are none."""
