@@ -13,7 +13,8 @@ from dissectors.batch import I64
 from nvscope import units
 from nvscope.capture.can import sqlite_file
 from nvscope.capture.datalogger.damage import Damage, Damages
-from nvscope.capture.datalogger.database import LogDatabase, opened
+from nvscope.capture.datalogger.database import NOTHING_YET, LogDatabase, NothingYet, opened
+from nvscope.capture.datalogger.names import is_newest
 from nvscope.capture.datalogger.schema import StoredTable
 from nvscope.capture.datalogger.table_rows import Rows
 from nvscope.datalogger.audit.chunk import Chunk, chunk_of
@@ -178,6 +179,11 @@ class _Reading:
                 self._read_tables(database, told)
         except OSError as error:
             self._cannot(told, error.strerror or str(error), "check the name and who may read it")
+        except NothingYet as error:
+            if member.number is None and is_newest(member.path):
+                told.notes.append(NOTHING_YET)
+            else:
+                self._cannot(told, error.what, error.next_step)
         except NvscopeError as error:
             self._cannot(told, error.what, error.next_step)
         changed = sqlite_file.state(member.path) != before
@@ -281,9 +287,17 @@ def _in_words(told: AuditedFile) -> str:
 
 def _told_of(series: Series) -> list[str]:
     name = os.path.basename(series.path)
+    if series.is_without_newest:
+        last = os.path.basename(series.members[-1].path)
+        why = f"its logger had only closed {last} and not begun another file yet, or somebody took it away"
+        return [f"{name} is not there: {why}", *_taken_along(series, name)]
     if series.taken_along:
-        return [f"{units.count_of(series.taken_along, 'closed file')} of {name} taken along"]
+        return _taken_along(series, name)
     if series.left:
         others = units.count_of(series.left, "other closed file")
         return [f"{others} of its series lie{'s' if series.left == 1 else ''} beside: name {name} to have all of them"]
     return []
+
+
+def _taken_along(series: Series, name: str) -> list[str]:
+    return [f"{units.count_of(series.taken_along, 'closed file')} of {name} taken along"] if series.taken_along else []
