@@ -145,7 +145,24 @@ class Database:
         self.rows += rows
         self._own += rows
         self.begins = False
-        self._make_room()
+
+    def make_room(self) -> None:
+        """Begin another file where this one is full, or delete its oldest rows; to be done behind each block.
+
+        Raises CaptureError where that cannot be done; what was written stays.
+        """
+        most = self._session.max_bytes
+        if most is None or self.size_bytes < most:
+            return
+        if self._oldest is None:
+            self._roll_over()
+            return
+        try:
+            self._oldest.make_room(most, self._session.delete_percent)
+        except sqlite3.Error as error:
+            if getattr(error, "sqlite_errorcode", 0) & 0xFF not in _HELD:
+                raise self._failure(error) from None
+            # Somebody reads or writes it just now: with the next block.
 
     def close(self) -> None:
         """Close the file; what was written stays."""
@@ -251,21 +268,6 @@ class Database:
                 self._connection.execute("ROLLBACK")
         except sqlite3.Error:
             pass  # SQLite has undone it already
-
-    def _make_room(self) -> None:
-        """Begin another file where this one is full, or delete its oldest rows."""
-        most = self._session.max_bytes
-        if most is None or self.size_bytes < most:
-            return
-        if self._oldest is None:
-            self._roll_over()
-            return
-        try:
-            self._oldest.make_room(most, self._session.delete_percent)
-        except sqlite3.Error as error:
-            if getattr(error, "sqlite_errorcode", 0) & 0xFF not in _HELD:
-                raise self._failure(error) from None
-            # Somebody reads or writes it just now: with the next block.
 
     def _roll_over(self) -> None:
         """Close the file under the next number, begin another, and remove the oldest beyond those that may stay.

@@ -234,6 +234,7 @@ class SessionLog:
                 stop = min(first + self.session.block_rows, len(rows))
                 self._write_block(rows.take(slice(first, stop)))
                 first = stop
+                self._database.make_room()
         except DatabaseLocked:
             kept = max(first, len(rows) - _BLOCKS_KEPT * self.session.block_rows)
             if kept > first:
