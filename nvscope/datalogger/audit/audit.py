@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +22,7 @@ from nvscope.datalogger.audit.finding import MOST_FINDINGS, MOST_ROWS, Finding
 from nvscope.datalogger.audit.series import Member, Series, series_of
 from nvscope.datalogger.audit.table_audit import TableAudit
 from nvscope.errors import NvscopeError
-from nvscope.findings.datalogger import SERIES_BROKEN
+from nvscope.findings.datalogger import CHANGES_MISSED, LOSS_NOT_TOLD, SERIES_BROKEN
 from nvscope.findings.kind import Severity
 
 Progress = Callable[[int], None]
@@ -162,7 +162,18 @@ class _Reading:
         """Yield what was found: of files first, then of tables."""
         yield from self._of_files
         for one in self.tables.values():
-            yield from one.audit.end()
+            yield from map(self._with_doubt, one.audit.end())
+
+    def _with_doubt(self, finding: Finding) -> Finding:
+        """Let what is missing in front of the newest file ask for a closed one: of the last one, no number tells."""
+        *before, last = self._series.members or (Member("", None),)
+        if not before or last.number is not None or (finding.file, finding.rows[:1]) != (last.path, (1,)):
+            return finding
+        if finding.kind not in (LOSS_NOT_TOLD, CHANGES_MISSED):
+            return finding
+        closed = os.path.basename(before[-1].path)
+        doubt = f"If there was a closed file behind {closed}, it is missing: look for it first."
+        return replace(finding, hint=f"{finding.next_step} {doubt}")
 
     def _read_file(self, member: Member) -> None:
         told = AuditedFile(member.path, self._series.path, member.number)
