@@ -11,7 +11,6 @@ import pytest
 
 from nvscope.datalogger.audit.audit import audited
 from nvscope.datalogger.audit.series import series_of
-from tests.cli.test_series_as_sources import rolled
 from tests.datalogger.audit.built import DECLARED, Row, every_value, later, only_changes, with_cells, write
 from tests.datalogger.audit.test_planted import told
 
@@ -262,7 +261,7 @@ def test_tables_of_several_sessions_are_told_apart(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("gone", "asks"), [("x.db.2", True), ("x.db.1", False), ("x.db", False)])
 def test_what_lacks_in_front_of_the_newest_file_may_be_a_closed_one(tmp_path: Path, gone: str, asks: bool) -> None:
     """Row ids begin anew in each file, and the highest number is not known: the time alone speaks for it."""
-    rolled(tmp_path, ["x.db.0", "x.db.1", "x.db.2", "x.db"])
+    rolled(tmp_path, ["x.db.0", "x.db.1", "x.db.2", "x.db"], changes=False)
     (tmp_path / gone).unlink()
     found = audited([str(tmp_path)]).findings
     doubt = "If there was a closed file behind x.db.1, it is missing: look for it first."
