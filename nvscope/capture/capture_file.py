@@ -12,6 +12,7 @@ from dissectors.batch import PacketBatch
 from nvscope.capture.between import Between
 from nvscope.capture.byte_window import CHUNK_BYTES, SMALL_FILE_BYTES
 from nvscope.capture.content import STDIN, Content, ContentSizes
+from nvscope.capture.datalogger.names import closed_files, told_of_closed
 from nvscope.capture.pieces import Stopped
 from nvscope.capture.reader import Place, Progress, Reader, ReadingSizes, WindowReader, reader_of
 from nvscope.capture.source import Attachment, SourceInfo
@@ -210,8 +211,10 @@ class CaptureFile:
     def _unreadable(self, error: OSError) -> NvscopeError:
         if error.errno in NO_DESCRIPTORS:
             return too_many_open(self.path)
-        check = "check the path and the permissions"
-        next_step = perhaps(self.path, check) if isinstance(error, FileNotFoundError) else check
+        next_step = "check the path and the permissions"
+        if isinstance(error, FileNotFoundError):
+            closed = closed_files(self.path)
+            next_step = told_of_closed(closed) if closed else perhaps(self.path, next_step)
         return UnreadableInput(error.strerror or str(error), where=self.path, next_step=next_step)
 
     def _tell(self, descriptor: int, share: int, span: TimeSpan) -> _Opened:

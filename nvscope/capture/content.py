@@ -18,6 +18,7 @@ from nvscope.capture.byte_window import (
     WholeWindow,
 )
 from nvscope.capture.compressed import COMPRESSIONS, Decompressed, compression_of
+from nvscope.capture.datalogger.names import is_newest
 from nvscope.capture.formats import READABLE, TEXT_HEAD_BYTES, NoCapture, either, is_enough
 from nvscope.capture.pieces import FilePieces, PipePieces, read_at
 from nvscope.capture.time_span import TimeSpan
@@ -49,8 +50,9 @@ class Input(Protocol):
 class Content:
     """The content of a file that is open as ``descriptor``; ``path`` is what messages call it, "-" is stdin.
 
-    ``head`` are its first bytes, ``compression`` is how they were compressed, '' if not at all. A ``regular`` file can
-    be opened again. A reader takes either ``window()`` or ``pieces()``, or reads the file at ``disk_path`` by itself.
+    ``head`` are its first bytes, none of a database that a logger has only begun; ``compression`` is how they were
+    compressed, '' if not at all. A ``regular`` file can be opened again. A reader takes either ``window()`` or
+    ``pieces()``, or reads the file at ``disk_path`` by itself.
     ``span`` is what is wanted of it: packets outside may be left out. Raises NoCapture where there is nothing in it.
     Where it ``pauses``, a reader must not wait for what comes next, but say that nothing has come.
     """
@@ -85,7 +87,7 @@ class Content:
         """Find out by its first bytes whether it is compressed, and what it begins with if it is."""
         self.head = head
         self.compression = compression_of(self.head)
-        if not self.head:
+        if not self.head and not (self.regular and self.path != STDIN and is_newest(self.path)):
             raise NoCapture(
                 f"empty (0 bytes), expected {EXPECTED}", where=self.path,
                 next_step="was anything written to it? --follow waits for what is still to come",

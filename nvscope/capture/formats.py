@@ -218,6 +218,9 @@ FORMATS = (
     ),
 )
 
+BEGUN = next(known for known in FORMATS if known.holds_rows)
+"""The format of files that others go on with, and in which nothing is yet."""
+
 CAN_LOGS = frozenset(known.name for known in FORMATS if known.only_can)
 """The names of formats that hold CAN frames and nothing else."""
 

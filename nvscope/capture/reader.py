@@ -13,7 +13,7 @@ from typing import ClassVar
 from dissectors.batch import PacketBatch
 from nvscope.capture.byte_window import View
 from nvscope.capture.content import EXPECTED, Content
-from nvscope.capture.formats import NoCapture, format_of
+from nvscope.capture.formats import BEGUN, NoCapture, format_of
 from nvscope.capture.source import Attachment, LostSpan, Truncation
 
 
@@ -130,7 +130,7 @@ class WindowReader(Reader):
 
 def reader_of(content: Content, sizes: ReadingSizes) -> tuple[str, Reader]:
     """Return the name of the format of a content, which its first bytes show, and its reader; NoCapture for none."""
-    known = format_of(content.head)
+    known = format_of(content.head) if content.head else BEGUN
     if known is None:
         raise NoCapture(f"the bytes {content.head[:4].hex(' ')}, expected {EXPECTED}", where=content.begin)
     known = known.among(content)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from nvscope.analysis.read_values import nothing_asked, read_source
-from nvscope.capture.datalogger.names import PREFIX, title_of
+from nvscope.capture.datalogger.names import PREFIX, closed_files, number_of, title_of, told_of_closed
 from nvscope.capture.formats import are_databases, why_no_row
 from nvscope.cli.terminal import tell
 from nvscope.errors import UsageError
@@ -72,9 +72,11 @@ class VariablesAsked:
             what = why_no_row(infos)
             if not where and len(infos) == 1 and infos[0].truncation is not None:
                 what += f": {infos[0].truncation.message}"
-            next_step = (
-                "leave --from-time and --to-time out" if where else "`nvscope audit FILE.db` tells what is in it"
-            )
+            next_step = "`nvscope audit FILE.db` tells what is in it"
+            if where:
+                next_step = "leave --from-time and --to-time out"
+            elif len(infos) == 1 and number_of(infos[0].path) is None and (closed := closed_files(infos[0].path)):
+                next_step = told_of_closed(closed)
             return UsageError(f"{what}{where}", next_step=next_step)
         if listed is not None and read_source(listed):
             return nothing_asked(listed, [variable for one in read for variable in one.known])

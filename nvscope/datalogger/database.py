@@ -24,7 +24,9 @@ from dissectors.datalogger.tables import (
     LogTable,
     statement,
 )
-from nvscope.capture.datalogger.names import closed_files, next_closed
+from nvscope.capture.can.sqlite_file import left_beside
+from nvscope.capture.datalogger.names import BEGUN, closed_files, to_close
+from nvscope.datalogger.begun_files import begin_file, made_beside, take_away
 from nvscope.datalogger.configuration import Session
 from nvscope.datalogger.existing import tables_in, unlike
 from nvscope.datalogger.logged import Logged
@@ -88,28 +90,41 @@ class Database:
 
         Raises UsageError where that holds another table, and CaptureError where it cannot be written.
         """
-        exists = self.path != IN_MEMORY and os.path.exists(self.path)
-        if append and self.path != IN_MEMORY:
+        in_memory = self.path == IN_MEMORY
+        exists = not in_memory and os.path.exists(self.path)
+        if append and not in_memory:
             self.goes_on = bool(closed_files(self.path))
         self._made |= not exists
         found: Sequence[LogTable] = ()
         try:
+            if not in_memory:
+                take_away(self.path + BEGUN)
+                if not os.path.lexists(self.path):
+                    os.rename(made_beside(self.path, self._table, durable=self._durable), self.path)
             self._connect()
             if exists:
                 found = self._check(append=append)
-            else:
+            elif not tables_in(self._connection):
+                # In memory, or in a file to which a link leads.
                 self._connection.execute(statement(self._table))
             if self._session.files == 1 or self.path == IN_MEMORY:
                 self._oldest = OldestRows(self._connection, self._table, found)
         except sqlite3.Error as error:
             self.close()
             raise self._failure(error) from None
+        except OSError as error:
+            what = f"cannot be made: {error.strerror}"
+            raise CaptureError(what, where=self.path, next_step="check its folder") from None
 
     def write(self, blocks: Sequence[Block], rows: int) -> None:
         """Write rows, given as columns in the order of the table, in one transaction.
 
         Raises DatabaseLocked, and CaptureError where they cannot be written; nothing of them is then.
         """
+        if self._connection is None:
+            raise CaptureError(
+                "cannot be written: it is closed behind a fault", where=self.path, next_step="check its folder"
+            )
         try:
             leaves = leaves_of(blocks, rows) if hasattr(self._connection, "deserialize") else None
             if leaves is None:
@@ -130,7 +145,24 @@ class Database:
         self.rows += rows
         self._own += rows
         self.begins = False
-        self._make_room()
+
+    def make_room(self) -> None:
+        """Begin another file where this one is full, or delete its oldest rows; to be done behind each block.
+
+        Raises CaptureError where that cannot be done; what was written stays.
+        """
+        most = self._session.max_bytes
+        if most is None or self.size_bytes < most:
+            return
+        if self._oldest is None:
+            self._roll_over()
+            return
+        try:
+            self._oldest.make_room(most, self._session.delete_percent)
+        except sqlite3.Error as error:
+            if getattr(error, "sqlite_errorcode", 0) & 0xFF not in _HELD:
+                raise self._failure(error) from None
+            # Somebody reads or writes it just now: with the next block.
 
     def close(self) -> None:
         """Close the file; what was written stays."""
@@ -237,46 +269,55 @@ class Database:
         except sqlite3.Error:
             pass  # SQLite has undone it already
 
-    def _make_room(self) -> None:
-        """Begin another file where this one is full, or delete its oldest rows."""
-        most = self._session.max_bytes
-        if most is None or self.size_bytes < most:
-            return
-        if self._oldest is None:
-            self._roll_over()
-            return
-        try:
-            self._oldest.make_room(most, self._session.delete_percent)
-        except sqlite3.Error as error:
-            if getattr(error, "sqlite_errorcode", 0) & 0xFF not in _HELD:
-                raise self._failure(error) from None
-            # Somebody reads or writes it just now: with the next block.
-
     def _roll_over(self) -> None:
-        """Close the file under the next number, remove the oldest beyond those that may stay, and begin another."""
-        closed = closed_files(self.path)
-        target = next_closed(self.path)
+        """Close the file under the next number, begin another, and remove the oldest beyond those that may stay.
+
+        Whatever ends the program in between, no row is lost, and all that has the name of a file of the series is one.
+        """
         self.close()
+        if left_beside(os.path.realpath(self.path)):
+            # Another program that has the file open keeps some of it there; under another name, that would be lost.
+            self._connect()
+            return
+        closed, target = to_close(self.path)
         try:
-            os.rename(self.path, target)
+            begun = made_beside(self.path, self._table, durable=self._durable)
+            try:
+                _rename(self.path, target, begun)
+            except OSError as error:
+                take_away(begun)
+                self._connect()
+                raise self._cannot_close(error) from None
             self.closed.append(target)
             self._own_closed[target], self._own = self._own, 0
-            files = self._session.files
-            if files is not None:
-                paths = [*(path for _, path in closed), target]
-                for oldest in paths[: max(len(paths) - (files - 1), 0)]:
-                    os.unlink(oldest)
-                    self.removed.append(oldest)
-                    if self._own_closed.pop(oldest, None) is None:
-                        self.removed_before += 1
-                    else:
-                        self.closed.remove(oldest)
+            self.begins = self._made = True
+            self._connect()
+        except sqlite3.Error as error:
+            # What waits for its block can be written, if to a file that is larger than it should be.
+            with suppress(sqlite3.Error):
+                self._connect()
+            raise self._failure(error) from None
+        try:
+            self._remove_oldest([*(path for _, path in closed), target])
         except OSError as error:
-            raise CaptureError(
-                f"a full file cannot be closed: {error.strerror}", where=self.path, next_step="check its folder"
-            ) from None
-        self.open(append=False)
-        self.begins = True
+            raise self._cannot_close(error) from None
+
+    def _remove_oldest(self, closed: Sequence[str]) -> None:
+        """Remove full files beyond those that may stay, the oldest first."""
+        files = self._session.files
+        if files is None:
+            return
+        for oldest in closed[: max(len(closed) - (files - 1), 0)]:
+            os.unlink(oldest)
+            self.removed.append(oldest)
+            if self._own_closed.pop(oldest, None) is None:
+                self.removed_before += 1
+            else:
+                self.closed.remove(oldest)
+
+    def _cannot_close(self, error: OSError) -> CaptureError:
+        what = f"a full file cannot be closed: {error.strerror}"
+        return CaptureError(what, where=self.path, next_step="check its folder")
 
     def _failure(self, error: sqlite3.Error) -> CaptureError:
         code = getattr(error, "sqlite_errorcode", 0) & 0xFF
@@ -302,10 +343,14 @@ class Database:
         )
 
 
-def begin_file(connection: sqlite3.Connection) -> None:
-    """Have a file as controllers have it; this has to be said before the first table is made."""
-    connection.execute("PRAGMA page_size = 4096")
-    connection.execute("PRAGMA auto_vacuum = FULL")
+def _rename(path: str, target: str, begun: str) -> None:
+    """Let a file that was begun take the place of another, which gets the name of a closed one; or do nothing."""
+    os.rename(path, target)
+    try:
+        os.rename(begun, path)
+    except OSError:
+        os.rename(target, path)
+        raise
 
 
 def _template(table: LogTable) -> tuple[bytes, int]:

@@ -16,9 +16,10 @@ import numpy as np
 from dissectors.batch import I64
 from dissectors.datalogger.leaves import Block
 from dissectors.datalogger.tables import LogTable, statement
+from nvscope.datalogger.begun_files import begin_file
 from nvscope.datalogger.columns import TableColumns
 from nvscope.datalogger.configuration import Session
-from nvscope.datalogger.database import IN_MEMORY, begin_file, table_of, tuples
+from nvscope.datalogger.database import IN_MEMORY, table_of, tuples
 from nvscope.datalogger.existing import others_in
 from nvscope.datalogger.logged import Content, Logged
 from nvscope.datalogger.plan import Planned

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dissectors.batch import Bool
-from nvscope.capture.datalogger.names import closed_files, closed_names
+from nvscope.capture.datalogger.names import BEGUN, closed_files, closed_names
 from nvscope.datalogger.column_names import next_step_of, taken_names
 from nvscope.datalogger.configuration import Session
 from nvscope.datalogger.database import IN_MEMORY, Database, table_of
@@ -100,7 +100,9 @@ def plan(
     files = [os.path.realpath(one.path) if one.path else "" for one in planned]
     _check_different(planned, "file", files)
     for one, file in zip(planned, files, strict=True):
-        taken = {path for _, path in closed_names(file, files)} if one.path and one.session.files != 1 else ()
+        taken = {f"{file}{BEGUN}"} if one.path else set()
+        if one.session.files != 1:
+            taken |= {path for _, path in closed_names(file, files)}
         for other, path in zip(planned, files, strict=True):
             if path in taken:
                 raise UsageError(

@@ -33,7 +33,7 @@ _CELLS_AT_ONCE = 1 << 17
 """So many values are looked at in one go: they stay near the processor."""
 
 _TRIES_AT_END = 3
-"""Each waits as long as it does for any block (``Database``)."""
+"""For each block; each waits as long as it does for any (``Database``)."""
 
 _BLOCKS_KEPT = 4
 """While another program holds the file, so many blocks wait for it; then the oldest rows are lost."""
@@ -153,10 +153,11 @@ class SessionLog:
 
     def _flush(self) -> None:
         """Write all rows that wait for their block to be full, as far as nobody holds the file."""
-        for _ in range(_TRIES_AT_END):
+        tries = 0
+        while self._waiting and tries < _TRIES_AT_END:
+            before = self.counted.rows
             self._write(1)
-            if not self._waiting:
-                return
+            tries = 0 if self.counted.rows > before else tries + 1
         self.counted.not_written += sum(len(one) for one in self._waiting)
         self._waiting = []
 
@@ -234,6 +235,7 @@ class SessionLog:
                 stop = min(first + self.session.block_rows, len(rows))
                 self._write_block(rows.take(slice(first, stop)))
                 first = stop
+                self._database.make_room()
         except DatabaseLocked:
             kept = max(first, len(rows) - _BLOCKS_KEPT * self.session.block_rows)
             if kept > first:

@@ -45,7 +45,9 @@ def record(folder: Path, captures: Sequence[Path], plant: Plant, *options: str, 
     return done.stderr
 
 
-def record_in_batches(folder: Path, captures: Sequence[Path], plant: Plant, packets: int) -> None:
+def record_in_batches(
+    folder: Path, captures: Sequence[Path], plant: Plant, packets: int, *, append: bool = False
+) -> None:  # fmt: skip
     """Record captures so many packets at a time."""
     project = read_project(folder / "nvscope.toml")
     inquiry = InBatches([str(path) for path in captures], project)
@@ -54,7 +56,7 @@ def record_in_batches(folder: Path, captures: Sequence[Path], plant: Plant, pack
     targets = Targets(str(folder / "log.db"), None)
     planned = plan([session], inquiry.defined_layouts(), project.datalogger, targets, partly=False)
     style = plant.session.document_style
-    _logged(inquiry, inquiry.open(), planned, quiet=True, append=False, document_style=style)
+    _logged(inquiry, inquiry.open(), planned, quiet=True, append=append, document_style=style)
 
 
 def told(rows: Mapping[str, Sequence[Row]]) -> Told:

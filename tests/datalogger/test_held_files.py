@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from itertools import count
 from pathlib import Path
 
@@ -24,7 +25,9 @@ KEPT = 4
 """So many blocks wait, here of a row each."""
 
 
-def rows_while_held(folder: Path, session: Session, held: range, monkeypatch: pytest.MonkeyPatch) -> list[tuple]:  # type: ignore[type-arg]
+def rows_while_held(
+    folder: Path, session: Session, held: Container[int], monkeypatch: pytest.MonkeyPatch
+) -> list[tuple[int | None, ...]]:  # fmt: skip
     """Record telegrams that count from 0, while some attempts to write fail; return rows without times."""
     attempts, write = count(), Database.write
 
@@ -68,3 +71,12 @@ def test_counters_tell_how_many_changes_it_took(
     # In front of the first row, there is nothing that was counted.
     assert {counter for counter in behind[2::2] if counter is not None} == {18 if held.start else 0}
     assert {one.severity.word for one in audited([str(tmp_path / "x" / "log.db")]).findings} <= {"note"}
+
+
+def test_in_the_end_each_block_is_tried_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Somebody who takes the file between any two blocks gives it back in time."""
+    session = Session(VARIABLES, tasks=TASKS, write_interval=1)
+    held = {number for number in range(76, 100) if number % 3}
+    rows = rows_while_held(tmp_path / "x", session, held, monkeypatch)
+    assert len(rows) == 80
+    assert all(row[0] for row in rows)

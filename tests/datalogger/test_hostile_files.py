@@ -174,7 +174,7 @@ def test_folders_are_not_made(folder: Folder) -> None:
     assert not (folder.path / "no").exists()
 
 
-@pytest.mark.parametrize("dst", ["log.db", "./log.db", "here/log.db", "log.db.0", "here/log.db.12"])
+@pytest.mark.parametrize("dst", ["log.db", "./log.db", "here/log.db", "log.db.0", "here/log.db.12", "log.db.begun"])
 def test_two_sessions_do_not_write_one_file(dst: str, folder: Folder) -> None:
     (folder.path / "here").symlink_to(".")
     folder.configure(configuration(Session(SESSION.variables, rollover=True, max_file_size=1)))

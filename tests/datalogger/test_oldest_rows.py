@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from dissectors.datalogger.tables import LoggedVariable, LogTable, statement
 from dissectors.datalogger.timestamps import iso_texts, raw_of
-from nvscope.datalogger.database import begin_file
+from nvscope.datalogger.begun_files import begin_file
 from nvscope.datalogger.oldest_rows import Deleted, OldestRows
 from tests.datalogger.plants import configuration, gvl, plant, simulated
 from tests.program import run_text

@@ -27,6 +27,7 @@ def write(database: Database, sizes: list[int], mark: int) -> None:
     database.open(append=True)
     for size in sizes:
         database.write([NumberColumns(np.full((size, 4), mark))], size)
+        database.make_room()
     database.close()
 
 

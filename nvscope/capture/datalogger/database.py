@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from nvscope.capture.can import sqlite_file
 from nvscope.capture.compressed import compression_of
 from nvscope.capture.datalogger.damage import Damages
-from nvscope.capture.datalogger.page_file import NotADatabase, PageFile
+from nvscope.capture.datalogger.page_file import NoByte, NotADatabase, PageFile
 from nvscope.capture.datalogger.schema import Schema, StoredTable, read_schema
 from nvscope.capture.datalogger.settled import settled
 from nvscope.capture.datalogger.sql_rows import SqlRows, sql_rows
@@ -21,10 +21,17 @@ from nvscope.errors import UnreadableInput
 AnyRows = Rows | SqlRows
 """Rows as they were read: by pages, or by SQLite."""
 
+NOTHING_YET = "nothing is in it: its logger had only begun it when it had closed the file before, or it was emptied"
+"""What is said of the newest file of a series in which there is no table yet."""
+
 _NO_DATABASE = "name a database, which begins with 'SQLite format 3'; if this should be one, copy it again"
 _MOST_NAMED, _LONGEST_NAME = 3, 60
 _HEAD_BYTES = 64
 _COPY_AGAIN = "copy it again from the controller"
+
+
+class NothingYet(UnreadableInput):
+    """A file without a byte, or a database without tables: as one is that a logger has only begun."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +99,8 @@ def opened(path: str) -> Iterator[LogDatabase]:
     with ExitStack() as stack:
         try:
             database = _opened(path, stack)
+        except NoByte as error:
+            raise NothingYet(str(error), where=path, next_step=_COPY_AGAIN) from None
         except NotADatabase as error:
             if error.is_other and (how := _compression_of(path)):
                 raise UnreadableInput(
@@ -144,7 +153,7 @@ def _no_table(path: str, schema: Schema, damages: Damages) -> UnreadableInput:
             next_step="copy it again from the controller; `sqlite3 FILE .recover` may find rows without their table",
         )
     if not schema.others:
-        return UnreadableInput(
+        return NothingYet(
             "a database without tables",
             where=path,
             next_step="a DataLogger makes its table with the first block that it writes: wait for that, or copy again",

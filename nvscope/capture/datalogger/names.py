@@ -5,6 +5,7 @@
     x.db           the file that is written last
     x.db.0 …       those that were closed when they were full, in the order of their numbers
     x.db.0.gz …    closed ones that somebody compressed
+    x.db.begun     without a row: what gets the name x.db when that is closed
 
 A number is written as controllers count: digits alone, however many, and no zero in front of others. What is called
 otherwise, ``x.db.007`` or ``x.db.-1``, is a file of its own, which nobody takes along, goes on from, or removes.
@@ -14,12 +15,15 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 PREFIX = "db/"
 """So begins what stands for a database in the place of a list."""
 
 _NUMBERED = re.compile(r"(?P<base>.+)\.(?P<number>0|[1-9][0-9]*)", re.DOTALL)
+BEGUN = ".begun"
+"""Behind the name of a database, while it is made."""
+
 _COMPRESSED = (".gz", ".zst", ".lz4")
 _ENDING = ".db"
 
@@ -54,20 +58,31 @@ def closed_files(path: str) -> list[tuple[int, str]]:
 
     Those that somebody compressed are none: no rows can be looked for in them as they are.
     """
-    name = os.path.basename(path)
-    # The folder as it was written: by any other form of it, the files would not be those of the path.
-    front = path[: len(path) - len(name)]
-    return [(number, front + entry) for number, entry in closed_names(name, _beside(path))]
+    return _closed(path, _beside(path))
 
 
-def next_closed(path: str) -> str:
-    """Return the path that the file of a series gets when it is closed: no file has it, nor a higher number."""
-    name = os.path.basename(path)
-    numbers = [number_of(entry) for entry in _beside(path) if series_of(entry) == name]
+def to_close(path: str) -> tuple[list[tuple[int, str]], str]:
+    """Return the closed files of a database, and the path that its file gets when it is closed.
+
+    No file has that, nor a higher number, be it of one that somebody compressed.
+    """
+    name, beside = os.path.basename(path), _beside(path)
+    numbers = [number_of(entry) for entry in beside if series_of(entry) == name]
     number = max((one for one in numbers if one is not None), default=-1) + 1
     while os.path.lexists(f"{path}.{number}"):  # on disks that tell no case of letters apart, say
         number += 1
-    return f"{path}.{number}"
+    return _closed(path, beside), f"{path}.{number}"
+
+
+def is_newest(path: str) -> bool:
+    """Return whether a file, be it there or not, is the one of a series that is written: closed files lie beside it."""
+    return number_of(path) is None and bool(closed_files(path))
+
+
+def told_of_closed(closed: Sequence[tuple[int, str]]) -> str:
+    """Return what to do where the newest file of a series has no row, or is not there, and closed ones are."""
+    last = closed[-1][1]
+    return f"name its closed file, {last}" if len(closed) == 1 else f"name its {len(closed)} closed files, up to {last}"
 
 
 def is_called_database(name: str) -> bool:
@@ -81,6 +96,13 @@ def title_of(path: str) -> str:
     return f"{PREFIX}{'stdin' if path == '-' else os.path.basename(series_of(path))}"
 
 
+def _closed(path: str, entries: Iterable[str]) -> list[tuple[int, str]]:
+    name = os.path.basename(path)
+    # The folder as it was written: by any other form of it, the files would not be those of the path.
+    front = path[: len(path) - len(name)]
+    return [(number, front + entry) for number, entry in closed_names(name, entries)]
+
+
 def _beside(path: str) -> list[str]:
     try:
         return os.listdir(os.path.dirname(path) or os.curdir)
@@ -89,6 +111,6 @@ def _beside(path: str) -> list[str]:
 
 
 def _plain(path: str) -> str:
-    for suffix in _COMPRESSED:
+    for suffix in (*_COMPRESSED, BEGUN):
         path = path.removesuffix(suffix)
     return path

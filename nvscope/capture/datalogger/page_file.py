@@ -34,6 +34,10 @@ class NotADatabase(Exception):
         self.is_other = is_other
 
 
+class NoByte(NotADatabase):
+    """A file without a byte: what SQLite makes before it writes to it."""
+
+
 @dataclass(frozen=True, slots=True)
 class Header:
     """What a database says of itself; ``pages`` is None where whoever wrote it last did not count them.
@@ -57,7 +61,7 @@ class Header:
     def of(cls, head: bytes) -> Self:
         """Return what the first bytes of a database say; NotADatabase where they are of none."""
         if len(head) < HEADER_BYTES or not head.startswith(MAGIC):
-            raise NotADatabase("empty" if not head else "not an SQLite database", is_other=bool(head))
+            raise NotADatabase("not an SQLite database", is_other=True) if head else NoByte("empty")
         (page_bytes,) = struct.unpack_from(">H", head, 16)
         page_bytes = _MOST_PAGE_BYTES if page_bytes == 1 else page_bytes
         reserved_bytes = head[20]

@@ -19,8 +19,8 @@ from nvscope.capture.can.on_disk import on_disk
 from nvscope.capture.content import Content
 from nvscope.capture.datalogger import database as databases
 from nvscope.capture.datalogger.damage import Damage, Damages
-from nvscope.capture.datalogger.database import LogDatabase
-from nvscope.capture.datalogger.names import series_of, title_of
+from nvscope.capture.datalogger.database import NOTHING_YET, LogDatabase, NothingYet
+from nvscope.capture.datalogger.names import is_newest, series_of, title_of
 from nvscope.capture.datalogger.page_file import PageFile
 from nvscope.capture.datalogger.schema import StoredTable
 from nvscope.capture.datalogger.sql_records import as_records
@@ -46,6 +46,8 @@ def is_log(content: Content) -> bool:
     try:
         with databases.opened(content.disk_path):
             return True
+    except NothingYet:
+        return is_newest(content.disk_path)
     except UnreadableInput:
         return False
 
@@ -78,18 +80,13 @@ class LogReader(Reader):
         """Yield the rows, those of each table in the order of their ids."""
         with on_disk(self.content.disk_path, self._pieces) as path:
             before = sqlite_file.state(path)
-            with databases.opened(path) as database:
-                self._tell_state(database, path)
-                named, part = self.content.path, self.place.part
-                tracks = [_Table(named, database, table, self.sizes, part) for table in database.tables]
-                several = Timeline(tracks, batch_packets=self.sizes.batch_packets) if len(tracks) > 1 else tracks[0]
-                for batch in several:
-                    if len(batch):
-                        self.progress.frames += len(batch)
-                        self._follow(batch)
-                        yield replace(batch, ends=(), source=None, channel=None)
-            for track in tracks:
-                self._tell_table(track, database.file, name=track.table.log.name if len(tracks) > 1 else "")
+            try:
+                yield from self._rows(path)
+            except NothingYet:
+                if not is_newest(self.content.disk_path):
+                    raise
+                self.progress.notes = (NOTHING_YET,)
+                self._lost += filter(None, [self.place.missing])
             if sqlite_file.state(path) != before:
                 self._lost.append("it changed while it was read: read it again when nobody writes to it")
         if self.content.disk_path:
@@ -98,6 +95,20 @@ class LogReader(Reader):
             self.progress.left_out = "; ".join(self._lost)
             at = self.position if self._first_at is None else min(self.position, self._first_at)
             self.progress.truncation = Truncation(at, self.progress.left_out)
+
+    def _rows(self, path: str) -> Iterator[PacketBatch]:
+        with databases.opened(path) as database:
+            self._tell_state(database, path)
+            named, part = self.content.path, self.place.part
+            tracks = [_Table(named, database, table, self.sizes, part) for table in database.tables]
+            several = Timeline(tracks, batch_packets=self.sizes.batch_packets) if len(tracks) > 1 else tracks[0]
+            for batch in several:
+                if len(batch):
+                    self.progress.frames += len(batch)
+                    self._follow(batch)
+                    yield replace(batch, ends=(), source=None, channel=None)
+        for track in tracks:
+            self._tell_table(track, database.file, name=track.table.log.name if len(tracks) > 1 else "")
 
     def _follow(self, batch: PacketBatch) -> None:
         """Tell how far the file is read: about as far as the rows that were read are long."""

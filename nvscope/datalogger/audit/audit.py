@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +13,8 @@ from dissectors.batch import I64
 from nvscope import units
 from nvscope.capture.can import sqlite_file
 from nvscope.capture.datalogger.damage import Damage, Damages
-from nvscope.capture.datalogger.database import LogDatabase, opened
+from nvscope.capture.datalogger.database import NOTHING_YET, LogDatabase, NothingYet, opened
+from nvscope.capture.datalogger.names import is_newest
 from nvscope.capture.datalogger.schema import StoredTable
 from nvscope.capture.datalogger.table_rows import Rows
 from nvscope.datalogger.audit.chunk import Chunk, chunk_of
@@ -21,7 +22,7 @@ from nvscope.datalogger.audit.finding import MOST_FINDINGS, MOST_ROWS, Finding
 from nvscope.datalogger.audit.series import Member, Series, series_of
 from nvscope.datalogger.audit.table_audit import TableAudit
 from nvscope.errors import NvscopeError
-from nvscope.findings.datalogger import SERIES_BROKEN
+from nvscope.findings.datalogger import CHANGES_MISSED, LOSS_NOT_TOLD, SERIES_BROKEN
 from nvscope.findings.kind import Severity
 
 Progress = Callable[[int], None]
@@ -161,7 +162,18 @@ class _Reading:
         """Yield what was found: of files first, then of tables."""
         yield from self._of_files
         for one in self.tables.values():
-            yield from one.audit.end()
+            yield from map(self._with_doubt, one.audit.end())
+
+    def _with_doubt(self, finding: Finding) -> Finding:
+        """Let what is missing in front of the newest file ask for a closed one: of the last one, no number tells."""
+        *before, last = self._series.members or (Member("", None),)
+        if not before or last.number is not None or (finding.file, finding.rows[:1]) != (last.path, (1,)):
+            return finding
+        if finding.kind not in (LOSS_NOT_TOLD, CHANGES_MISSED):
+            return finding
+        closed = os.path.basename(before[-1].path)
+        doubt = f"If there was a closed file behind {closed}, it is missing: look for it first."
+        return replace(finding, hint=f"{finding.next_step} {doubt}")
 
     def _read_file(self, member: Member) -> None:
         told = AuditedFile(member.path, self._series.path, member.number)
@@ -178,6 +190,11 @@ class _Reading:
                 self._read_tables(database, told)
         except OSError as error:
             self._cannot(told, error.strerror or str(error), "check the name and who may read it")
+        except NothingYet as error:
+            if member.number is None and is_newest(member.path):
+                told.notes.append(NOTHING_YET)
+            else:
+                self._cannot(told, error.what, error.next_step)
         except NvscopeError as error:
             self._cannot(told, error.what, error.next_step)
         changed = sqlite_file.state(member.path) != before
@@ -281,9 +298,17 @@ def _in_words(told: AuditedFile) -> str:
 
 def _told_of(series: Series) -> list[str]:
     name = os.path.basename(series.path)
+    if series.is_without_newest:
+        last = os.path.basename(series.members[-1].path)
+        why = f"its logger had only closed {last} and not begun another file yet, or somebody took it away"
+        return [f"{name} is not there: {why}", *_taken_along(series, name)]
     if series.taken_along:
-        return [f"{units.count_of(series.taken_along, 'closed file')} of {name} taken along"]
+        return _taken_along(series, name)
     if series.left:
         others = units.count_of(series.left, "other closed file")
         return [f"{others} of its series lie{'s' if series.left == 1 else ''} beside: name {name} to have all of them"]
     return []
+
+
+def _taken_along(series: Series, name: str) -> list[str]:
+    return [f"{units.count_of(series.taken_along, 'closed file')} of {name} taken along"] if series.taken_along else []

@@ -34,7 +34,8 @@ class Series:
     """The files of one logger, the oldest first; ``path`` is that of its last one, be it there or not.
 
     ``missing`` are numbers in the middle of which there is no file. ``taken_along`` says how many closed files were
-    not named and are read, ``left`` how many were not named and are not.
+    not named and are read, ``left`` how many were not named and are not. ``is_without_newest``: the file that is
+    written was named, and is not there.
     """
 
     path: str
@@ -42,6 +43,7 @@ class Series:
     missing: tuple[int, ...] = ()
     taken_along: int = 0
     left: int = 0
+    is_without_newest: bool = False
 
     def breaks_before(self, place: int) -> bool:
         """Return whether a file is not there, or not read, between a member and the one before it."""
@@ -83,14 +85,18 @@ def _files(paths: Iterable[str]) -> Iterator[str]:
 def _series(base: str, named: dict[str, Member]) -> Series:
     closed = {os.path.realpath(path): Member(path, number) for number, path in closed_files(base)}
     beside = {key: member for key, member in closed.items() if key not in named}
-    takes_along = any(member.number is None for member in named.values())
+    newest = next((member for member in named.values() if member.number is None), None)
+    takes_along = newest is not None
+    is_without_newest = newest is not None and bool(closed) and not os.path.lexists(newest.path)
+    if is_without_newest:
+        # Loggers rename a full file before another one has its name.
+        named = {key: member for key, member in named.items() if member.number is not None}
     members = sorted([*named.values(), *(beside.values() if takes_along else ())], key=lambda one: one.order)
     numbers = [member.number for member in members if member.number is not None]
     there = {member.number for member in closed.values()}
     missing = sorted(set(_between(numbers)) - there)
-    return Series(
-        base, tuple(members), tuple(missing), len(beside) if takes_along else 0, 0 if takes_along else len(beside)
-    )  # fmt: skip
+    taken_along, left = (len(beside), 0) if takes_along else (0, len(beside))
+    return Series(base, tuple(members), tuple(missing), taken_along, left, is_without_newest)
 
 
 _MOST_MISSING = 1_000

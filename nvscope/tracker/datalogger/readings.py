@@ -25,9 +25,10 @@ from dissectors.datalogger.tables import LogTable
 from nvscope.engine.told import Told
 from nvscope.tracker.datalogger.late_rows import LATE_PERCENT
 from nvscope.tracker.datalogger.unknown_values import CountedUnknown, SampledUnknown, Unknown
+from nvscope.tracker.datalogger.unread_rows import UnreadRows
 from nvscope.tracker.datalogger.variables import DatabaseVariable, DatabaseVariables
 from nvscope.tracker.readings.form import UNKNOWN_TEXT, Form
-from nvscope.tracker.readings.readings import LEFT_OUT, MOST_AT_ONCE, Readings
+from nvscope.tracker.readings.readings import LEFT_OUT, MOST_AT_ONCE, Holes, Readings
 
 _APART = 1 << 40
 """Between the numbers of stretches of a variable that was unknown in between: no file has so many rows."""
@@ -52,8 +53,10 @@ class ReadRows:
         self._wanted = wanted
         self._meant_of: dict[RowTable, I64] = {}
         self._stretch: dict[str, int] = {}
-        self._last_row: dict[RowTable, int] = {}
-        self._parts: dict[tuple[str, LogTable], int] = {}
+        self.holes: list[Holes] = []
+        self.told_ns: list[tuple[I64, int]] = []
+        self._unread = UnreadRows()
+        self._begun: set[tuple[str, LogTable]] = set()
         self.missed = 0
         self._came: list[tuple[I64, I64, I64]] = []
         self._unknown: dict[RowTable, CountedUnknown | SampledUnknown] = {}
@@ -74,6 +77,7 @@ class ReadRows:
 
     def of(self, told: Told, part: RowBatch) -> Iterator[Readings]:
         """Yield the readings of a batch, in stretches of so many that memory stays bounded."""
+        self.holes, self.told_ns = [], []
         tables = [self._table_rows(told, part, *one) for one in part.by_table()]
         self._apart_at.clear()
         self._came = [(one.numbers, part.row[one.rows], one.stretch) for one in tables if one.table.log.only_changes]
@@ -110,11 +114,19 @@ class ReadRows:
         if find is None:
             find = CountedUnknown(table.log) if table.log.only_changes else SampledUnknown(table.log)
             self._unknown[table] = find
-        unknown = find.of(records, restarts) if isinstance(find, CountedUnknown) else find.of(records)
-        return _TableRows(
-            table, rows, records, self.numbers_of(table, told.max_streams),
-            self._stretches(table, records, part.logged.rowid[rows], restarts), unknown,
+        counted = find if isinstance(find, CountedUnknown) else None
+        lost, packet, numbers = ~consistent(records), part.row[rows], self.numbers_of(table, told.max_streams)
+        time_ns = told.packets.ts_ns[packet]
+        unread, holes = self._unread.of(
+            table, records, part.logged.rowid[rows], time_ns, lost | restarts, counted
         )  # fmt: skip
+        wanted = numbers[numbers >= 0]
+        self.told_ns.append((wanted, int(time_ns[-1])))
+        if len(holes.row):
+            self.holes.append(holes._replace(variables=wanted, row=packet[holes.row]))
+        unknown = find.of(records, restarts) if isinstance(find, CountedUnknown) else find.of(records)
+        stretch = self._stretches(table, lost, restarts | unread)
+        return _TableRows(table, rows, records, numbers, stretch, unknown)
 
     def _set_apart(self, part: RowBatch, column: _Column) -> _Column:
         """Let a variable be unknown behind a value only, and each such row begin a stretch of its own."""
@@ -133,21 +145,15 @@ class ReadRows:
         self._apart[column.number] = apart + int(np.count_nonzero(unknown))
         return replace(column, stretch=column.stretch + (apart + np.cumsum(unknown)) * _APART)
 
-    def _stretches(self, table: RowTable, records: Records, rowid: I64, restarts: Bool) -> I64:
-        """Return numbers of rows that are the same where nothing was lost between these."""
-        lost = ~consistent(records)
-        begins = (table.series, table.log) not in self._parts
+    def _stretches(self, table: RowTable, lost: Bool, others: Bool) -> I64:
+        """Return numbers of rows that are the same where nothing was lost between these: told, or for others."""
+        begins = (table.series, table.log) not in self._begun
         # The first row of a table may say so as well: there is nothing before it.
         self.missed += int(np.count_nonzero(lost)) - int(begins and lost[0])
         if table.series not in self._stretch:
             lost[0] = False
-        lost |= restarts
-        # Loggers number rows one by one, and delete the oldest alone: others that are missing cannot be read any more.
-        lost |= np.diff(rowid, prepend=self._last_row.get(table, int(rowid[0]) - 1)) > 1
-        self._last_row[table] = int(rowid[-1])
-        if self._parts.setdefault((table.series, table.log), table.part) != table.part:
-            self._parts[table.series, table.log] = table.part
-            lost[0] = True
+        self._begun.add((table.series, table.log))
+        lost |= others
         number = self._stretch.get(table.series, 0) + np.cumsum(lost)
         self._stretch[table.series] = int(number[-1])
         return number

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -17,12 +18,12 @@ from nvscope.definition.layouts import Layouts
 from nvscope.definition.variables import Element
 from nvscope.engine.told import Told
 from nvscope.list_key import ListKey
-from nvscope.tracker.readings.form import Form
+from nvscope.tracker.readings.form import UNKNOWN_TEXT, Form
 from nvscope.tracker.readings.likeness import Likeness, plain
-from nvscope.tracker.readings.readings import Readings, ReadVariable
+from nvscope.tracker.readings.readings import Holes, Readings, ReadVariable
 from nvscope.tracker.readings.value_history import Reading
 from nvscope.tracker.variables.data_telegrams import DataTelegrams, Stream, Telegrams, joined
-from nvscope.tracker.variables.following import Pair, Reached, Side, add_rest, compare, remember
+from nvscope.tracker.variables.following import HOLE, UNKNOWN, Pair, Reached, Side, add_rest, compare, remember
 
 MOST_PAIRS = 10_000
 """So many pairs are compared, the first ones."""
@@ -114,8 +115,12 @@ class ReadHops:
         part = told.parts.get(self._likeness.name)
         if part is not None:
             self._heard_ns = max(self._heard_ns or 0, int(told.packets.ts_ns[part.row].max()))
-            for readings in self._values.of(told, part):
-                self._take_readings(told, readings, fresh)
+            found = self._values.of(told, part)
+            first = next(found, None)  # holes are known from then on
+            holes = self._holes()
+            for readings in () if first is None else chain([first], found):
+                self._take_readings(told, readings, holes, fresh)
+            self._told(holes, fresh)
         telegrams = joined(self._read.of(told))
         for one in telegrams:
             self._take_telegrams(one, fresh)
@@ -129,6 +134,8 @@ class ReadHops:
             )
         if fresh:
             self._compare(fresh)
+        for compared in self._compared.values():
+            compared.end.doubts = None
 
     def _rest(self, until_ns: int) -> None:
         """Begin anew: nobody listened to anything for a while."""
@@ -149,7 +156,33 @@ class ReadHops:
                 remember(pair.first, fresh.get(id(pair.first)))
             remember(compared.end, fresh.get(id(compared.end)))
 
-    def _take_readings(self, told: Told, readings: Readings, fresh: dict[int, tuple[I64, U64]]) -> None:
+    def _holes(self) -> dict[int, Holes]:
+        """Return the holes of variables in the batch read last, and take back what was said of them."""
+        found: dict[int, Holes] = {}
+        for holes in self._values.holes:
+            for number in holes.variables.tolist():
+                found[number] = found[number].joined(holes) if number in found else holes
+        for number in found.keys() & self._compared.keys():
+            compared, own = self._compared[number], found[number]
+            compared.end.doubts = own.since_ns, own.after_ns
+            for pair in compared.pairs.values():
+                pair.take_back(int(own.since_ns[0]), int(own.after_ns[0]))
+        return found
+
+    def _told(self, holes: dict[int, Holes], fresh: dict[int, tuple[I64, U64]]) -> None:
+        """Take the holes behind the last values of a batch, and up to when variables were told in it."""
+        for number in holes.keys() & self._compared.keys():
+            end, behind = self._compared[number].end, holes[number]
+            if end.since_ns is not None and len(behind.row):
+                _add(end, behind.after_ns, np.full(len(behind.row), HOLE), fresh)
+                end.last = Reading(Form.UNKNOWN, 0, UNKNOWN_TEXT, False)
+        for variables, told_ns in self._values.told_ns:
+            for number in self._compared.keys() & set(variables.tolist()):
+                self._compared[number].end.told_ns = told_ns
+
+    def _take_readings(
+        self, told: Told, readings: Readings, holes: dict[int, Holes], fresh: dict[int, tuple[I64, U64]]
+    ) -> None:  # fmt: skip
         """Find the changes in values, and what lists have of variables that are new."""
         rows = np.flatnonzero(readings.form != Form.NOTHING)
         order = rows[np.argsort(readings.variable[rows], kind="stable")]
@@ -162,7 +195,14 @@ class ReadHops:
             if compared is None:
                 continue
             values = self._likeness.of_read(known, readings, own)
-            _add(compared.end, told.packets.ts_ns[readings.row[own]], values, fresh)
+            times = told.packets.ts_ns[readings.row[own]]
+            if (number := int(variable[begin])) in holes:
+                end_row = int(readings.row[own[-1]])
+                before, holes[number] = holes[number].parted(end_row)
+                place = np.searchsorted(readings.row[own], before.row)
+                times = np.insert(times, place, before.after_ns)
+                values = np.insert(values, place, HOLE)
+            _add(compared.end, times, values, fresh)
             compared.end.telegrams -= int(np.count_nonzero(readings.form[own] == Form.UNKNOWN))
             last = int(own[-1])
             compared.end.last = Reading(
@@ -257,6 +297,10 @@ def _key(telegrams: Telegrams) -> tuple[int, int, int]:
 
 def _add(end: _End, time_ns: I64, values: U64, fresh: dict[int, tuple[I64, U64]]) -> None:
     """Add values that follow those so far: the first one, and those that are another one than before."""
+    if end.since_ns is None:
+        # In front of the first one, there is no hole.
+        first = int(np.argmax(values != HOLE))
+        time_ns, values = time_ns[first:], values[first:]
     before = fresh.get(id(end), (end.times_ns, end.values))[1]
     differs = np.ones(len(values), np.bool_)
     differs[1:] = values[1:] != values[:-1]
@@ -264,8 +308,8 @@ def _add(end: _End, time_ns: I64, values: U64, fresh: dict[int, tuple[I64, U64]]
         end.since_ns = int(time_ns[0])
     elif len(before):
         differs[0] = values[0] != before[-1]
-    end.telegrams += len(values)
-    end.now = int(values[-1])
+    end.telegrams += int(np.count_nonzero(values != HOLE))
+    end.now = int(UNKNOWN if values[-1] == HOLE else values[-1])
     if differs.any():
         times, own = time_ns[differs], values[differs]
         if id(end) in fresh:

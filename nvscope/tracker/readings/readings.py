@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection, Hashable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
+
+import numpy as np
 
 from dissectors.batch import I64, U64, Bool
 from nvscope.definition.variables import Elementary
@@ -99,6 +101,30 @@ class Readings:
         return len(self.variable)
 
 
+class Holes(NamedTuple):
+    """Where values of some variables, by number, were told that nobody can read any more.
+
+    They are in front of packets (``row``, rising) and behind times; what changed since another one may be in them.
+    """
+
+    variables: I64
+    row: I64
+    after_ns: I64
+    since_ns: I64
+
+    def joined(self, other: Holes) -> Holes:
+        """Return these and others of a variable, in their order."""
+        row, after_ns, since_ns = (np.concatenate(both) for both in zip(self[1:], other[1:], strict=True))
+        order = np.argsort(row, kind="stable")
+        return Holes(self.variables, row[order], after_ns[order], since_ns[order])
+
+    def parted(self, row: int) -> tuple[Holes, Holes]:
+        """Return those in front of packets up to one, and those behind it."""
+        place = int(np.searchsorted(self.row, row, "right"))
+        before, behind = ([column[part] for column in self[1:]] for part in (slice(place), slice(place, None)))
+        return Holes(self.variables, *before), Holes(self.variables, *behind)
+
+
 class ReadValues(Protocol):
     """Finds the readings of batches that follow each other: those of wanted variables, as these are called then.
 
@@ -107,7 +133,8 @@ class ReadValues(Protocol):
     values that are, or may be, passwords; ``left_out``: there was no room for some variables. ``title`` is what people
     call whoever tells them, ``holder`` what stands for one list. ``late_percent`` is how long after the one before a
     value is missed, of its usual interval, where each is told whether it changed or not. ``tells_gaps``: what somebody
-    may have missed is told by stretches, and nobody else knows; ``missed`` counts how often that was.
+    may have missed is told by stretches, and nobody else knows; ``missed`` counts how often that was. ``holes`` are in
+    the batch read last, and ``told_ns`` is up to when each of some variables, by number, was told in it.
     """
 
     title: ClassVar[str]
@@ -123,6 +150,12 @@ class ReadValues(Protocol):
 
     @property
     def left_out(self) -> bool: ...
+
+    @property
+    def holes(self) -> Sequence[Holes]: ...
+
+    @property
+    def told_ns(self) -> Sequence[tuple[I64, int]]: ...
 
     def of(self, told: Told, part: Any) -> Iterator[Readings]:
         """Yield the readings in what a protocol found in a batch, so many at a time that memory stays bounded."""

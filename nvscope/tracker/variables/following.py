@@ -24,6 +24,11 @@ _DECIDING = 64
 UNKNOWN = np.uint64(0x7FF8_0000_0000_0003)
 """The bits of what nobody knows, or what the other end cannot hold: it is no change, and no time with it counts."""
 
+HOLE = np.uint64(0x7FF8_0000_0000_0004)
+"""The bits of what was told, and nobody can read any more: what comes behind it is no change either."""
+
+_NO_VALUES = np.array([UNKNOWN, HOLE], np.uint64)
+
 Changed = tuple[I64, U64]
 """Times and values of changes."""
 
@@ -71,7 +76,9 @@ class Side:
 
     ``times_ns`` and ``values`` (a number for each value) begin with the first telegram, which is no change, while that
     is remembered (``begins``). Its first telegram since somebody listens to it was at ``since_ns``, None before it;
-    ``until_ns`` is up to when somebody did, None while somebody does.
+    ``until_ns`` is up to when somebody did, None while somebody does. ``told_ns`` is when it was told last, be it that
+    it has not changed; None where nobody asks. A change of the other end between ``doubts``, behind a time and before
+    another one, may have been told in a hole.
     """
 
     since_ns: int | None = None
@@ -80,6 +87,8 @@ class Side:
     begins: bool = True
     times_ns: I64 = field(default_factory=lambda: np.empty(0, np.int64))
     values: U64 = field(default_factory=lambda: np.empty(0, np.uint64))
+    told_ns: int | None = None
+    doubts: tuple[I64, I64] | None = None
 
     def forget(self) -> None:
         """Begin anew, with no telegram before the next one; the last value stays the last one seen."""
@@ -89,7 +98,7 @@ class Side:
     @property
     def is_known(self) -> bool:
         """Whether its value is known now."""
-        return bool(len(self.values)) and self.until_ns is None and self.values[-1] != UNKNOWN
+        return bool(len(self.values)) and self.until_ns is None and self.values[-1] not in _NO_VALUES
 
 
 @dataclass(slots=True)
@@ -108,6 +117,9 @@ class Reached:
     taken: Bool = field(default_factory=lambda: np.zeros(0, np.bool_))
     left: Changed = field(default_factory=lambda: (np.empty(0, np.int64), np.empty(0, np.uint64)))
     _deciding: int = 0
+    _told_ns: int | None = None
+    _since_told: int = 0
+    """How many changes could be taken, and were not, since the follower was told last, at ``_told_ns``."""
 
     def take(self, leader: Side, led: Changed, follower: Side, new: Changed, matched: I64) -> None:
         """Take what is new at both ends; ``matched`` are the changes of the leader that were followed, as they came."""
@@ -120,17 +132,40 @@ class Reached:
             when, what = np.append(follower.times_ns, new[0]), np.append(follower.values, new[1])
             place = np.searchsorted(when, times, "right") - 1
             before_ns = np.concatenate([[np.iinfo(np.int64).min], leader.times_ns, times])[-len(times) - 1 : -1]
-            fresh = (place >= 0) & (what[place] != UNKNOWN)
+            fresh = (place >= 0) & ~np.isin(what[place], _NO_VALUES)
             fresh &= (what[place] != values) | (when[place] <= before_ns)
             fresh &= _are_changes(leader.values, values)
         if leader.begins and not len(leader.times_ns) and len(fresh):
             fresh[0] = False  # what it had when it was first seen is no change
+        followed = np.zeros(len(leader.times_ns) + len(times), np.bool_)
+        followed[matched] = True
+        if follower.doubts is not None:
+            since_ns, after_ns = follower.doubts
+            place = np.searchsorted(since_ns, times) - 1
+            fresh &= followed[len(leader.times_ns) :] | (place < 0) | (times >= after_ns[place])
         self.led += int(np.count_nonzero(fresh))
         taken = np.concatenate([np.ones(max(unknown, 0), np.bool_), self.taken, ~fresh])
         before = int(np.count_nonzero(taken))
         taken[matched] = True
         self.reached += int(np.count_nonzero(taken)) - before
         self.taken = taken[-CHANGES_KEPT:]
+        told_ns = follower.told_ns
+        if told_ns is not None:
+            waits = ~taken[len(taken) - len(times) :] & (times >= told_ns)
+            since_told = self._since_told if told_ns == self._told_ns else 0
+            self._told_ns, self._since_told = told_ns, since_told + int(np.count_nonzero(waits))
+
+    def take_back(self, leader: Side, since_ns: int, after_ns: int) -> None:
+        """Take back what was waited for in a hole behind a time; what changed since an earlier one may be in it."""
+        if self._told_ns is not None and self._told_ns >= after_ns:
+            self.led -= self._since_told
+        self._since_told = 0
+        known = min(len(self.taken), len(leader.times_ns))
+        times, taken = leader.times_ns[len(leader.times_ns) - known :], self.taken[len(self.taken) - known :]
+        self.led -= int(np.count_nonzero(~taken & (times > since_ns) & (times < after_ns)))
+        taken |= times > since_ns
+        times, values = self.left
+        self.left = times[times <= since_ns], values[times <= since_ns]
 
     def _decide(self, new: Changed, since_ns: int | None) -> None:
         """Take what the follower is: of the changes that were left, it took the last one to its value.
@@ -190,16 +225,46 @@ class Pair(Generic[AnySide]):
     differed_ns: int = 0
     until_ns: int | None = None
     reached: Reached | None = None
+    _told_ns: int | None = None
+    _observed_since: int = 0
+    _differed_since: int = 0
+    """What of ``observed_ns`` and ``differed_ns`` is since the second end was told last, at ``_told_ns``."""
+
+    def observe(self, begin_ns: I64, until_ns: I64, differ: Bool) -> None:
+        """Take spans in which both ends are known, and whether they differed in each."""
+        spans = np.maximum(until_ns - begin_ns, 0)
+        self.observed_ns += int(spans.sum())
+        self.differed_ns += int(spans[differ].sum())
+        told_ns = self.second.told_ns
+        if told_ns is None:
+            return
+        if told_ns != self._told_ns:
+            self._told_ns, self._observed_since, self._differed_since = told_ns, 0, 0
+        spans = np.maximum(until_ns - np.maximum(begin_ns, told_ns), 0)
+        self._observed_since += int(spans.sum())
+        self._differed_since += int(spans[differ].sum())
+
+    def take_back(self, since_ns: int, after_ns: int) -> None:
+        """Take back what was said of the time behind one up to which the second end was told, in front of a hole.
+
+        What changed since an earlier time may be in the hole.
+        """
+        if self._told_ns is not None and self._told_ns >= after_ns:
+            self.observed_ns -= self._observed_since
+            self.differed_ns -= self._differed_since
+        self._observed_since = self._differed_since = 0
+        if self.reached is not None:
+            self.reached.take_back(self.first, since_ns, after_ns)
 
 
 def _are_changes(before: U64, values: U64) -> Bool:
     """Tell which of new values, each of which is not the one before it, are another one than was known last."""
     every = np.concatenate([before, values])
-    known = every != UNKNOWN
+    known = ~np.isin(every, _NO_VALUES)
     if known.all():
         return np.ones(len(values), np.bool_)
-    last = np.append(-1, np.maximum.accumulate(np.where(known, np.arange(len(every)), -1))[:-1])
-    changes: Bool = known & (last >= 0) & (every[last] != every)
+    last = np.append(-1, np.maximum.accumulate(np.where(every != UNKNOWN, np.arange(len(every)), -1))[:-1])
+    changes: Bool = known & (last >= 0) & (every[last] != every) & (every[last] != HOLE)
     return changes[len(before) :]
 
 
@@ -292,15 +357,16 @@ def _differ(pair: Pair[Any], first: tuple[I64, U64], second: tuple[I64, U64]) ->
         last = np.maximum.accumulate(np.where(mine, np.arange(len(times)), -1))
         before = end.values[-1] if len(end.values) else np.uint64(0)
         now.append(
-            (np.where(last >= 0, values[last], before), np.where(last >= 0, values[last] != UNKNOWN, end.is_known))
+            (
+                np.where(last >= 0, values[last], before),
+                np.where(last >= 0, ~np.isin(values[last], _NO_VALUES), end.is_known),
+            )
         )  # fmt: skip
     (one, knows_one), (other, knows_other) = now
     known = knows_one & knows_other
     until = np.append(times[1:], times[-1])
-    span = np.maximum(until - times, 0)
-    pair.observed_ns += int(span[known].sum())
-    pair.differed_ns += int(span[known & (one != other)].sum())
     add_rest(pair, int(times[0]))
+    pair.observe(times[known], until[known], (one != other)[known])
     both_heard = pair.first.until_ns is None and pair.second.until_ns is None
     pair.until_ns = int(times[-1]) if both_heard else None
 
@@ -308,6 +374,5 @@ def _differ(pair: Pair[Any], first: tuple[I64, U64], second: tuple[I64, U64]) ->
 def add_rest(pair: Pair[Any], until_ns: int) -> None:
     """Add the time since the last change of a pair: both ends were what they had been."""
     if pair.until_ns is not None and pair.first.is_known and pair.second.is_known:
-        rest_ns = max(until_ns - pair.until_ns, 0)
-        pair.observed_ns += rest_ns
-        pair.differed_ns += rest_ns if pair.first.values[-1] != pair.second.values[-1] else 0
+        differ = np.array([pair.first.values[-1] != pair.second.values[-1]])
+        pair.observe(np.array([pair.until_ns]), np.array([until_ns]), differ)

@@ -19,7 +19,7 @@ from nvscope.capture.spans import stretches
 from nvscope.engine.runs import rows_by, spans
 from nvscope.engine.told import Told
 from nvscope.tracker.readings.form import Form
-from nvscope.tracker.readings.readings import LEFT_OUT, MOST_AT_ONCE, Readings
+from nvscope.tracker.readings.readings import LEFT_OUT, MOST_AT_ONCE, Holes, Readings
 from nvscope.tracker.visu.controllers import controller_of
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch
 from nvscope.tracker.visu.number_texts import forms_and_bits
@@ -47,6 +47,8 @@ class ReadPages:
     # Nobody promised an interval: a page asks when it has its reply, and its browser when it likes.
     late_percent: ClassVar[int] = 250
     tells_gaps: ClassVar[bool] = False
+    holes: Sequence[Holes] = ()
+    told_ns: Sequence[tuple[I64, int]] = ()
     missed = 0
 
     def __init__(self, wanted: Callable[[PageVariable], bool] | None = None) -> None:

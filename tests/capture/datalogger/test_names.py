@@ -14,10 +14,10 @@ from nvscope.capture.datalogger.names import (
     closed_files,
     closed_names,
     is_called_database,
-    next_closed,
     number_of,
     parted,
     series_of,
+    to_close,
 )
 from nvscope.datalogger.audit.series import series_of as audited_series
 from tests.datalogger.plants import configuration, gvl, plant, rows_of, simulated
@@ -39,7 +39,7 @@ def test_closed_files_are_numbered_as_controllers_count(tmp_path: Path) -> None:
     wanted = [(number, str(tmp_path / name)) for name, number in CLOSED.items()]
     assert closed_files(path) == wanted
     assert closed_names(path, [str(one) for one in tmp_path.iterdir()]) == wanted
-    assert next_closed(path) == f"{path}.{10**60 + 1}"
+    assert to_close(path) == (wanted, f"{path}.{10**60 + 1}")
     (series,) = audited_series([path])
     assert [(one.number, one.path) for one in series.members] == [*wanted, (None, path)]
 
@@ -82,7 +82,7 @@ def test_a_folder_may_be_written_in_any_form(tmp_path: Path, monkeypatch: pytest
         (tmp_path / name).touch()
     path = form.format(tmp_path)
     assert closed_files(path) == [(0, f"{path}.0"), (4, f"{path}.4")]
-    assert next_closed(path) == f"{path}.5"
+    assert to_close(path) == (closed_files(path), f"{path}.5")
 
 
 def test_a_number_that_a_compressed_file_has_is_not_given_again(tmp_path: Path) -> None:
@@ -90,12 +90,12 @@ def test_a_number_that_a_compressed_file_has_is_not_given_again(tmp_path: Path) 
         (tmp_path / name).touch()
     path = str(tmp_path / "x.db")
     assert closed_files(path) == [(0, f"{path}.0")]
-    assert next_closed(path) == f"{path}.3"
+    assert to_close(path)[1] == f"{path}.3"
 
 
 def test_no_folder_has_no_closed_files(tmp_path: Path) -> None:
     path = str(tmp_path / "none" / "x.db")
-    assert (closed_files(path), next_closed(path)) == ([], f"{path}.0")
+    assert to_close(path) == ([], f"{path}.0")
 
 
 @pytest.mark.parametrize("target", ["{0}/log.db", "{0}//log.db"])

@@ -256,3 +256,14 @@ def test_tables_of_several_sessions_are_told_apart(tmp_path: Path) -> None:
     assert [table.audit.table.name for table in audit.tables] == ["log_1", "log_changes_1"]
     assert told(audit) == []
     assert audit.files[0].notes == ["1 table in it is none of a DataLogger: notes"]
+
+
+@pytest.mark.parametrize(("gone", "asks"), [("x.db.2", True), ("x.db.1", False), ("x.db", False)])
+def test_what_lacks_in_front_of_the_newest_file_may_be_a_closed_one(tmp_path: Path, gone: str, asks: bool) -> None:
+    """Row ids begin anew in each file, and the highest number is not known: the time alone speaks for it."""
+    rolled(tmp_path, ["x.db.0", "x.db.1", "x.db.2", "x.db"], changes=False)
+    (tmp_path / gone).unlink()
+    found = audited([str(tmp_path)]).findings
+    doubt = "If there was a closed file behind x.db.1, it is missing: look for it first."
+    assert [(one.kind.code, one.rows) for one in found if one.next_step.endswith(doubt)] == [("NV952", (1,))] * asks
+    assert [one.kind.code for one in found] == ([] if gone == "x.db" else ["NV952" if asks else "NV959"])

@@ -1,0 +1,82 @@
+"""Unread rows: in front of which rows of a database others are missing that its logger had stored.
+
+Loggers number rows one by one, and each file anew; they delete the oldest alone. So ids tell of rows that lack within a
+file and at its beginning, and the numbers of files of one that lacks between two others. Whether there was another one
+behind the closed file with the highest number, or rows at its end, they do not tell: a time between two files that is
+longer than any usual one speaks for that, or counters of changes that have gone on, where the logger says nothing. That
+is a doubt: nobody can say that the logger has missed anything there, nor that it has not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dissectors.batch import I64, Bool
+from dissectors.datalogger.logged import RowTable
+from dissectors.datalogger.records import Records
+from dissectors.datalogger.tables import LogTable
+from nvscope.tracker.datalogger.late_rows import LATE_PERCENT
+from nvscope.tracker.datalogger.unknown_values import CountedUnknown
+from nvscope.tracker.readings.readings import Holes
+
+_USUAL, _FEWEST = 16, 4
+"""So many times between rows tell what is usual, and not fewer."""
+
+
+@dataclass(slots=True)
+class _Last:
+    """The last rows of a table: their times, the id of the last one, and whether that has unread ones before it."""
+
+    times_ns: I64
+    rowid: int
+    part: int
+    is_behind: bool
+
+
+class UnreadRows:
+    """Finds them, batch by batch."""
+
+    def __init__(self) -> None:
+        self._last: dict[tuple[str, LogTable], _Last] = {}
+
+    def of(
+        self, table: RowTable, records: Records, rowid: I64, time_ns: I64, told: Bool, counted: CountedUnknown | None
+    ) -> tuple[Bool, Holes]:
+        """Return in front of which rows others are missing for sure, and where some may be, by the places of rows.
+
+        The rows follow those before; ``told``: the logger says that something was lost, or begins anew. ``counted``
+        knows the counters up to the row before, None where none are.
+        """
+        last = self._last.get((table.series, table.log))
+        if last is None:
+            last = _Last(time_ns[:0], int(rowid[0]) - 1, table.part, False)
+        step = np.diff(rowid, prepend=last.rowid)
+        begins_file = step <= 0
+        unread = (step > 1) | (begins_file & (rowid > 1))
+        unread[0] |= table.part != last.part
+        times_ns = np.append(last.times_ns, time_ns)
+        first = len(last.times_ns)
+        unread[0] &= first > 0
+        doubted = unread.copy()
+        for row in np.flatnonzero(begins_file & ~unread & ~told).tolist():
+            if counted is not None:
+                doubted[row] = counted.has_step(records, row)
+            else:
+                doubted[row] = _is_late(times_ns[max(first + row - 1 - _USUAL, 0) : first + row + 1])
+        rows = np.flatnonzero(doubted)
+        before = first + rows - 1
+        behind = np.append(last.is_behind, doubted[:-1])[rows]
+        # What was on its way when the last row was stored would have been in the next one.
+        since = np.where(behind, before, np.maximum(before - 1, 0))
+        self._last[table.series, table.log] = _Last(
+            times_ns[-1 - _USUAL :], int(rowid[-1]), table.part, bool(doubted[-1])
+        )
+        return unread, Holes(np.empty(0, np.int64), rows, times_ns[before], times_ns[since])
+
+
+def _is_late(times_ns: I64) -> bool:
+    """Return whether the last of some rows comes later than is usual."""
+    between_ns = np.diff(times_ns)
+    return len(between_ns) > _FEWEST and int(between_ns[-1]) * 100 > LATE_PERCENT * int(between_ns[:-1].max())
