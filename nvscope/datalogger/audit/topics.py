@@ -43,6 +43,14 @@ def _not_told(noted: Noted) -> str:
     return f"Rows are missing {_times(noted)}, and none says so: {longest} between two rows."
 
 
+def _slower(noted: Noted) -> str:
+    most = "" if noted.total == noted.count * noted.most else "up to "
+    return (
+        f"Rows come less often than the configuration asks for, {_times(noted)}, in parts of the table where they come "
+        f"every {most}{duration(noted.most)} by themselves: these may be of an earlier configuration."
+    )
+
+
 def _missed(noted: Noted) -> str:
     places = "" if noted.count == 1 else f" in {noted.count} places, up to {noted.most} in one"
     changes = "1 change was" if noted.total == 1 else f"{count_of(noted.total, 'change')} were"
@@ -63,6 +71,11 @@ DELETED = Topic(
     "Compare with the original file on the controller; ask who edits such files.",
 )  # fmt: skip
 GAP = Topic(LOSS_NOT_TOLD, _not_told)
+SLOWER = Topic(
+    LOSS_NOT_TOLD,
+    _slower,
+    hint="If the configuration was another one then, audit without --config: each part is judged by its own interval.",
+)
 MISSED = Topic(CHANGES_MISSED, _missed)
 BACK = Topic(COUNTER_CORRUPT, lambda noted: f"The counter goes back {_times(noted)}, and the row is no restart.")
 STUCK = Topic(

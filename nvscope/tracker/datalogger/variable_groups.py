@@ -7,8 +7,12 @@ of one task need not have the same columns; variables that are in a row with the
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from dissectors.batch import I64, Bool
+
+_MOST_JOINED = 500
+"""So many of some rows may tell that variables belong together."""
 
 
 class VariableGroups:
@@ -40,4 +44,14 @@ class VariableGroups:
             return []
         self.of[np.isin(self.of, found)] = found[0]
         gone: list[int] = found[1:].tolist()
+        return gone
+
+    def join_rows(self, variables: I64, filled: npt.NDArray[np.bool_]) -> list[int]:
+        """Take rows of which ``filled`` tells, a line a variable, which of some variables are in each; as ``join``."""
+        self.seen[variables[filled.any(axis=1)]] = True
+        known = self.of[variables][:, np.newaxis]
+        mixed = np.where(filled, known, len(self.of)).min(axis=0) < np.where(filled, known, -1).max(axis=0)
+        gone: list[int] = []
+        for place in np.flatnonzero(mixed)[:_MOST_JOINED].tolist():
+            gone += self.join(variables[filled[:, place]])
         return gone

@@ -45,10 +45,28 @@ def test_a_part_with_an_interval_of_its_own_has_no_gaps(tmp_path: Path, parts: l
 
 @pytest.mark.parametrize(
     "part",
-    [([500, 500, 500, 500, 1_500], 100), ([100, 100, 100, 300], 100), ([200, 900, 400], 4), ([100, 300], 3), (300, 2)],
+    [
+        ([500, 500, 500, 500, 1_500], 400),
+        ([500, 500, 500, 1_500, 500, 500], 7),
+        ([*[70] * 9, 200], 100),
+        ([100, 100, 100, 300], 100),
+        ([100, 300], 3),
+    ],
 )
 def test_a_gap_in_a_part_is_one_by_the_rhythm_of_that(tmp_path: Path, part: tuple[int | list[int], int]) -> None:
     assert codes(tmp_path, STEADY, part) == [TOLD, GAPS]
+
+
+@pytest.mark.parametrize(
+    "part", [(300, 2), ([200, 900, 400], 4), ([500, 500, 500, 1_500], 5), ([100, 220, 400, 700, 1_200], 60)]
+)
+@pytest.mark.parametrize("behind", [[], [STEADY]])
+def test_of_a_part_whose_rhythm_nobody_knows_nothing_is_said(
+    tmp_path: Path, part: tuple[int | list[int], int], behind: list[tuple[int, int]]
+) -> None:
+    """Somebody may have configured it so: two rows, few that are not alike, or telegrams on events."""
+    assert codes(tmp_path, STEADY, part, *behind) == [TOLD]
+    assert codes(tmp_path, STEADY, part, *behind, asked_ns=100_000_000) == [TOLD, GAPS]
 
 
 def test_what_comes_less_often_all_the_time_is_asked_of_the_configuration(tmp_path: Path) -> None:
