@@ -60,7 +60,7 @@ class TableAudit:
         self._in_cycles = {place for place, name in enumerate(self.names) if in_cycles is not None and in_cycles(name)}
         self._of_task: dict[int, Task] = {}
         self._have_joined = False
-        self._stretch = 0
+        self._stretch, self._last_lost = 0, False
         self._notes: list[Notes] = []
         self._files: list[str] = []
         self._stamps = Stamps()
@@ -220,8 +220,10 @@ class TableAudit:
         return self.coverage.share
 
     def _look_at_intervals(self, chunk: Chunk, timed: Bool, notes: Notes) -> None:
-        begins = chunk.lost | (np.diff(chunk.stretch, prepend=self._stretch) != 0)
-        self._stretch = int(chunk.stretch[-1])
+        # Where several tasks begin, each says so in a row of its own.
+        begins = chunk.lost & ~np.append(self._last_lost, chunk.lost[:-1])
+        begins |= np.diff(chunk.stretch, prepend=self._stretch) != 0
+        self._stretch, self._last_lost = int(chunk.stretch[-1]), bool(chunk.lost[-1])
         of_tasks = list(self._tasks.rows(chunk, np.flatnonzero(begins)))
         for gone, other in self._tasks.merged:
             self._join(gone, other)

@@ -46,8 +46,8 @@ def _not_told(noted: Noted) -> str:
 def _slower(noted: Noted) -> str:
     most = "" if noted.total == noted.count * noted.most else "up to "
     return (
-        f"Rows come less often than the configuration asks for, {_times(noted)}, in parts of the table where they come "
-        f"every {most}{duration(noted.most)} by themselves: these may be of an earlier configuration."
+        f"By the configuration, rows are missing {_times(noted)}, and none says so. They come every "
+        f"{most}{duration(noted.most)} there by themselves: the configuration may have been another one then."
     )
 
 
@@ -74,7 +74,7 @@ GAP = Topic(LOSS_NOT_TOLD, _not_told)
 SLOWER = Topic(
     LOSS_NOT_TOLD,
     _slower,
-    hint="If the configuration was another one then, audit without --config: each part is judged by its own interval.",
+    hint="If it was another one, audit without --config: each part of the table is judged by its own interval then.",
 )
 MISSED = Topic(CHANGES_MISSED, _missed)
 BACK = Topic(COUNTER_CORRUPT, lambda noted: f"The counter goes back {_times(noted)}, and the row is no restart.")
