@@ -77,7 +77,7 @@ def test_what_comes_less_often_all_the_time_is_asked_of_the_configuration(tmp_pa
 def test_of_what_came_less_often_before_it_is_said_that_it_may_be_of_another_configuration(tmp_path: Path) -> None:
     asked_ns = 100_000_000
     assert codes(tmp_path, (200, 50), STEADY, ([100, 100, 300], 60), asked_ns=asked_ns) == [TOLD, GAPS, GAPS]
-    told_of, gaps, slower = audited([str(tmp_path / "x.db")], asked_ns).findings
+    told_of, slower, gaps = audited([str(tmp_path / "x.db")], asked_ns).findings
     assert [one.severity.word for one in (told_of, gaps, slower)] == ["note", "error", "error"]
     assert (gaps.count, gaps.rows[0]) == (19, 1_054)
     assert (slower.count, slower.rows[0]) == (49, 2)
