@@ -1,7 +1,7 @@
 """Runs of a recording that go on with one database, drawn: lists that come, come late or never, and losses of them.
 
-Between two runs somebody may have changed the configuration: how often rows come, when files are full, and which
-variables there are; these are another table then.
+Between two runs somebody may have changed the configuration: how often rows come, in which tasks, when files are full,
+and which variables there are; these are another table then.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Runs:
 
     @property
     def changed(self) -> bool:
-        rhythms = {(one.session.sampling_ns, one.session.task) for one in self.plants}
+        rhythms = {(one.session.sampling_ns, one.session.task, tuple(one.session.tasks)) for one in self.plants}
         return len(rhythms) > 1
 
     def run_of(self, time_ns: int) -> int:
@@ -103,11 +103,12 @@ def _telegrams(one: DefinedList, first_ns: int, stop_ns: int, values: dict[str, 
 @st.composite
 def _changed(draw: st.DrawFn, session: Session, lists: list[DefinedList]) -> tuple[Session, str]:
     """Draw another configuration for the same table, and the taskContext in it."""
-    context = None if session.tasks else draw(st.sampled_from([None, *lists]))
+    tasks = session.tasks if draw(st.booleans()) else {}
+    context = None if tasks else draw(st.sampled_from([None, *lists]))
     sampling_ns = draw(st.sampled_from([50, 100, 200])) * MS
     changed = replace(
         session, sampling_ns=sampling_ns, publish_ns=sampling_ns * draw(st.sampled_from([1, 2, 5])),
-        capacity=draw(st.sampled_from([1, 2, 3, 10])), task=context.index if context else None,
+        capacity=draw(st.sampled_from([1, 2, 3, 10])), task=context.index if context else None, tasks=tasks,
         write_interval=draw(st.sampled_from([1, 7, 1000])), delete_ratio=draw(st.sampled_from([5, 30, 100])),
         max_file_size=draw(st.sampled_from([None, None, 1, 9_000, 13_000, 25_000])), rollover=draw(st.booleans()),
     )  # fmt: skip

@@ -19,6 +19,7 @@ from nvscope.capture.datalogger.schema import StoredTable
 from nvscope.capture.datalogger.table_rows import Rows
 from nvscope.datalogger.audit.chunk import Chunk, chunk_of
 from nvscope.datalogger.audit.finding import MOST_FINDINGS, MOST_ROWS, Finding
+from nvscope.datalogger.audit.known import Known
 from nvscope.datalogger.audit.series import Member, Series, series_of
 from nvscope.datalogger.audit.table_audit import TableAudit
 from nvscope.errors import NvscopeError
@@ -103,10 +104,12 @@ def audited(
     for series in series_of(paths):
         reading = _Reading(series, asked, progress)
         reading.read()
-        known = {key: ns for key, one in reading.tables.items() if (ns := one.audit.needs_another_look) is not None}
-        if known:
-            # The usual interval turned out to be shorter than it seemed: what was let go then is looked at again.
-            reading = _Reading(series, asked, progress, known)
+        # What became known too late is looked at again: tasks, their intervals, and parts of a rhythm of their own.
+        for _ in range(_MOST_LOOKS):
+            found = {key: known for key, one in reading.tables.items() if (known := one.audit.needs_another_look)}
+            if not found:
+                break
+            reading = _Reading(series, asked, progress, reading.known | found)
             reading.read()
         audit.files += reading.files
         audit.tables += reading.tables.values()
@@ -124,8 +127,8 @@ _BOTH_AGAIN = "Copy the database again together with what lies beside it, while 
 _Key = tuple[str, tuple[str, ...]]
 """A table by its name and columns."""
 
-_KnownNs = dict[_Key, dict[int, int]]
-"""Intervals by the table and the number of a variable."""
+_MOST_LOOKS = 3
+"""So often a series is read again."""
 
 
 class _Asked(NamedTuple):
@@ -139,10 +142,10 @@ class _Reading:
     """Reads one series."""
 
     def __init__(
-        self, series: Series, asked: _Asked, progress: Progress | None, known_ns: _KnownNs | None = None
+        self, series: Series, asked: _Asked, progress: Progress | None, known: dict[_Key, Known] | None = None
     ) -> None:
         self._series, self._asked, self._progress = series, asked, progress
-        self._known_ns = known_ns or {}
+        self.known = known or {}
         self.files: list[AuditedFile] = []
         self.tables: dict[_Key, AuditedTable] = {}
         self._stretches: dict[_Key, int] = {}
@@ -157,6 +160,8 @@ class _Reading:
             if self._series.breaks_before(place):
                 self._break_all()
             self._read_file(member)
+        for one in self.tables.values():
+            one.audit.decide()
 
     def findings(self) -> Iterator[Finding]:
         """Yield what was found: of files first, then of tables."""
@@ -242,7 +247,7 @@ class _Reading:
         key = stored.log.name, stored.columns
         if key not in self.tables:
             asked = self._asked
-            log = TableAudit(stored.log, database.encoding, asked.interval_ns, self._known_ns.get(key), asked.in_cycles)
+            log = TableAudit(stored.log, database.encoding, asked.interval_ns, self.known.get(key), asked.in_cycles)
             self.tables[key] = AuditedTable(self._series.path, [], log)
             self._stretches[key] = 0
         table = self.tables[key]

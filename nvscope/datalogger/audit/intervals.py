@@ -27,7 +27,7 @@ _FEW = 36
 _FEW_ALIKE_SHARE = 8
 """Those of few are alike within an eighth of the median: within a quarter, five of six are by chance, too."""
 
-_LEAST_ALIKE = 5
+LEAST_ALIKE = 5
 """So many have to be alike before one that is not says anything."""
 
 _PERHAPS = 11, 10
@@ -95,6 +95,13 @@ class Intervals:
         self._given_up = False
         self.count = 0
 
+    @staticmethod
+    def counted() -> Intervals:
+        """Return intervals of which nobody asks for gaps."""
+        found = Intervals(None)
+        found.give_up()
+        return found
+
     @property
     def median_ns(self) -> int | None:
         """The usual interval so far."""
@@ -123,7 +130,7 @@ class Intervals:
         if not others:
             return True
         most = max(1, 2 * count * count // _FEW**2)
-        return alike >= _LEAST_ALIKE and others <= most and alike * REGULAR_SHARE >= count
+        return alike >= LEAST_ALIKE and others <= most and alike * REGULAR_SHARE >= count
 
     def take(self, gaps: Gaps) -> None:
         """Take the intervals between rows, all of which are longer than nothing, as what may be gaps."""
@@ -148,16 +155,6 @@ class Intervals:
             self._kept_count += int(np.count_nonzero(long))
         if self._kept_count > _MOST_KEPT:
             self._tidy()
-
-    def join(self, other: Intervals) -> None:
-        """Take what another one was told: both turned out to be one task."""
-        other._merge_waiting()
-        self._merge(other._values, other._counts)
-        self._told.update(other._told)
-        self.count += other.count
-        self._kept += other._kept
-        self._kept_count += other._kept_count
-        self._most_floor_ns = max(self._most_floor_ns, other._most_floor_ns)
 
     def interval_ns(self, alone: bool) -> int | None:
         """Return the interval that rows are judged by; ``alone``: the table has no other task.
@@ -239,6 +236,13 @@ def _coarse(length_ns: I64) -> I64:
 def limit_ns(interval_ns: int) -> int:
     """Return how long after a row the next one may come."""
     return interval_ns * LATE_PERCENT // 100
+
+
+def are_late(length_ns: I64, interval_ns: I64) -> Bool:
+    """Return which lengths are longer than that for intervals of their own, however long they are."""
+    more = LATE_PERCENT - 100
+    found: Bool = length_ns - interval_ns > interval_ns // 100 * more + interval_ns % 100 * more // 100
+    return found
 
 
 def without_clock_sets(gaps: Gaps, set_back: Sequence[SetBack], interval_ns: int) -> Gaps:

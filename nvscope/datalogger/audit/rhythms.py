@@ -1,23 +1,30 @@
-"""Rhythms: parts of a table in which rows come less often than in the rest, since somebody configured it so.
+"""Rhythms: parts of a table in which rows do not come as they mostly do, since somebody configured it so.
 
 Loggers go on with a table whatever interval their configuration says by then. Where they do, they say that data was
-lost; so what stands between two rows that say this may have a rhythm of its own, and is judged by that.
+lost; so what stands between two rows that say this may have a rhythm of its own, and is judged by that. Where rows seem
+to be missing, all intervals of the part have to be known for it, so the rows are read again.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from itertools import pairwise
+
 import numpy as np
 
 from dissectors.batch import I64, Bool
-from nvscope.datalogger.audit.intervals import Gaps, limit_ns
-from nvscope.tracker.readings.cadence import ALIKE_SHARE, REGULAR_SHARE
+from nvscope.datalogger.audit.intervals import Gaps, Intervals
+from nvscope.tracker.readings.cadence import ALIKE_SHARE
 
 _MOST_PARTS = 1 << 20
-_MOST_JUDGED = 10_000
+_MOST_IN_DOUBT = 10_000
 """So many parts are judged by themselves."""
 
-_FEW = 8
-"""Of up to so many intervals, all have to be alike to be a rhythm."""
+OF_TABLE = -1
+"""The rows of a part come as those of the table do."""
+
+_NONE = 0
+"""They come at no interval that is known."""
 
 
 class Parts:
@@ -25,50 +32,71 @@ class Parts:
 
     def __init__(self) -> None:
         self._begins: list[I64] = []
-        self._count = self._decided = 0
+        self.count = 0
+        self._in_doubt: set[int] = set()
+
+    @property
+    def in_doubt(self) -> I64:
+        """The parts that may have a rhythm of their own, in their order."""
+        return np.array(sorted(self._in_doubt), np.int64)
 
     def begin(self, number: I64) -> None:
         """Note rows with which parts begin."""
-        if len(number) and self._count <= _MOST_PARTS:
-            self._count += len(number)
+        self.count += len(number)
+        if len(number) and self.count <= _MOST_PARTS:
             self._begins.append(number)
 
-    def forget(self) -> None:
-        """Know of no parts any more, nor of those to come: rows have other numbers now."""
-        self._begins, self._count = [], _MOST_PARTS + 1
+    def of(self, gaps: Gaps) -> I64:
+        """Return the part that each gap is in."""
+        begins = np.concatenate(self._begins) if self._begins else np.zeros(0, np.int64)
+        return np.searchsorted(begins, gaps.number, "right") - 1
 
-    def without_slower(self, gaps: Gaps, rows: int, *, alone: bool) -> Gaps:
-        """Return gaps that no row tells without those that are the rhythm of their part; there are ``rows`` so far.
+    def doubt(self, gaps: Gaps, *, though_it_is_one: bool) -> None:
+        """Note that rows of some parts seem to be missing; where there is one part only, its rhythm is the table's."""
+        if not len(gaps) or self.count > _MOST_PARTS or (self.count < 2 and not though_it_is_one):
+            return
+        left = max(_MOST_IN_DOUBT - len(self._in_doubt), 0)
+        self._in_doubt.update(np.unique(self.of(gaps))[:left].tolist())
 
-        ``alone``: no other task has rows that begin parts of this one.
+
+class Rhythms:
+    """The intervals of some ``parts`` of a task, of which rows come every ``interval_ns`` mostly."""
+
+    def __init__(self, parts: Iterable[int], interval_ns: int) -> None:
+        self._parts = np.fromiter(parts, np.int64)
+        self._interval_ns = interval_ns
+        self._usual = np.zeros(len(self._parts), np.int64)
+        self._intervals: dict[int, Intervals] = {}
+
+    def take(self, gaps: Gaps, part: I64, judged: Bool) -> None:
+        """Take rows as what may be gaps in front of them, the part of each, and which of these are intervals of it."""
+        if not len(self._parts) or int(part[-1]) < self._parts[0] or int(part[0]) > self._parts[-1]:
+            return
+        rows = np.flatnonzero(judged)
+        place = np.minimum(np.searchsorted(self._parts, part[rows]), len(self._parts) - 1)
+        in_doubt = self._parts[place] == part[rows]
+        rows, place = rows[in_doubt], place[in_doubt]
+        length_ns = gaps.length_ns[rows]
+        usual = np.abs(length_ns - self._interval_ns) * ALIKE_SHARE <= self._interval_ns
+        self._usual += np.bincount(place[usual], minlength=len(self._parts))
+        edges = np.flatnonzero(np.diff(place, prepend=-1)).tolist()
+        for start, stop in pairwise([*edges, len(rows)]):
+            own = self._intervals.setdefault(int(place[start]), Intervals.counted())
+            own.take(gaps.take(rows[start:stop]))
+
+    def own_ns(self, part: I64, *, least: int = 1) -> I64:
+        """Return the interval that rows of some parts come at by themselves: ``OF_TABLE``, or 0 where none is known.
+
+        Parts of fewer than ``least`` intervals are not asked.
         """
-        decided, self._decided = self._decided, rows
-        if not len(gaps) or not self._begins or self._count > _MOST_PARTS:
-            return gaps
-        begins = np.concatenate(self._begins)
-        part = np.searchsorted(begins, gaps.number, "right") - 1
-        intervals = np.append(begins[1:], rows) - np.maximum(begins + 1, decided)
-        count = np.bincount(part, minlength=len(begins))
-        kept = np.ones(len(gaps), np.bool_)
-        slower = 2 * count > intervals
-        # A single interval is no rhythm, unless there is none beside it that says what is usual here.
-        unlike = np.concatenate([[False], slower | (intervals <= 0), [False]])
-        slower &= (intervals > 1) | (alone & (unlike[:-2] | unlike[2:]))
-        for one in np.flatnonzero(slower)[:_MOST_JUDGED].tolist():
-            own = np.flatnonzero(part == one)
-            kept[own] = _late(gaps.length_ns[own], int(intervals[one]))
-        return gaps.take(kept)
+        parts, which = np.unique(part, return_inverse=True)
+        own_ns = np.array([self._own_ns(one, least) for one in parts.tolist()], np.int64)
+        found: I64 = own_ns[which]
+        return found
 
-
-def _late(length_ns: I64, intervals: int) -> Bool:
-    """Return which of the longest intervals of a part, more than half of all, are gaps by its own rhythm."""
-    longest = np.sort(length_ns)
-    # All others are shorter than any of these.
-    median_ns = int(longest[max((intervals - 1) // 2 - (intervals - len(longest)), 0)])
-    alike = int(np.count_nonzero(np.abs(longest - median_ns) * ALIKE_SHARE <= median_ns))
-    if intervals <= _FEW:
-        late: Bool = np.full(len(length_ns), alike < intervals)
-        return late
-    if alike * REGULAR_SHARE < intervals:
-        return np.zeros(len(length_ns), np.bool_)
-    return length_ns > limit_ns(median_ns)
+    def _own_ns(self, part: int, least: int) -> int:
+        place = int(np.searchsorted(self._parts, part))
+        own = self._intervals.get(place) if part in self._parts else None
+        if own is None or own.count < least or 2 * int(self._usual[place]) >= own.count:
+            return OF_TABLE
+        return own.median_ns or _NONE if own.is_regular else _NONE

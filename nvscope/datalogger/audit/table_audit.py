@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
 
 import numpy as np
 
@@ -15,14 +14,15 @@ from nvscope.datalogger.audit import topics
 from nvscope.datalogger.audit.change_judge import ChangeJudge
 from nvscope.datalogger.audit.chunk import Chunk
 from nvscope.datalogger.audit.coverage import Coverage
-from nvscope.datalogger.audit.finding import Finding, Notes
+from nvscope.datalogger.audit.finding import Finding, Notes, Topic
 from nvscope.datalogger.audit.intervals import Gaps, Intervals, SetBack, without_clock_sets
-from nvscope.datalogger.audit.rhythms import Parts
+from nvscope.datalogger.audit.known import Known
+from nvscope.datalogger.audit.rhythms import Rhythms
 from nvscope.datalogger.audit.row_ids import RowIds
 from nvscope.datalogger.audit.stamps import Stamps
-from nvscope.datalogger.audit.tasks import Tasks
+from nvscope.datalogger.audit.task import Task
+from nvscope.datalogger.audit.tasks import TaskRows, Tasks
 from nvscope.datalogger.audit.time_strip import Mark
-from nvscope.datalogger.audit.unknown_rows import lacking_rows
 from nvscope.datalogger.audit.values import Figures, Values
 from nvscope.findings.datalogger import SERIES_BROKEN
 from nvscope.units import duration
@@ -35,35 +35,15 @@ _UNTIMED = 1 << 32
 """Added to the number of a stretch for each row in front that has no time."""
 
 
-@dataclass(slots=True)
-class _Task:
-    """What is known of the rows of one task: its intervals, how many rows, and the last of them.
-
-    ``losses`` are those that the rows of all tasks had told up to that one: data that is lost is lost to each of them.
-    """
-
-    intervals: Intervals
-    parts: Parts = field(default_factory=Parts)
-    rows: int = 0
-    timed_rows: int = 0
-    time_ns: int = 0
-    stretch: int = -1
-    local: bool = False
-    file: int = -1
-    losses: int = 0
-    cycle_ns: int | None = None
-    set_back: list[SetBack] = field(default_factory=list)
-
-
 class TableAudit:
     """Audits the rows of one table, of one file of a series after the other.
 
     ``asked_ns`` is the interval by the configuration, which says nothing of variables that are taken ``in_cycles`` of
-    lists; ``known_ns`` are those by the number of each variable, from an audit of the same rows.
+    lists; ``known`` is what an audit of the same rows found out.
     """
 
     def __init__(
-        self, table: LogTable, encoding: str, asked_ns: int | None, known_ns: Mapping[int, int] | None = None,
+        self, table: LogTable, encoding: str, asked_ns: int | None, known: Known | None = None,
         in_cycles: Callable[[str], bool] | None = None,
     ) -> None:  # fmt: skip
         self.table = table
@@ -72,13 +52,15 @@ class TableAudit:
         self.losses = 0
         """How many rows say that data was lost before them, the first of all aside."""
         self.coverage = Coverage()
-        self.tasks = Tasks(table)
+        self._tasks = Tasks(table, known.grouping if known is not None else None)
         self._ids = RowIds()
         self._values = Values(len(table.variables), encoding)
         self._judge = ChangeJudge(table, self._values) if table.only_changes else None
-        self._asked_ns, self._known_ns = asked_ns, known_ns
+        self._asked_ns, self._known = asked_ns, known
         self._in_cycles = {place for place, name in enumerate(self.names) if in_cycles is not None and in_cycles(name)}
-        self._of_task: dict[int, _Task] = {}
+        self._of_task: dict[int, Task] = {}
+        self._have_joined = False
+        self._stretch, self._last_lost = 0, False
         self._notes: list[Notes] = []
         self._files: list[str] = []
         self._stamps = Stamps()
@@ -138,22 +120,26 @@ class TableAudit:
         if timed.any():
             self._before_ns = int(chunk.time_ns[timed][-1])
 
+    def decide(self) -> None:
+        """Say that all rows were taken: whether they have to be looked at again is known then."""
+        if self._judge is None:
+            for number, task in self._of_task.items():
+                self._decide(number, task)
+
     def end(self) -> list[Finding]:
-        """Return what was found, by file, when all rows were taken."""
+        """Return what was found, by file, when that is decided."""
         if self._judge is not None and self._notes:
             self._judge.end(self._notes[-1])
-        else:
-            for task in self._of_task.values():
-                self._decide(task)
-        for figures, number in zip(self._values.figures, range(len(self.names)), strict=True):
+        groupings = self._tasks.grouping.all if self._judge is None else ()
+        for number, figures in enumerate(self._values.figures):
             figures.rows = self.rows
             if self._judge is None:
-                own = self._of_task.get(self.tasks.of(number))
-                figures.rows = own.rows if own else self.rows
+                own = {int(tasks[number]) for tasks in groupings} & set(self._of_task)
+                figures.rows = sum(self._of_task[task].rows for task in own) if own else self.rows
                 figures.unknown = figures.rows - figures.stored
         found: list[Finding] = []
         for path, notes in zip(self._files, self._notes, strict=True):
-            if notes.has(topics.GAP) or notes.has(topics.MISSED):
+            if any(map(notes.has, (topics.GAP, topics.SLOWER, topics.MISSED))):
                 notes.drop(topics.DELETED)  # that rows are missing is said, and for how long
             found += notes.findings(path, self.table.name, self.names)
         found += [
@@ -183,16 +169,15 @@ class TableAudit:
 
     @property
     def task_count(self) -> int:
-        """How many tasks there are rows of, as far as can be told."""
-        return max(len(self._of_task), 1) if self.rows else 0
+        """How many tasks there are rows of at a time, as far as can be told."""
+        return max(map(self._beside, self._of_task), default=1) if self.rows else 0
 
     @property
     def interval_ns(self) -> int | None:
         """The interval that rows are judged by: of several tasks, the shortest. None of a table of changes."""
         if self._judge is not None:
             return None
-        found = [interval_ns for task in self._of_task.values() if (interval_ns := self._interval_ns(task)) is not None]
-        return min(found, default=None)
+        return min(self._intervals_ns().values(), default=None)
 
     @property
     def usual_ns(self) -> int | None:
@@ -206,19 +191,23 @@ class TableAudit:
         return task.intervals.median_ns if task.intervals.is_regular else None
 
     @property
-    def needs_another_look(self) -> dict[int, int] | None:
-        """The intervals to audit the same rows by again, by the number of each variable, where one of them became known
-        too late; None where all is well."""
-        if self._judge is not None or self._known_ns is not None:
+    def needs_another_look(self) -> Known | None:
+        """What to audit the same rows by again, where something became known too late; None where all is well.
+
+        Tasks are known first, then their intervals, then which of their parts may have a rhythm of their own.
+        """
+        if self._judge is not None:
             return None
-        found = {
-            group: interval_ns
-            for group, task in self._of_task.items() if (interval_ns := self._interval_ns(task)) is not None
-        }  # fmt: skip
-        if not any(self._of_task[group].intervals.is_incomplete(interval_ns) for group, interval_ns in found.items()):
+        known, grouping, found = self._known, self._tasks.grouping, self._intervals_ns()
+        if known is None and (self._have_joined or grouping.apart):
+            return Known(grouping)
+        if known is None or known.interval_ns is None:
+            if any(self._of_task[number].intervals.is_incomplete(interval_ns) for number, interval_ns in found.items()):
+                return Known(grouping, found)
+        elif known.in_doubt is not None:
             return None
-        groups = ((number, self.tasks.of(number)) for number in range(len(self.names)))
-        return {number: found[group] for number, group in groups if group in found}
+        in_doubt = {number: task.parts.in_doubt for number, task in self._of_task.items()}
+        return Known(grouping, found, in_doubt) if any(map(len, in_doubt.values())) else None
 
     @property
     def overlaps_now(self) -> bool:
@@ -231,8 +220,12 @@ class TableAudit:
         return self.coverage.share
 
     def _look_at_intervals(self, chunk: Chunk, timed: Bool, notes: Notes) -> None:
-        groups = list(self.tasks.rows(chunk))
-        for gone, other in self.tasks.merged:
+        # Where several tasks begin, each says so in a row of its own.
+        begins = chunk.lost & ~np.append(self._last_lost, chunk.lost[:-1])
+        begins |= np.diff(chunk.stretch, prepend=self._stretch) != 0
+        self._stretch, self._last_lost = int(chunk.stretch[-1]), bool(chunk.lost[-1])
+        of_tasks = list(self._tasks.rows(chunk, np.flatnonzero(begins)))
+        for gone, other in self._tasks.merged:
             self._join(gone, other)
         # A row without a time leaves open how long it was to the next one.
         stretch = chunk.stretch + self._untimed_before * _UNTIMED
@@ -241,16 +234,26 @@ class TableAudit:
             self._untimed_before = self.untimed
         losses = self._losses + np.cumsum(chunk.lost) if chunk.lost.any() else None
         self._losses = self._losses if losses is None else int(losses[-1])
-        for group, rows in groups:
-            if group not in self._of_task:
-                self._of_task[group] = _Task(self._new_intervals(group))
-            task = self._of_task[group]
-            task.rows += self._rows_of(task, chunk, rows)
+        for one in of_tasks:
+            task, rows = self._task_of(one), one.rows
+            task.count(chunk, one)
             own = np.flatnonzero(timed) if rows is None else rows[timed[rows]]
             if len(own):
                 if self._judge is None and task.stretch < 0 and chunk.lost[own[0]]:
                     self._note_late_task(chunk, int(own[0]), timed)
                 self._look_at_task(task, chunk, own, stretch, None if losses is None else losses[own], notes)
+            if task.intervals.is_full:
+                self._decide(one.task, task, fix=True)
+
+    def _task_of(self, one: TaskRows) -> Task:
+        """Return the task of some rows; what is known of the last row is that of the tasks that it goes on with."""
+        if one.task not in self._of_task:
+            self._of_task[one.task] = self._new_task(one.task)
+        task = self._of_task[one.task]
+        behind = [self._of_task[number] for number in one.behind if number in self._of_task]
+        if behind:
+            task.go_on_with(max(behind, key=lambda other: (other.file, other.time_ns)))
+        return task
 
     def _note_late_task(self, chunk: Chunk, row: int, timed: Bool) -> None:
         """Count the time in front of the first row of a task that says that data was lost, behind rows of others."""
@@ -259,19 +262,8 @@ class TableAudit:
         if before_ns is not None and before_ns < chunk.time_ns[row]:
             self.coverage.miss(Mark.TOLD, np.array([before_ns]), chunk.time_ns[[row]])
 
-    def _rows_of(self, task: _Task, chunk: Chunk, rows: I64 | None) -> int:
-        """Return how many of some rows are those of a task; of rows without a value, those that it lacks."""
-        blank = self.tasks.blank
-        if rows is None or blank is None:
-            return len(chunk) if rows is None else len(rows)
-        own, others = rows[~blank[rows]], rows[blank[rows]]
-        if not (chunk.times.valid.all() and chunk.is_one_stretch):
-            return len(rows)
-        lacking, task.cycle_ns = lacking_rows(chunk.time_ns, own, others, task.cycle_ns)
-        return len(own) + lacking
-
     def _look_at_task(
-        self, task: _Task, chunk: Chunk, rows: I64, stretch: I64, losses: I64 | None, notes: Notes
+        self, task: Task, chunk: Chunk, rows: I64, stretch: I64, losses: I64 | None, notes: Notes
     ) -> None:  # fmt: skip
         time_ns, of_stretch = chunk.time_ns[rows], stretch[rows]
         before_ns = np.concatenate([[task.time_ns], time_ns[:-1]])
@@ -307,10 +299,7 @@ class TableAudit:
             else:
                 told = np.diff(losses, prepend=task.losses) > 0
             gaps = Gaps(length_ns, before_ns, chunk.rowid[rows], number, np.full(len(rows), current), told)
-            task.parts.begin(number[told | ~follows])
-            task.intervals.take(gaps if forward.all() else gaps.take(forward))
-            if task.intervals.is_full:
-                self._decide(task, fix=True)
+            task.take(gaps, forward, told | ~follows)
         else:
             places = np.flatnonzero(chunk.lost[rows] & follows & (length_ns > 0))
             if len(places):
@@ -335,49 +324,69 @@ class TableAudit:
             self.coverage.miss(Mark.TOLD, own_before_ns[other], chunk.time_ns[own[other]])
         self._uncovered.clear()
 
-    def _new_intervals(self, group: int) -> Intervals:
-        intervals = Intervals(None if group in self._in_cycles else self._asked_ns)
-        if self._known_ns is not None and group in self._known_ns:
-            intervals.fix(self._known_ns[group])
-        return intervals
+    def _new_task(self, number: int) -> Task:
+        groupings = self._known.grouping.all if self._known is not None else ()
+        variables = {number, *(at for tasks in groupings for at in np.flatnonzero(tasks == number).tolist())}
+        task = Task(Intervals(None if variables & self._in_cycles else self._asked_ns))
+        found = None if self._known is None else self._known.interval_ns
+        if self._known is not None and found is not None and number in found:
+            task.intervals.fix(found[number])
+            if self._known.in_doubt is not None:
+                task.rhythms = Rhythms(self._known.in_doubt[number], found[number])
+        return task
 
-    def _interval_ns(self, task: _Task) -> int | None:
-        return task.intervals.interval_ns(alone=len(self._of_task) == 1)
+    def _beside(self, number: int) -> int:
+        """Return how many tasks there are rows of while there are of one, with that one."""
+        groupings = self._known.grouping.all if self._known is not None else ()
+        beside = [self._of_task.keys() & set(tasks.tolist()) for tasks in groupings if number in tasks]
+        return max(map(len, beside), default=len(self._of_task))
 
-    def _decide(self, task: _Task, *, fix: bool = False) -> None:
+    def _intervals_ns(self) -> dict[int, int]:
+        """Return the interval of each task that has one."""
+        found = {number: self._interval_ns(number, task) for number, task in self._of_task.items()}
+        return {number: interval_ns for number, interval_ns in found.items() if interval_ns is not None}
+
+    def _interval_ns(self, number: int, task: Task) -> int | None:
+        return task.intervals.interval_ns(alone=self._beside(number) == 1)
+
+    def _decide(self, number: int, task: Task, *, fix: bool = False) -> None:
         """Note what turned out to be a gap."""
-        interval_ns = self._interval_ns(task)
+        interval_ns = self._interval_ns(number, task)
         if interval_ns is None:
             task.intervals.give_up()
             return
         if fix:
             task.intervals.fix(interval_ns)
         gaps = without_clock_sets(task.intervals.gaps(interval_ns), task.set_back, interval_ns)
-        untold = gaps.take(~gaps.told)
-        if interval_ns != self._asked_ns:
-            # What the configuration asks for holds for all rows.
-            untold = task.parts.without_slower(untold, task.timed_rows, alone=len(self._of_task) == 1)
-        for file in dict.fromkeys(untold.file.tolist()):
-            own = untold.take(untold.file == file)
-            self._notes[file].of(topics.GAP).add(
-                own.rowid, own.before_ns + own.length_ns, np.ones(len(own), np.bool_), own.length_ns
-            )
-        for mark, some in ((Mark.TOLD, gaps.take(gaps.told)), (Mark.GAP, untold)):
+        untold = []
+        for topic, own, amount in task.judged(
+            gaps.take(~gaps.told), interval_ns, is_asked=interval_ns == self._asked_ns
+        ):
+            self._note_gaps(topic, own, amount)
+            untold.append(own)
+        for mark, some in ((Mark.TOLD, gaps.take(gaps.told)), (Mark.GAP, Gaps.joined(untold))):
             self.coverage.miss(mark, some.before_ns, some.before_ns + some.length_ns, interval_ns)
+
+    def _note_gaps(self, topic: Topic, gaps: Gaps, amount: I64) -> None:
+        for file in dict.fromkeys(gaps.file.tolist()):
+            rows = gaps.file == file
+            own = gaps.take(rows)
+            self._notes[file].of(topic).add(
+                own.rowid, own.before_ns + own.length_ns, np.ones(len(own), np.bool_), amount[rows]
+            )
 
     def _join(self, gone: int, other: int) -> None:
         task = self._of_task.pop(gone, None)
         if task is None:
             return
-        kept = self._of_task.setdefault(other, _Task(self._new_intervals(other)))
-        kept.intervals.join(task.intervals)
-        kept.parts.forget()
+        # Their intervals were others: these are found when the rows are read again, by what is known then.
+        self._have_joined = True
+        kept = self._of_task.setdefault(other, self._new_task(other))
         kept.rows += task.rows
         kept.timed_rows += task.timed_rows
         kept.set_back += task.set_back
         if (task.file, task.time_ns) > (kept.file, kept.time_ns):
-            kept.time_ns, kept.stretch, kept.local, kept.file = task.time_ns, task.stretch, task.local, task.file
-            kept.losses = task.losses
+            kept.go_on_with(task)
 
     def _look_at_values(self, chunk: Chunk) -> None:
         """Take the values of a table that stores all of them."""

@@ -2,11 +2,13 @@
 
 In a row of one task, the columns of the others are NULL. Which variables belong together stands nowhere; those that
 are stored in one row do. A value that is no number is NULL, too, so rows of one task need not have the same columns.
+Behind a loss that is told, a logger may go on with other tasks; so groups are those of a part of the table.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,103 +16,150 @@ from dissectors.batch import I64, Bool
 from dissectors.datalogger.row_shapes import RowShapes
 from dissectors.datalogger.tables import LogTable
 from nvscope.datalogger.audit.chunk import Chunk
+from nvscope.datalogger.audit.known import Grouping
+from nvscope.datalogger.audit.part_groups import PartGroups
+from nvscope.tracker.datalogger.variable_groups import VariableGroups
 
 _MOST_SHAPES = 2_000
 """So many sets of columns are looked at together; in tables of changes, nearly each row has its own."""
 
-_MOST_JOINED = 500
-"""So many sets of these may tell that variables belong together."""
+
+@dataclass(frozen=True, slots=True)
+class TaskRows:
+    """Rows of a chunk that are of one task, None for all.
+
+    Of rows without any value nobody knows whose they are: each may be a sample of every task. ``blank`` tells which
+    rows of the chunk are such ones, None where there is one task only. ``behind`` are the tasks of its variables up to
+    here, where these have been others.
+    """
+
+    task: int
+    rows: I64 | None
+    blank: Bool | None = None
+    behind: tuple[int, ...] = ()
 
 
 class Tasks:
-    """Groups of variables, found while rows are read; a group is named by the number of one of its variables."""
+    """Tells which rows are of which task; a task is named by the number of one of its variables.
 
-    def __init__(self, table: LogTable) -> None:
+    As long as nothing is ``known`` of them, they are found while rows are read, for the table as a whole.
+    """
+
+    def __init__(self, table: LogTable, known: Grouping | None = None) -> None:
         # A counter is there, too, where a value is no number.
         self._columns = [one.column if one.counter is None else one.counter for one in table.variables]
-        self._group = list(range(len(self._columns)))
-        self._seen: set[int] = set()
+        self._groups = VariableGroups(len(self._columns))
         self._shapes = RowShapes(len(self._columns))
+        # In rows of changes, nobody looks for what is missing between them.
+        self._parts = None if table.only_changes or known is not None else PartGroups(len(self._columns))
+        self._known = known
+        self._part, self._place = 0, 0
+        self._there: dict[int, set[int]] = {}
         self.merged: list[tuple[int, int]] = []
-        """Groups that turned out to be one, since ``rows`` was called last: the one that is no more, and the other."""
-        self.blank: Bool | None = None
-        """Which rows of that chunk have no value at all, and may be of several groups; None where none may."""
+        """Tasks that turned out to be one, since ``rows`` was called last: the one that is no more, and the other."""
 
     @property
-    def groups(self) -> set[int]:
-        """The groups of which there were rows."""
-        return {self.of(variable) for variable in self._seen}
+    def grouping(self) -> Grouping:
+        """The tasks, when all rows were taken."""
+        if self._known is not None:
+            return self._known
+        whole = self._groups.of
+        return Grouping(whole) if self._parts is None else self._parts.grouping(whole)
 
-    def of(self, variable: int) -> int:
-        """Return the group of a variable."""
-        while self._group[variable] != variable:
-            self._group[variable] = self._group[self._group[variable]]
-            variable = self._group[variable]
-        return variable
+    def rows(self, chunk: Chunk, begins: I64) -> Iterator[TaskRows]:
+        """Yield each task that rows of a chunk are of; with rows ``begins`` begin parts of the table."""
+        self.merged = []
+        numbers = np.array([at for at, column in enumerate(self._columns) if not chunk.rows.is_empty(column)], np.int64)
+        if self._known is None:
+            self._learn(chunk, numbers, begins)
+            there = set(self._groups.there)
+            yield from _divided(self._filled(chunk, numbers), self._groups.of[numbers], there, len(chunk))
+            return
+        edges = [0, *begins.tolist(), len(chunk)]
+        places = [self._known.place_of(self._part + number) for number in range(len(edges) - 1)]
+        self._part += len(begins)
+        filled = self._filled(chunk, numbers)
+        start = 0
+        for number, place in enumerate(places):
+            if number + 1 < len(places) and (places[number + 1] == place or edges[number + 1] == start):
+                continue
+            stop = edges[number + 1]
+            if stop > start:
+                yield from self._of_place(place, filled, numbers, slice(start, stop), len(chunk))
+            start = stop
 
-    def rows(self, chunk: Chunk) -> Iterator[tuple[int, I64 | None]]:
-        """Yield each group that rows of a chunk are of, with these rows, None for all.
+    def _of_place(self, place: int, filled: list[Bool], numbers: I64, rows: slice, of_rows: int) -> Iterator[TaskRows]:
+        """Yield the tasks of a stretch of rows in which the same variables are of one task."""
+        assert self._known is not None
+        tasks, before = self._known.all[place], self._known.all[self._place]
+        there = self._there.setdefault(place, set())
+        goes_on = place == self._place
+        self._place = place
+        some = filled if rows.stop - rows.start == of_rows else [one[rows] for one in filled]
+        for one in _divided(some, tasks[numbers], there, rows.stop - rows.start):
+            there.add(one.task)
+            behind = () if goes_on else tuple(np.unique(before[tasks == one.task]).tolist())
+            own, blank = one.rows, one.blank
+            if some is not filled:
+                own = np.arange(rows.start, rows.stop) if own is None else own + rows.start
+                if blank is not None:
+                    blank = np.concatenate(
+                        [np.zeros(rows.start, np.bool_), blank, np.zeros(of_rows - rows.stop, np.bool_)]
+                    )
+            yield TaskRows(one.task, own, blank, () if one.task in behind else behind)
 
-        Of a row without any value nobody knows whose it is: it may be a sample of each, and is in ``blank`` then.
-        """
-        self.merged, self.blank = [], None
-        filled = [number for number, column in enumerate(self._columns) if not chunk.rows.is_empty(column)]
-        if not filled:
-            yield from self._of_one(min(self.groups, default=0), filled, chunk)
+    def _filled(self, chunk: Chunk, numbers: I64) -> list[Bool]:
+        return [chunk.rows.filled(self._columns[number]) for number in numbers.tolist()]
+
+    def _learn(self, chunk: Chunk, numbers: I64, begins: I64) -> None:
+        """Take the rows of a chunk for what they tell of tasks."""
+        filled = self._filled(chunk, numbers)
+        if len(numbers) < 2 or any(one.all() for one in filled):
+            # Mostly, all rows have one variable in common.
+            self._join(numbers)
+            if self._parts is not None:
+                self._parts.take(numbers, filled, None, begins, len(chunk))
             return
         for row in {0, len(chunk) - 1}:
-            self._join([number for number in filled if chunk.rows.filled(self._columns[number])[row]])
-        if self._is_one(filled):
-            yield from self._of_one(self.of(filled[0]), filled, chunk)
+            self._join(numbers[[bool(one[row]) for one in filled]])
+        known = self._groups.are_one(numbers)
+        if known and self._parts is None:
             return
-        shape = self._shapes.of(len(chunk), ((number, chunk.rows.filled(self._columns[number])) for number in filled))
-        shapes, first, which = np.unique(shape, return_index=True, return_inverse=True)
-        groups = np.full(len(shapes), -1, np.int64)
-        for start in range(0, len(shapes), _MOST_SHAPES):
+        shape = self._shapes.of(len(chunk), zip(numbers.tolist(), filled, strict=True))
+        if self._parts is not None:
+            self._parts.take(numbers, filled, shape, begins, len(chunk))
+        first = np.zeros(0, np.int64) if known else np.unique(shape, return_index=True)[1]
+        for start in range(0, len(first), _MOST_SHAPES):
             some = first[start : start + _MOST_SHAPES]
-            own = np.array([chunk.rows.filled(self._columns[number])[some] for number in filled])
-            self._seen.update(filled[at] for at in np.flatnonzero(own.any(axis=1)).tolist())
-            any_of = own.any(axis=0)
-            known = np.array([self.of(number) for number in filled])[:, np.newaxis]
-            mixed = np.where(own, known, len(self._group)).min(axis=0) < np.where(own, known, -1).max(axis=0)
-            for place in np.flatnonzero(mixed)[:_MOST_JOINED].tolist():
-                self._join([filled[at] for at in np.flatnonzero(own[:, place]).tolist()])
-            named = np.array([self.of(number) for number in filled])[own.argmax(axis=0)]
-            groups[start : start + len(some)] = np.where(any_of, named, -1)
-        groups = np.array([self.of(group) if group >= 0 else -1 for group in groups.tolist()], np.int64)
-        of_row = groups[which]
-        present = [group for group in dict.fromkeys(groups.tolist()) if group >= 0]
-        if len(present) <= 1:
-            yield from self._of_one(present[0] if present else min(self.groups, default=0), filled, chunk)
-            return
-        blank = of_row < 0
-        self.blank = blank if blank.any() else None
-        for group in present:
-            yield group, np.flatnonzero((of_row == group) | blank)
+            gone = self._groups.join_rows(numbers, np.array([one[some] for one in filled]))
+            self.merged += [(one, int(self._groups.of[one])) for one in gone]
 
-    def _of_one(self, group: int, filled: list[int], chunk: Chunk) -> Iterator[tuple[int, I64 | None]]:
-        """Yield rows of which all that have a value are of one group."""
-        others = self.groups - {group}
-        blank = np.ones(len(chunk), np.bool_)
-        for number in filled if others else ():
-            blank &= ~chunk.rows.filled(self._columns[number])
-            if not blank.any():
-                break
-        if not others or not blank.any():
-            yield group, None
-            return
-        self.blank = blank
-        yield group, np.arange(len(chunk))
-        for other in sorted(others):
-            yield other, np.flatnonzero(blank)
+    def _join(self, variables: I64) -> None:
+        gone = self._groups.join(variables)
+        self.merged += [(one, int(self._groups.of[one])) for one in gone]
 
-    def _is_one(self, filled: list[int]) -> bool:
-        return self._seen.issuperset(filled) and len({self.of(number) for number in filled}) == 1
 
-    def _join(self, variables: list[int]) -> None:
-        self._seen.update(variables)
-        for variable in variables[1:]:
-            one, other = self.of(variables[0]), self.of(variable)
-            if one != other:
-                self._group[other] = one
-                self.merged.append((other, one))
+def _divided(filled: list[Bool], task: I64, there: set[int], rows: int) -> Iterator[TaskRows]:
+    """Yield each task that rows are of, given variables that are in them, where they are, and of which task.
+
+    ``there`` are tasks of which there were rows, up to here at least.
+    """
+    if len(task) and (task == task[0]).all() and there <= {int(task[0])}:
+        yield TaskRows(int(task[0]), None)
+        return
+    own: dict[int, Bool] = {}
+    for one, number in zip(filled, task.tolist(), strict=True):
+        own[number] = own[number] | one if number in own else one
+    own = {number: one for number, one in own.items() if one.any()}
+    others = sorted(there.difference(own))
+    blank = np.ones(rows, np.bool_)
+    for one in own.values():
+        blank &= ~one
+    if len(own) + len(others) < 2 or (len(own) == 1 and not blank.any()):
+        yield TaskRows(next(iter([*own, *others]), 0), None)
+        return
+    has_blank = bool(blank.any())
+    for number, one in own.items():
+        yield TaskRows(number, np.flatnonzero(one | blank), blank if has_blank else None)
+    for number in others if len(own) < 2 else ():
+        yield TaskRows(number, np.flatnonzero(blank), blank)

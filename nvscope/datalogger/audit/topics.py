@@ -43,6 +43,14 @@ def _not_told(noted: Noted) -> str:
     return f"Rows are missing {_times(noted)}, and none says so: {longest} between two rows."
 
 
+def _slower(noted: Noted) -> str:
+    most = "" if noted.total == noted.count * noted.most else "up to "
+    return (
+        f"By the configuration, rows are missing {_times(noted)}, and none says so. They come every "
+        f"{most}{duration(noted.most)} there by themselves: the configuration may have been another one then."
+    )
+
+
 def _missed(noted: Noted) -> str:
     places = "" if noted.count == 1 else f" in {noted.count} places, up to {noted.most} in one"
     changes = "1 change was" if noted.total == 1 else f"{count_of(noted.total, 'change')} were"
@@ -63,6 +71,11 @@ DELETED = Topic(
     "Compare with the original file on the controller; ask who edits such files.",
 )  # fmt: skip
 GAP = Topic(LOSS_NOT_TOLD, _not_told)
+SLOWER = Topic(
+    LOSS_NOT_TOLD,
+    _slower,
+    hint="If it was another one, audit without --config: each part of the table is judged by its own interval then.",
+)
 MISSED = Topic(CHANGES_MISSED, _missed)
 BACK = Topic(COUNTER_CORRUPT, lambda noted: f"The counter goes back {_times(noted)}, and the row is no restart.")
 STUCK = Topic(

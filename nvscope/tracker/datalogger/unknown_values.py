@@ -17,6 +17,7 @@ from dissectors.batch import I64, Bool
 from dissectors.datalogger.records import Form, Records
 from dissectors.datalogger.row_shapes import RowShapes
 from dissectors.datalogger.tables import LogTable
+from nvscope.tracker.datalogger.variable_groups import VariableGroups
 
 _REALS = ("FLOAT", "DOUBLE")
 
@@ -92,14 +93,13 @@ class SampledUnknown:
     def __init__(self, table: LogTable) -> None:
         self._columns = [one.column for one in table.variables]
         self._is_real: Bool = np.array([one.declared.upper() in _REALS for one in table.variables], np.bool_)
-        self._group: I64 = np.arange(len(self._columns))
-        self._seen: Bool = np.zeros(len(self._columns), np.bool_)
+        self._groups = VariableGroups(len(self._columns))
         self._shapes = RowShapes(len(self._columns))
 
     def of(self, records: Records) -> Unknown:
         """Return where variables are unknown in rows that follow those before."""
         own = [place for place, column in enumerate(self._columns) if not records.is_empty(column)]
-        if all(self._seen[own]) and len(np.unique(self._group[self._seen])) <= 1:
+        if self._groups.seen[own].all() and len(self._groups.there) <= 1:
             return self._of_one(records)
         filled = np.array([records.filled(column) for column in self._columns], np.bool_)
         found: dict[int, list[I64]] = {}
@@ -111,7 +111,7 @@ class SampledUnknown:
     def _of_one(self, records: Records) -> Unknown:
         """Return them of variables that all are of one task, as mostly."""
         found: dict[int, I64] = {}
-        for place in np.flatnonzero(self._seen).tolist():
+        for place in np.flatnonzero(self._groups.seen).tolist():
             if not records.is_full(self._columns[place]):
                 found[place] = np.flatnonzero(~records.filled(self._columns[place]))
         return found
@@ -123,21 +123,20 @@ class SampledUnknown:
         begin = 0
         for row in first_rows.tolist():
             own = np.flatnonzero(filled[:, row])
-            if not len(own) or (self._seen[own].all() and (self._group[own] == self._group[own[0]]).all()):
+            if self._groups.are_one(own):
                 continue
             if row > begin:
                 yield begin, row
             begin = row
-            self._seen[own] = True
-            self._group[np.isin(self._group, self._group[own])] = int(self._group[own].min())
+            self._groups.join(own)
         yield begin, filled.shape[1]
 
     def _of_part(self, filled: _Matrix) -> Iterator[tuple[int, I64]]:
-        of_row = np.where(filled.any(axis=0), self._group[filled.argmax(axis=0)], -1)
+        of_row = np.where(filled.any(axis=0), self._groups.of[filled.argmax(axis=0)], -1)
         unsaid = of_row < 0
         groups = self._of_rows_without_any() if unsaid.any() else ()
-        for place in np.flatnonzero(self._seen & ~filled.all(axis=1)).tolist():
-            group = int(self._group[place])
+        for place in np.flatnonzero(self._groups.seen & ~filled.all(axis=1)).tolist():
+            group = int(self._groups.of[place])
             rows = np.flatnonzero(~filled[place] & ((of_row == group) | (unsaid & (group in groups))))
             if len(rows):
                 yield place, rows
@@ -145,6 +144,6 @@ class SampledUnknown:
     def _of_rows_without_any(self) -> Sequence[int]:
         """Return the tasks that a row without any value may be of: those that can have nothing else but numbers that
         are none, if there are such ones."""
-        groups = np.unique(self._group[self._seen])
-        of_reals = [group for group in groups.tolist() if self._is_real[self._seen & (self._group == group)].all()]
-        return of_reals or groups.tolist()
+        of, seen = self._groups.of, self._groups.seen
+        groups = self._groups.there
+        return [group for group in groups if self._is_real[seen & (of == group)].all()] or groups

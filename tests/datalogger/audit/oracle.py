@@ -63,8 +63,27 @@ def _times(rows: list[tuple[Any, ...]], found: dict[Key, list[int]], *, changes:
             return
         times = [_ns(row[1]) for row in rows]
         for number, (rowid, told, step) in enumerate(steps, 1):
-            if step > limit and told != 0 and not _is_clock(number, times, limit, median):
+            if step <= limit or told == 0 or _is_clock(number, times, limit, median):
+                continue
+            if _is_late(step, _part_of(number, steps), steps, median):
                 found["NV952", "error", None].append(rowid)
+
+
+def _part_of(number: int, steps: list[tuple[int, int, int]]) -> list[int]:
+    """Return the steps between two rows that say that data was lost, around one of them."""
+    begin = max((at for at in range(1, number) if steps[at - 1][1] == 0), default=0)
+    end = min((at for at in range(number + 1, len(steps) + 1) if steps[at - 1][1] == 0), default=len(steps) + 1)
+    return [step for _, _, step in steps[begin : end - 1] if step > 0]
+
+
+def _is_late(step: int, part: list[int], steps: list[tuple[int, int, int]], median: int) -> bool:
+    """Return whether a step is too long for a part of the table, which may have an interval of its own."""
+    if all(told != 0 for _, told, _ in steps):
+        return True
+    if 2 * sum(abs(one - median) * 4 <= median for one in part) >= len(part):
+        return True
+    own = median_low(part)
+    return _is_regular(part, own) and step > own * 3 // 2
 
 
 def _is_regular(steps: list[int], median: int) -> bool:

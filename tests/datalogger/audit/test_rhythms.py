@@ -45,15 +45,49 @@ def test_a_part_with_an_interval_of_its_own_has_no_gaps(tmp_path: Path, parts: l
 
 @pytest.mark.parametrize(
     "part",
-    [([500, 500, 500, 500, 1_500], 100), ([100, 100, 100, 300], 100), ([200, 900, 400], 4), ([100, 300], 3), (300, 2)],
+    [
+        ([500, 500, 500, 500, 1_500], 400),
+        ([500, 500, 500, 1_500, 500, 500], 7),
+        ([*[70] * 9, 200], 100),
+        ([100, 100, 100, 300], 100),
+        ([100, 300], 3),
+    ],
 )
 def test_a_gap_in_a_part_is_one_by_the_rhythm_of_that(tmp_path: Path, part: tuple[int | list[int], int]) -> None:
     assert codes(tmp_path, STEADY, part) == [TOLD, GAPS]
 
 
+@pytest.mark.parametrize(
+    "part", [(300, 2), ([200, 900, 400], 4), ([500, 500, 500, 1_500], 5), ([100, 220, 400, 700, 1_200], 60)]
+)
+@pytest.mark.parametrize("behind", [[], [STEADY]])
+def test_of_a_part_whose_rhythm_nobody_knows_nothing_is_said(
+    tmp_path: Path, part: tuple[int | list[int], int], behind: list[tuple[int, int]]
+) -> None:
+    """Somebody may have configured it so: two rows, few that are not alike, or telegrams on events."""
+    assert codes(tmp_path, STEADY, part, *behind) == [TOLD]
+    assert codes(tmp_path, STEADY, part, *behind, asked_ns=100_000_000) == [TOLD, GAPS]
+
+
 def test_what_comes_less_often_all_the_time_is_asked_of_the_configuration(tmp_path: Path) -> None:
     assert codes(tmp_path, (200, 100), asked_ns=100_000_000) == [GAPS]
     assert codes(tmp_path, STEADY, (200, 100), asked_ns=100_000_000) == [TOLD, GAPS]
+
+
+def test_of_what_came_less_often_before_it_is_said_that_it_may_be_of_another_configuration(tmp_path: Path) -> None:
+    asked_ns = 100_000_000
+    assert codes(tmp_path, (200, 50), STEADY, ([100, 100, 300], 60), asked_ns=asked_ns) == [TOLD, GAPS, GAPS]
+    told_of, slower, gaps = audited([str(tmp_path / "x.db")], asked_ns).findings
+    assert [one.severity.word for one in (told_of, gaps, slower)] == ["note", "error", "error"]
+    assert (gaps.count, gaps.rows[0]) == (19, 1_054)
+    assert (slower.count, slower.rows[0]) == (49, 2)
+    assert "every 200.0 ms there by themselves" in slower.message
+    assert "--config" in slower.next_step
+    # Five intervals at least say so; of a rhythm of several lengths, nothing does.
+    for part in ((200, 5), ([150, 220, 390, 700], 50)):
+        assert codes(tmp_path, part, STEADY, asked_ns=asked_ns) == [TOLD, GAPS]
+        _, only = audited([str(tmp_path / "x.db")], asked_ns).findings
+        assert "by themselves" not in only.message
 
 
 def test_every_second_row_that_lacks_is_no_rhythm_of_a_part(tmp_path: Path) -> None:

@@ -1,0 +1,57 @@
+"""Groups of variables of a table that stores every value: those that are stored in one row are of one task.
+
+Which variables belong to a task stands nowhere. A value that is no number is NULL, as those of other tasks are, so rows
+of one task need not have the same columns; variables that are in a row with the same one belong together, too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from dissectors.batch import I64, Bool
+
+_MOST_JOINED = 500
+"""So many of some rows may tell that variables belong together."""
+
+
+class VariableGroups:
+    """Groups that grow as rows are read.
+
+    ``of`` names the group of each variable by the least number of one in it; ``seen`` tells which were in a row at all.
+    """
+
+    def __init__(self, variables: int) -> None:
+        self.of: I64 = np.arange(variables)
+        self.seen: Bool = np.zeros(variables, np.bool_)
+
+    @property
+    def there(self) -> list[int]:
+        """The groups of which there were rows."""
+        found: list[int] = np.unique(self.of[self.seen]).tolist()
+        return found
+
+    def are_one(self, variables: I64) -> bool:
+        """Return whether some variables are all known to be of one group; of none, that is so."""
+        own = self.of[variables]
+        return bool(self.seen[variables].all() and (own == own[:1]).all())
+
+    def join(self, variables: I64) -> list[int]:
+        """Take the variables of a row; return the groups that are no more, since they are one with another now."""
+        self.seen[variables] = True
+        found = np.unique(self.of[variables])
+        if len(found) < 2:
+            return []
+        self.of[np.isin(self.of, found)] = found[0]
+        gone: list[int] = found[1:].tolist()
+        return gone
+
+    def join_rows(self, variables: I64, filled: npt.NDArray[np.bool_]) -> list[int]:
+        """Take rows of which ``filled`` tells, a line a variable, which of some variables are in each; as ``join``."""
+        self.seen[variables[filled.any(axis=1)]] = True
+        known = self.of[variables][:, np.newaxis]
+        mixed = np.where(filled, known, len(self.of)).min(axis=0) < np.where(filled, known, -1).max(axis=0)
+        gone: list[int] = []
+        for place in np.flatnonzero(mixed)[:_MOST_JOINED].tolist():
+            gone += self.join(variables[filled[:, place]])
+        return gone
