@@ -189,7 +189,7 @@ class AskedWhile:
 
         self._leaving = self._leaving or LeavingClients()
         self._leaving.observe(told, part.leaving)
-        messages = part.messages
+        messages, known_ns = part.messages, part.known_ns(told.packets.ts_ns)
         for number in distinct(messages.pair).tolist():
             if number in self._pairs:
                 continue
@@ -198,7 +198,8 @@ class AskedWhile:
                 continue
             self._pairs[number] = pair_in(part, number)
         if self.left_out:
-            messages = messages.take(np.array([number in self._pairs for number in messages.pair.tolist()], np.bool_))
+            own = np.array([number in self._pairs for number in messages.pair.tolist()], np.bool_)
+            messages, known_ns = messages.take(own), known_ns[own]
         refused = (messages.outcome == Outcome.REFUSED) | (messages.outcome == Outcome.STATUS)
         is_reply, judged = messages.kind == Kind.REPLY, self._judged(messages.asked_frame)
         asks = (messages.kind == Kind.READ) | (messages.kind == Kind.WRITE)
@@ -216,8 +217,7 @@ class AskedWhile:
             row = np.flatnonzero(own & judged)
             packet = messages.row[row]
             frame = messages.asked_frame[row] if came is Came.UNANSWERED else packet + told.first_frame
-            time_ns = told.packets.ts_ns[packet]
-            self._visu.take(came, messages.pair[row], frame, time_ns, messages.latency_ns[row])
+            self._visu.take(came, messages.pair[row], frame, known_ns[row], messages.latency_ns[row])
 
     def _judged(self, asked: I64) -> Bool:
         """Tell of the frames of requests which of them are judged."""

@@ -14,6 +14,7 @@ from dissectors.http import Side
 from dissectors.webvisu import Likeness
 from nvscope.tracker.pieces import ORDER_BITS
 from nvscope.tracker.visu.asking import NOTHING, Ask
+from nvscope.tracker.visu.going_on import Closed
 from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.limits import MOST_WAITING
 from nvscope.tracker.visu.messages import Kind
@@ -37,13 +38,6 @@ class Early(NamedTuple):
     """A response that came before the request was whole that it answers; its content, if it has any, is in its form."""
 
     form: Form
-    arrival_ns: int
-
-
-class Closed(NamedTuple):
-    """With which order, and when, the client closed its side of a connection."""
-
-    order: int
     arrival_ns: int
 
 
@@ -142,7 +136,8 @@ class Conversation:
             self._take_other(form, order, tell)
         was_heard, self.is_heard = self.is_heard, self.is_heard or form.what is not What.END
         self._take_from_server(form, order, arrival_ns, message, tell)
-        if not was_heard and self.is_heard:
+        if not was_heard and self.is_heard and self.closed is not None:
+            self.closed = self.closed._replace(order=order)
             self._tell_leaving(Kind.LEFT, order, tell)
 
     def _take_from_server(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,7 +21,7 @@ from nvscope.tracker.visu.asking import NOTHING, Ask, Asking, asks_whole
 from nvscope.tracker.visu.controllers import controller_of
 from nvscope.tracker.visu.conversation import Conversation
 from nvscope.tracker.visu.events import OK
-from nvscope.tracker.visu.going_on import GoingOn
+from nvscope.tracker.visu.going_on import GoingOn, Over
 from nvscope.tracker.visu.http_forms import What
 from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.leaving import Leaving
@@ -88,6 +87,14 @@ class Exchanges:
         are_head = [one.is_head for one in conversation.waiting]
         return Waiting(are_head, conversation.beyond, conversation.early is not None)
 
+    def pass_time(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> None:
+        """Take a batch without segments: time has passed for those who have closed their side."""
+        going_on = GoingOn(self._connections, packets, segments, first_frame)
+        for number in self._closed:
+            conversation = self._conversations[number]
+            if conversation.closed is not None:
+                conversation.closed = going_on.passed(conversation.closed)
+
     def take(
         self, http: HttpMessages, packets: PacketBatch, segments: SegmentBatch, first_frame: int
     ) -> VisuBatch:  # fmt: skip
@@ -108,20 +115,15 @@ class Exchanges:
         said = Said.stacked([whole, _others(http, asked, spoken), *pairing.pair(np.flatnonzero(~taken))])
         http = pairing.messages
         self._left_out[Beyond.WAITING] += pairing.left_out
-        # Several may be given up with one frame; then those of the older connection come first.
-        several = bool((said.kind == Kind.GIVEN_UP).any())
-        in_order = np.lexsort((said.connection, said.order)) if several else np.argsort(said.order, kind="stable")
-        said = said.take(in_order)
+        said = said.take(_in_order(said, pairing.over))
         pair = self._pairs(said.connection)
-        leaving = self._leaving()
         if (pair < 0).any():
             self._left_out[Beyond.PAIR] += int((pair < 0).sum())
             said, pair = said.take(pair >= 0), pair[pair >= 0]
         if not len(said):
             return no_messages()
-        return replace(
-            self._told(http, said, spoken, pair, asked_for.asks, packets, segments, first_frame), leaving=leaving
-        )
+        over = _told_by_time(said, pairing.over)
+        return self._told(http, said, spoken, pair, over, asked_for.asks, packets, segments, first_frame)
 
     def _leaving(self) -> list[Leaving]:
         """Return what waits in connections whose clients have closed their side."""
@@ -129,12 +131,14 @@ class Exchanges:
         found = []
         for number, pair in zip(numbers, self._pairs(np.array(numbers, np.int64)).tolist(), strict=True):
             conversation = self._conversations[number]
-            assert conversation.closed is not None
-            frame, closed_ns = conversation.closed.order >> ORDER_BITS, conversation.closed.arrival_ns
+            closed = conversation.closed
+            if pair < 0 or closed is None:
+                continue
+            naming = self._names.version_of(controller_of(self.pairs.words, pair))
             found += [
-                Leaving(pair, request, one.order >> ORDER_BITS, closed_ns - one.arrival_ns, frame, closed_ns)
+                Leaving(pair, request, one.order >> ORDER_BITS, closed.arrival_ns - one.arrival_ns, closed, naming)
                 for one in conversation.waiting
-                if pair >= 0 and (request := one.asked.request) is not None
+                if (request := one.asked.request) is not None
             ]
         return found
 
@@ -171,8 +175,8 @@ class Exchanges:
         return asked
 
     def _told(
-        self, http: HttpMessages, said: Said, spoken: I64, pair: I64, asks: Sequence[Ask], packets: PacketBatch,
-        segments: SegmentBatch, first_frame: int,
+        self, http: HttpMessages, said: Said, spoken: I64, pair: I64, over: Mapping[int, Over], asks: Sequence[Ask],
+        packets: PacketBatch, segments: SegmentBatch, first_frame: int,
     ) -> VisuBatch:  # fmt: skip
         requests = [one.request or NO_REQUEST for one in asks]
         row = (said.order >> ORDER_BITS) - first_frame
@@ -201,7 +205,8 @@ class Exchanges:
         self._left_out[Beyond.NAMES] += self._names.left_out
         left_out, self._left_out, self._names.left_out = +self._left_out, Counter(), 0
         return VisuBatch.of(
-            messages, segments, data, requests, self.pairs.words, self._names.versions, list_flaws, left_out
+            messages, segments, data, requests, self.pairs.words, self._names.versions, list_flaws, left_out,
+            self._leaving(), over,
         )  # fmt: skip
 
     def _namings(
@@ -257,6 +262,29 @@ class Exchanges:
     def _pairs(self, connection: I64) -> I64:
         ends = self._connections.ends_of(connection)
         return self.pairs.numbers_within(MOST_PAIRS, *ends.client, *ends.server, ends.server_port)
+
+
+def _in_order(said: Said, over: Mapping[tuple[int, int], Over]) -> I64:
+    """Return the order in which things are told.
+
+    Several clients may be known to have given up with one segment: those of whom time told it first come first, and
+    then the older connections.
+    """
+    if not (said.kind == Kind.GIVEN_UP).any():
+        return np.argsort(said.order, kind="stable")
+    by_time = sorted(set(over.values()))
+    rank = {key: by_time.index(one) - len(by_time) for key, one in over.items()}
+    keys = zip(said.connection.tolist(), said.order.tolist(), strict=True)
+    ranks = np.array([rank.get(key, 0) for key in keys], np.int64)
+    older = np.where(ranks < 0, 0, said.connection)
+    return np.lexsort((said.asked_frame, older, ranks, said.order))
+
+
+def _told_by_time(said: Said, over: Mapping[tuple[int, int], Over]) -> Mapping[int, Over]:
+    """Return what time alone told, by place in what is said."""
+    places = np.flatnonzero(said.kind == Kind.GIVEN_UP).tolist() if over else []
+    keys = ((place, (int(said.connection[place]), int(said.order[place]))) for place in places)
+    return {place: over[key] for place, key in keys if key in over}
 
 
 def _spoken(http: HttpMessages) -> I64:

@@ -39,6 +39,10 @@ class VisuFollower:
             self._exchanges.keep(numbers, only_ended=outlived.only_ended)
         return told
 
+    def pass_time(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> None:
+        """Take a batch of which no segment is of these ports."""
+        self._exchanges.pass_time(packets, segments, first_frame)
+
     def forget(self) -> None:
         """Forget where all connections are: what comes next of them begins in the middle."""
         self._streams.forget()

@@ -139,20 +139,20 @@ class VisuCounts:
         if part is None:
             self.leaving.observe(told, None)
             return
-        messages = part.messages
+        messages, known_ns = part.messages, part.known_ns(told.packets.ts_ns)
         own = self.pairs.numbers_within(told.max_streams, *part.pairs)
         pair = own[messages.pair]
         beyond = pair < 0
         if beyond.any():
             self._leave_out(Beyond.PAIR, told, messages.take(beyond))
-            messages, pair = messages.take(~beyond), pair[~beyond]
+            messages, pair, known_ns = messages.take(~beyond), pair[~beyond], known_ns[~beyond]
         self.columns.resize(len(self.pairs))
         for what, count in part.left_out.items():
             self._leave_out(what, told, part.messages.take(np.full(count, len(part.messages) - 1)))
         self._count(pair, messages, part.requests)
         self._note_others(told, pair, messages)
         self._note_names(told, part, own)
-        self._note(told, part, pair, messages)
+        self._note(told, part, pair, messages, known_ns)
         self._note_writes(told, part, pair, messages)
         self.unchanging.observe(part, told.max_streams)
         leaving = [one._replace(pair=int(own[one.pair])) for one in part.leaving]
@@ -211,15 +211,16 @@ class VisuCounts:
                 happened.append((event, 0, int(told.packets.ts_ns[row]), row + told.first_frame, subject))
         self._log(told, happened)
 
-    def _note(self, told: Told, part: VisuBatch, pair: I64, messages: VisuMessages) -> None:
+    def _note(self, told: Told, part: VisuBatch, pair: I64, messages: VisuMessages, known_ns: I64) -> None:
         """Note what is a finding, and which variables are asked for."""
         happened: list[tuple[VisuEvent, int, int, int, Subject]] = []
         rows = self._worth_a_look(part, pair, messages)
         columns = (getattr(messages, name)[rows].tolist() for name in VisuMessages.__match_args__)
-        for number, row in zip(pair[rows].tolist(), zip(*columns, strict=True), strict=True):
+        ends_of, times_ns = pair[rows].tolist(), known_ns[rows].tolist()
+        for number, time_ns, row in zip(ends_of, times_ns, zip(*columns, strict=True), strict=True):
             one = _Message(*row)
             request, names = part.requests[one.asked], part.namings[one.naming]
-            time_ns, frame = int(told.packets.ts_ns[one.row]), one.row + told.first_frame
+            frame = one.row + told.first_frame
             ends = self.ends(number)
             whole = Subject(*ends, "")
             variables: Iterable[Subject] = (Subject(*ends, name_of(entry, names)) for entry in request.entries)

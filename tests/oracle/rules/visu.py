@@ -44,7 +44,7 @@ from tests.oracle.rules.keys import node_order
 from tests.oracle.rules.streams import Connection, Delivery, Event, Streams
 from tests.oracle.rules.visu_body import Answered, Asked
 from tests.oracle.rules.visu_figures import Row, lacks_many, percentiles
-from tests.oracle.rules.visu_leaving import given_up, given_up_at_the_end, note_passing
+from tests.oracle.rules.visu_leaving import given_up
 from tests.oracle.rules.visu_one_way import OneWay
 from tests.oracle.rules.visu_talk import Home, Pair, Talk, Told, Waiting, Written
 
@@ -78,10 +78,11 @@ class Visu:
     def observe(self, frame: Frame) -> None:
         self.number += 1
         self.now = frame.ts_ns
-        for talk in given_up(frame, self.talks.values(), self.streams.ports, self.streams.servers):
+        for time, talk in given_up(frame, self.talks.values(), self.streams.ports, self.streams.servers):
+            self.now = time
             self.happened["given up"] += 1
             self.nobody_answers(talk)
-        note_passing(frame, self.talks.values())
+        self.now = frame.ts_ns
         self.one_way.look_at(frame)
         for talk in list(self.talks.values()):
             if talk.connection in self.streams.connections.values() and (size := self.one_way.reply_bytes(talk)):
@@ -111,13 +112,6 @@ class Visu:
                 self.nobody_answers(talk)
             elif not isinstance(event, Delivery) and not event.reset:
                 talk.closed = event.time
-
-    def end(self) -> None:
-        """Take the end of the capture: time may have passed since clients closed their side."""
-        for time, talk in given_up_at_the_end(self.talks.values()):
-            self.now = time
-            self.happened["given up at the end"] += 1
-            self.nobody_answers(talk)
 
     def delivered(self, frame: Frame) -> Iterator[Event]:
         """Yield what a frame delivers; what begins with it is known before."""

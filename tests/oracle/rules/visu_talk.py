@@ -70,7 +70,6 @@ class Talk:
         self.early: Message | None = None  # answers the request that is being received
         self.readers: dict[bool, Reader] = {}
         self.closed: int | None = None  # when the client closed its side
-        self.passed: int | None = None  # the latest time since, as long as something waits
         self.happened = happened
 
     def reader(self, from_client: bool) -> Reader:
