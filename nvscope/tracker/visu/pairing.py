@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dissectors.batch import I64, Bool
-from dissectors.webvisu import is_like_reply
+from dissectors.webvisu import Likeness, is_like_reply
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.tracker.pieces import NEVER
 from nvscope.tracker.visu.conversation import Conversation, Early, Happened
@@ -172,7 +172,10 @@ class Pairing:
     def _is_early(self, conversation: Conversation, row: int, order: int) -> bool:
         """Tell whether a message of a server answers the request that its client has begun; none waits."""
         form = self._http.forms[int(self._http.form[row])]
-        if form.what not in (What.WHOLE, What.CUT) or form.answers_nobody or (form.head and form.head.is_interim):
+        is_lost = form.what is What.BROKEN and form.touched is Likeness.YES
+        if not (is_lost or form.what in (What.WHOLE, What.CUT)) or form.answers_nobody:
+            return False
+        if form.head is not None and form.head.is_interim:
             return False
         return conversation.early is None and self._http.clients.has_begun(conversation.connection, order)
 
@@ -185,6 +188,8 @@ class Pairing:
             if content is not None and len(content) > _MOST_EARLY_BYTES:
                 content = None
             form = replace(form, content=content, is_coded=True)
+        elif form.what is What.BROKEN:
+            form = Form(What.CUT)
         return Early(form, int(http.arrival_ns[row]))
 
     def _miss(self, conversation: Conversation, before: int) -> None:
