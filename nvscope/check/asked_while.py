@@ -91,8 +91,10 @@ class Tallies:
         self._latencies = Latencies()
         self.of: dict[int, Tally] = defaultdict(Tally)
 
-    def take(self, came: Came, pair: I64, frame: I64, time_ns: I64, took_ns: I64) -> None:
-        """Take what came of some requests."""
+    def take(
+        self, came: Came, pair: I64, frame: I64, time_ns: I64, took_ns: I64, timed: Bool | None = None
+    ) -> None:  # fmt: skip
+        """Take what came of some requests; only what is ``timed`` has a latency, None where all of it has."""
         if not len(pair):
             return
         order = np.argsort(pair, kind="stable")
@@ -103,11 +105,12 @@ class Tallies:
             if came in tally.frames:
                 tally.frames[came].add(frame[row], time_ns[row])
             if came in _WITH_LATENCY and self._most_ns is not None:
-                late = row[took_ns[row] > self._most_ns]
+                late = row[took_ns[row] > self._most_ns]  # what is not timed took nothing
                 tally.slow += len(late)
                 tally.slow_frames.add(frame[late], time_ns[late])
         if came in _WITH_LATENCY:
-            self._latencies.observe(pair, took_ns, int(pair.max()) + 1)
+            own = np.ones(len(pair), np.bool_) if timed is None else timed
+            self._latencies.observe(pair[own], took_ns[own], int(pair.max()) + 1)
 
     def with_unanswered(self, pair: I64, frame: I64, time_ns: I64) -> Tallies:
         """Return the same with further requests that nobody answered."""
@@ -212,12 +215,12 @@ class AskedWhile:
                 self._visu.of[number].cut += count
         for came, own in (
             (Came.REPLY, is_reply & ~refused), (Came.REFUSED, is_reply & refused),
-            (Came.UNANSWERED, messages.kind == Kind.UNANSWERED),
+            (Came.UNANSWERED, messages.kind == Kind.UNANSWERED), (Came.REFUSED, messages.kind == Kind.REFUSED),
         ):  # fmt: skip
             row = np.flatnonzero(own & judged)
             packet = messages.row[row]
             frame = messages.asked_frame[row] if came is Came.UNANSWERED else packet + told.first_frame
-            self._visu.take(came, messages.pair[row], frame, known_ns[row], messages.latency_ns[row])
+            self._visu.take(came, messages.pair[row], frame, known_ns[row], messages.latency_ns[row], is_reply[row])
 
     def _judged(self, asked: I64) -> Bool:
         """Tell of the frames of requests which of them are judged."""

@@ -84,7 +84,7 @@ class VisuTransactions:
         kind = messages.kind
         asks = (kind == Kind.READ) | (kind == Kind.WRITE)
         asked = np.append(np.array([one.writes for one in part.requests], np.bool_), False)
-        tells = np.isin(kind, (Kind.REPLY, Kind.CUT, Kind.UNANSWERED)) & (messages.asked >= 0)
+        tells = np.isin(kind, (Kind.REPLY, Kind.CUT, Kind.UNANSWERED, Kind.REFUSED)) & (messages.asked >= 0)
         writes = asked[messages.asked] & (tells | (kind == Kind.WRITE))
         reads = np.flatnonzero(tells & ~writes)
         group = np.where((kind == Kind.REPLY) & (messages.outcome == Replied.DONE), Group.READ, Group.WRONG)[reads]
@@ -153,7 +153,7 @@ class VisuTransactions:
             pair, time_ns, asked_frame if kind is Kind.UNANSWERED else known_frame, known_frame, asked_frame,
             request.writes, outcome, said, max(len(variables) - self._room.said, 0),
             latency_ns=int(messages.latency_ns[row]) if kind is Kind.REPLY else None,
-            detail=f"HTTP status {status}" if kind is Kind.REPLY and status != OK else "",
+            detail=f"HTTP status {status}" if kind in (Kind.REPLY, Kind.REFUSED) and status != OK else "",
         )  # fmt: skip
 
     def _gone(self, leaving: LeavingClients) -> list[Transaction]:
@@ -250,6 +250,8 @@ def _outcome(part: VisuBatch, row: int, kind: int, request: Request) -> Outcome:
             Replied.UNREAD: Outcome.OPEN if request.writes else Outcome.ANSWERED,
             Replied.STATUS: Outcome.REFUSED if request.writes else Outcome.STATUS,
         }[Replied(int(part.messages.outcome[row]))]  # fmt: skip
+    if kind == Kind.REFUSED:
+        return Outcome.REFUSED if request.writes else Outcome.STATUS
     return {Kind.CUT: Outcome.CUT, Kind.UNANSWERED: Outcome.UNANSWERED}.get(Kind(kind), Outcome.OPEN)
 
 

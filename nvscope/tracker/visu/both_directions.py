@@ -111,7 +111,7 @@ class BothDirections:
             one._replace(head_order=order) for one, order in zip(self._asked(own), head_orders, strict=True)
         ]  # fmt: skip
         requests = WaitingRequests(waiting, asked, self._ends, pieces.order, self._end_open)
-        server.reader.requests = requests
+        server.reader.requests, server.reader.keeps_requests = requests, True
         orders = pieces.order[server.start : server.stop]
         reach = client.start + np.searchsorted(pieces.order[client.start : client.stop], orders)
         self._read_client(client.place, requests)

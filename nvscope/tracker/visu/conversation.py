@@ -14,6 +14,7 @@ from dissectors.http import Side
 from dissectors.webvisu import Likeness
 from nvscope.tracker.pieces import ORDER_BITS
 from nvscope.tracker.visu.asking import NOTHING, Ask
+from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.going_on import Closed
 from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.limits import MOST_WAITING
@@ -88,6 +89,13 @@ class Conversation:
                 self._tell_request(kind, asked, order, message, tell)
             is_head = form.head is not None and form.head.method == "HEAD"
             self._wait(Waiting(NOTHING if form.what is What.CUT else asked, order, arrival_ns, is_head))
+        elif form.what is What.PART:
+            of_page = self._is_of_page(form)
+            if of_page:
+                self._tell_request(Kind.PART, asked, order, message, tell)
+            # Who breaks off its own request waits for nothing, but for what has come before.
+            if form.broken_by is not Side.CLIENT or self.early is not None:
+                self._wait(Waiting(asked if of_page else NOTHING, order, arrival_ns))
         elif form.what is What.BROKEN:
             if self._is_of_page(form):
                 self._tell_request(Kind.CUT, NOTHING, order, message, tell)
@@ -151,6 +159,9 @@ class Conversation:
                 asked = self.waiting.popleft()
                 if form.what is What.CUT:
                     self._tell_answer(Kind.CUT, asked, order, arrival_ns, message, tell)
+                elif asked.asked.is_part:
+                    if form.head is not None and form.head.status != OK:
+                        self._tell_answer(Kind.REFUSED, asked, order, arrival_ns, message, tell)
                 elif asked.asked.request is not None or not form.is_unread:
                     self._tell_answer(Kind.REPLY, asked, order, arrival_ns, message, tell)
             elif self.beyond:

@@ -17,7 +17,7 @@ from dissectors.webvisu import Request
 from nvscope.engine.runs import distinct
 from nvscope.tracker.connections import Connections
 from nvscope.tracker.pieces import ORDER_BITS
-from nvscope.tracker.visu.asking import NOTHING, Ask, Asking, asks_whole
+from nvscope.tracker.visu.asking import NOTHING, Ask, Asking, asks_whole, part_of
 from nvscope.tracker.visu.controllers import controller_of
 from nvscope.tracker.visu.conversation import Conversation
 from nvscope.tracker.visu.events import OK
@@ -85,7 +85,9 @@ class Exchanges:
         if conversation is None:
             return Waiting()
         are_head = [one.is_head for one in conversation.waiting]
-        return Waiting(are_head, conversation.beyond, conversation.early is not None)
+        first = next(iter(conversation.waiting), None) if not conversation.is_heard else None
+        begun = None if first is None else (first.order, first.acknowledged)
+        return Waiting(are_head, conversation.beyond, conversation.early is not None, begun)
 
     def pass_time(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> None:
         """Take a batch without segments: time has passed for those who have closed their side."""
@@ -96,7 +98,7 @@ class Exchanges:
                 conversation.closed = going_on.passed(conversation.closed)
 
     def take(
-        self, http: HttpMessages, packets: PacketBatch, segments: SegmentBatch, first_frame: int
+        self, http: HttpMessages, packets: PacketBatch, segments: SegmentBatch, first_frame: int, one_way: OneWay
     ) -> VisuBatch:  # fmt: skip
         """Return what the HTTP messages of a batch say of WebVisu; ``first_frame`` is that of its row 0."""
         self._left_out[Beyond.HELD] += http.given_up
@@ -108,7 +110,6 @@ class Exchanges:
         taken, whole = take_whole(http, is_plain, asked, asked_for, self._conversations, self._closed | self._unheard)
         spoken = _spoken(http)[http.form]
         going_on = GoingOn(self._connections, packets, segments, first_frame)
-        one_way = OneWay(self._connections, segments, first_frame)
         pairing = Pairing(
             http, is_plain, asked, asked_for, self._conversations, going_on, self._closed, one_way, self._unheard
         )  # fmt: skip
@@ -155,6 +156,10 @@ class Exchanges:
                 numbers.append(number)
                 continue
             form = forms[place]
+            if form.what is What.PART:
+                numbers.append(asked_for.number(part_of(form.content or b"")))
+                last, last_place = b"", -1
+                continue
             body = None
             if form.what is What.WHOLE and form.head is not None:
                 body = form.content if form.is_coded else data[start : start + form.body_bytes]
@@ -185,9 +190,10 @@ class Exchanges:
         kind = said.kind.copy()
         writes = np.array([one.writes for one in requests], np.bool_)
         kind[(kind == Kind.READ) & writes[said.asked]] = int(Kind.WRITE)
-        replies = (kind == Kind.REPLY) | (kind == Kind.NAMES)
+        replies = (kind == Kind.REPLY) | (kind == Kind.NAMES) | (kind == Kind.REFUSED)
         status = _of_messages(_statuses(http)[http.form], said, replies)
         outcome, fields = outcomes(kind, said.asked, requests, status, data, start, stop)
+        outcome[kind == Kind.REFUSED] = int(Outcome.STATUS)
         known = np.array([one.is_known for one in asks], np.bool_)
         unread = _of_messages(_unread(http)[http.form], said, kind == Kind.REPLY) > 0
         unread &= (status == OK) & ~np.array([one.query for one in requests], np.bool_)[said.asked]

@@ -33,7 +33,8 @@ class Kind(IntEnum):
     connection with such requests. ``OTHER``: a request of another protocol, or the begin of a connection over which
     another one is spoken. ``LEFT``: a request waits, and its client closes its side of the connection; ``UNCLEAR``:
     then nobody knows any more what answers it. ``GIVEN_UP``: what is unanswered since the client waits no more; batches
-    have that as ``UNANSWERED``, by its outcome.
+    have that as ``UNANSWERED``, by its outcome. ``PART``: a request ends of which the client sent no more than a part;
+    ``REFUSED``: the reply to such a one, of another status than 200.
     """
 
     READ = 0
@@ -47,6 +48,8 @@ class Kind(IntEnum):
     LEFT = 8
     UNCLEAR = 9
     GIVEN_UP = 10
+    PART = 11
+    REFUSED = 12
 
 
 class Outcome(IntEnum):

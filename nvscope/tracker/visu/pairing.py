@@ -165,7 +165,7 @@ class Pairing:
                 conversation.take_from_client(http.forms[form], asks[ask], order, arrival_ns, row, tell)
                 if not conversation.is_heard and conversation.waiting and conversation.waiting[-1].order == order:
                     conversation.note_acknowledged(self._one_way.acknowledged_at(stream, order))
-                if conversation.early is not None and http.forms[form].what in (What.WHOLE, What.CUT):
+                if conversation.early is not None and http.forms[form].what in (What.WHOLE, What.CUT, What.PART):
                     self._later.append((conversation.early.form, stream + 1, order, conversation.early.arrival_ns))
                     conversation.answer_early(order, len(http) + len(self._later) - 1, tell)
 

@@ -7,8 +7,8 @@ say how long it is ends at the latest where it is answered; one that says so may
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple, Protocol
 
 from dissectors.batch import I64
 from nvscope.tracker.pieces import NEVER
@@ -19,12 +19,26 @@ from nvscope.tracker.visu.limits import MOST_WAITING
 class Waiting(NamedTuple):
     """The requests of a connection that wait: whether each is HEAD, and how many there are ``beyond`` these.
 
-    ``is_early``: the one that has begun, and is not whole, is answered.
+    ``is_early``: the one that has begun, and is not whole, is answered. ``first`` is the order of the first of them,
+    and up to where its client had the server's bytes then, where none of these was captured.
     """
 
     are_head: Iterable[bool] = ()
     beyond: int = 0
     is_early: bool = False
+    first: tuple[int, int] | None = None
+
+
+class Missed(Protocol):
+    """Tells of a connection since when it is known that replies of a server were missed of which nothing was heard."""
+
+    def acknowledged(self, order: int) -> int:
+        """Return up to where the client acknowledges the server's bytes with an order."""
+        ...
+
+    def by(self, order: int, acknowledged: int) -> int:
+        """Return with which order a reply was missed to what was asked with one; ``NEVER`` without any."""
+        ...
 
 
 class Asked(NamedTuple):
@@ -33,6 +47,26 @@ class Asked(NamedTuple):
     order: int
     form: Form
     head_order: int = NEVER
+
+
+def with_missed(asked: Sequence[Asked], first: tuple[int, int] | None, missed: Missed) -> list[Asked]:
+    """Return what a client's direction shows, and where replies to it were missed before its server was heard.
+
+    ``first`` is as in ``Waiting``. Nobody knows any more what waits then (``Conversation.miss_reply``).
+    """
+    found: list[Asked] = []
+    order = NEVER if first is None else missed.by(*first)
+    for one in asked:
+        if order < one.order:
+            found.append(Asked(order, Form(What.BROKEN)))
+            order, first = NEVER, None
+        if one.form.what in (What.BROKEN, What.ANEW):
+            order, first = NEVER, None
+        elif one.form.what in (What.WHOLE, What.CUT, What.PART) and first is None:
+            first = one.order, missed.acknowledged(one.order)
+            order = missed.by(*first)
+        found.append(one)
+    return found if order == NEVER else [*found, Asked(order, Form(What.BROKEN))]
 
 
 class WaitingRequests:
@@ -63,6 +97,11 @@ class WaitingRequests:
         """Tell whether the response whose head ends at a place of the data answers HEAD."""
         self._go_on(at)
         return bool(self._waiting) and self._waiting[0]
+
+    def wait(self, at: int) -> bool:
+        """Tell whether any wait at a place of the data."""
+        self._go_on(at)
+        return bool(self._waiting or self._beyond)
 
     def answered(self, at: int) -> None:
         """Take the end of a response, or that there was one of which bytes are missing."""
@@ -98,7 +137,7 @@ class WaitingRequests:
         order = int(self._orders[~at if at < 0 else int(self._ends.searchsorted(at))])
         while self._asked and self._asked[0].order < order:
             form = self._asked.popleft().form
-            if form.what in (What.WHOLE, What.CUT):
+            if form.what in (What.WHOLE, What.CUT, What.PART):
                 if self._is_early:
                     self._is_early = False
                 elif self._beyond or len(self._waiting) >= MOST_WAITING:

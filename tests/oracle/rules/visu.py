@@ -41,11 +41,12 @@ from tests.oracle.frame import Frame
 from tests.oracle.rules import visu_body
 from tests.oracle.rules.http import Lost, Message
 from tests.oracle.rules.keys import node_order
-from tests.oracle.rules.streams import Connection, Delivery, Event, Streams
+from tests.oracle.rules.streams import Connection, Delivery, Ending, Event, Streams
 from tests.oracle.rules.visu_body import Answered, Asked
 from tests.oracle.rules.visu_figures import Row, lacks_many, percentiles
 from tests.oracle.rules.visu_leaving import given_up
 from tests.oracle.rules.visu_one_way import OneWay
+from tests.oracle.rules.visu_part import ask_in_part, writes
 from tests.oracle.rules.visu_talk import Home, Pair, Talk, Told, Waiting, Written
 
 SECOND = 1_000_000_000
@@ -94,6 +95,7 @@ class Visu:
                 self.talks[event.connection] = Talk(event.connection, self.happened)
             talk = self.talks[event.connection]
             reader = talk.reader(event.from_client)
+            talk.broken_off = isinstance(event, Ending) and event.reset and event.by_client
             if isinstance(event, Delivery):
                 talk.gap_bytes += event.missing
                 heard = reader.hole(event.missing) if event.missing else reader.feed(event.data, event.time)
@@ -148,7 +150,12 @@ class Visu:
 
     def request(self, talk: Talk, message: Message) -> None:
         """Take a request that is whole, or dropped as cut; it may have been answered before."""
-        self.ask(talk, message)
+        if message.part:
+            had = self.one_way.told_by(talk.connection, client=True)
+            if ask_in_part(talk, message, self.number, had):
+                self.known[talk.pair].counts["part"] += 1
+        else:
+            self.ask(talk, message)
         if talk.early is not None:
             early, talk.early, forgotten = talk.early, None, talk.forgotten
             early.arrival, talk.forgotten = max(early.arrival, message.arrival), False
@@ -165,7 +172,7 @@ class Visu:
                 self.happened["not whole when it was broken off"] += 1
                 asked = None
         had = self.one_way.told_by(talk.connection, client=True)
-        talk.waiting.append(Waiting(asked, message, self.number, self.written(talk, asked), had))
+        talk.waiting.append(Waiting(asked, message, self.number, self.written(talk, asked), acknowledged=had))
         self.happened["several wait"] += len(talk.waiting) > 1
         if asked is None or message.body is None:
             self.happened["other request"] += 1
@@ -260,13 +267,19 @@ class Visu:
         page = visu_body.is_page(waiting.message.method, waiting.message.target)
         if page and message.body is not None and message.status == 200:
             self.learn_names(talk, visu_body.listed_in(message.body))
-        if waiting.asked is None:
+        if waiting.asked is None and not waiting.part:
             return
         row = self.known[talk.pair]
         if message.cut:
             self.happened["cut reply"] += 1
             row.counts["cut"] += 1
             self.find("NV808", talk)
+            return
+        if waiting.asked is None:
+            if message.status != 200:
+                self.happened["part of a request refused"] += 1
+                row.counts["refused"] += writes(waiting.message)
+                self.find("NV802", talk)
             return
         connection, body = talk.connection, message.body or b""
         self.messages.append(Told(self.number, connection.server, connection.client, "reply", body))
@@ -321,7 +334,7 @@ class Visu:
 
     def nobody_answers(self, talk: Talk) -> None:
         for waiting in talk.waiting:
-            if waiting.asked is not None:
+            if waiting.asked is not None or waiting.part:
                 self.known[talk.pair].counts["unanswered"] += 1
                 self.find("NV805", talk, frame=waiting.frame)
                 for one in waiting.writes:

@@ -50,6 +50,8 @@ class Waiting:
     message: Message
     frame: int
     writes: list[Written]
+    part: bool = False
+    """Whether it is one of a page of which the client sent no more than a part."""
     acknowledged: int | None = None
     """Up to where the client had acknowledged then, if it says so in the frame with which the request was whole."""
 
@@ -67,6 +69,8 @@ class Talk:
         self.gap_bytes = 0
         self.forgotten = False
         """Whether the response that is being received answers nobody."""
+        self.broken_off = False
+        """Whether the client broke the connection off."""
         self.early: Message | None = None  # answers the request that is being received
         self.readers: dict[bool, Reader] = {}
         self.closed: int | None = None  # when the client closed its side
@@ -76,8 +80,13 @@ class Talk:
         """Return the reader of a direction; it is there from the first that the direction delivers."""
         if from_client not in self.readers:
             in_step = self.connection.directions[from_client].began_with_syn
-            self.readers[from_client] = Reader(not from_client, in_step, self.first_is_head, self.happened)
+            self.readers[from_client] = Reader(
+                not from_client, in_step, self.first_is_head, self.happened, self.nobody_waits
+            )
         return self.readers[from_client]
+
+    def nobody_waits(self) -> bool:
+        return not self.waiting
 
     def first_is_head(self) -> bool:
         return bool(self.waiting) and not self.forgotten and self.waiting[0].message.method == b"HEAD"
