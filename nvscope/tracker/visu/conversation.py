@@ -160,8 +160,10 @@ class Conversation:
                 if form.what is What.CUT:
                     self._tell_answer(Kind.CUT, asked, order, arrival_ns, message, tell)
                 elif asked.asked.is_part:
-                    if form.head is not None and form.head.status != OK:
-                        self._tell_answer(Kind.REFUSED, asked, order, arrival_ns, message, tell)
+                    # What says that a part was done says nothing of it.
+                    is_refused = form.head is not None and form.head.status != OK
+                    kind = Kind.REFUSED if is_refused else Kind.UNCLEAR
+                    self._tell_answer(kind, asked, order, arrival_ns, message, tell)
                 elif asked.asked.request is not None or not form.is_unread:
                     self._tell_answer(Kind.REPLY, asked, order, arrival_ns, message, tell)
             elif self.beyond:

@@ -21,7 +21,7 @@ from nvscope.tracker.visu.http_reader import END_OF_HEAD, HttpReader
 from nvscope.tracker.visu.http_runs import Controls, are_short, begins_late, read_run, take_control
 from nvscope.tracker.visu.limits import MOST_HELD_BYTES
 from nvscope.tracker.visu.request_heads import EARLIER, ClientRows, RequestHeads
-from nvscope.tracker.visu.waiting_requests import Asked, Missed, Waiting, WaitingRequests, with_missed
+from nvscope.tracker.visu.waiting_requests import Asked, Missed, Unheard, Waiting, WaitingRequests
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,11 +137,13 @@ class HttpStreams:
                     self._held_bytes -= len(left.rest)
                     told.insert(len(counts), stream - 1)
                     counts.append(0)
+            begins = stream & 1 > 0 and begins_late(pieces, start)
+            missed = missed_of(stream >> 1, int(pieces.order[start])) if begins and missed_of else None
             if paused is not None:
                 server = Run(self._reader(stream), data, behind[place], start, stop)
                 self._held_bytes -= len(server.reader.rest)
                 places_of, heads = partial(self._places, ends), self._heads(pieces, ends)
-                both = BothDirections(paused, server, pieces, ends, found, places_of, heads)
+                both = BothDirections(paused, server, pieces, ends, found, places_of, heads, missed)
                 of_client = both.read(waiting_of(stream >> 1), before - counts[-1])
                 given_up += self._leave_both(stream >> 1, (paused, server), pieces, both.ended)
                 counts[-1] += of_client
@@ -161,11 +163,9 @@ class HttpStreams:
             reader = self._reader(stream)
             if reader.begun_at >= 0:
                 reader.begun_at = EARLIER
-            begins = stream & 1 > 0 and begins_late(pieces, start)
             if begins or (stream & 1 and (stream >> 1 in self._with_head or reader.is_late)):
                 reader.keeps_requests = stream >> 1 in self._with_head
                 first = before if asking != stream >> 1 else before - counts[-1]
-                missed = missed_of(stream >> 1, int(pieces.order[start])) if begins and missed_of else None
                 own = range(first, before)
                 reader.requests = self._requests(brought, ends, own, stream >> 1, waiting_of, missed)
             asking = stream >> 1
@@ -333,7 +333,8 @@ class HttpStreams:
         asked = list(map(Asked, orders[self._places(ends, own)].tolist(), forms, head_orders))
         waiting = waiting_of(connection)
         if missed is not None:
-            asked = with_missed(asked, waiting.first, missed)
+            unheard = Unheard(waiting.first, missed)
+            asked = [*unheard.take(asked), *unheard.rest()]
         return WaitingRequests(waiting, asked, ends, orders, begun=heads.begun(connection))
 
     def _heads(self, pieces: Pieces, ends: I64) -> RequestHeads:

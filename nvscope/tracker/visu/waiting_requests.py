@@ -7,7 +7,7 @@ say how long it is ends at the latest where it is answered; one that says so may
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import NamedTuple, Protocol
 
 from dissectors.batch import I64
@@ -49,24 +49,34 @@ class Asked(NamedTuple):
     head_order: int = NEVER
 
 
-def with_missed(asked: Sequence[Asked], first: tuple[int, int] | None, missed: Missed) -> list[Asked]:
-    """Return what a client's direction shows, and where replies to it were missed before its server was heard.
+class Unheard:
+    """What a client's direction shows until its server is heard, and where replies to it were missed.
 
     ``first`` is as in ``Waiting``. Nobody knows any more what waits then (``Conversation.miss_reply``).
     """
-    found: list[Asked] = []
-    order = NEVER if first is None else missed.by(*first)
-    for one in asked:
-        if order < one.order:
-            found.append(Asked(order, Form(What.BROKEN)))
-            order, first = NEVER, None
-        if one.form.what in (What.BROKEN, What.ANEW):
-            order, first = NEVER, None
-        elif one.form.what in (What.WHOLE, What.CUT, What.PART) and first is None:
-            first = one.order, missed.acknowledged(one.order)
-            order = missed.by(*first)
-        found.append(one)
-    return found if order == NEVER else [*found, Asked(order, Form(What.BROKEN))]
+
+    def __init__(self, first: tuple[int, int] | None, missed: Missed) -> None:
+        self._missed, self._waits = missed, first is not None
+        self._order = NEVER if first is None else missed.by(*first)
+
+    def take(self, asked: Iterable[Asked]) -> list[Asked]:
+        """Return more of what the client's direction shows, with where nobody knows any more what waits."""
+        found: list[Asked] = []
+        for one in asked:
+            if self._order < one.order:
+                found += self.rest()
+            if one.form.what in (What.BROKEN, What.ANEW):
+                self._order, self._waits = NEVER, False
+            elif one.form.what in (What.WHOLE, What.CUT, What.PART) and not self._waits:
+                self._waits = True
+                self._order = self._missed.by(one.order, self._missed.acknowledged(one.order))
+            found.append(one)
+        return found
+
+    def rest(self) -> list[Asked]:
+        """Return what is missed behind all that the client's direction showed."""
+        order, self._order, self._waits = self._order, NEVER, False
+        return [] if order == NEVER else [Asked(order, Form(What.BROKEN))]
 
 
 class WaitingRequests:
@@ -76,13 +86,15 @@ class WaitingRequests:
     ``nvscope.tracker.pieces``), ``begun`` with which order the head was there of what is not whole behind that.
     ``ends`` are where pieces end in the data that is read, ``orders`` those of pieces. ``answers_more`` is called with
     a place of the data where something comes that answers a request, and none waits; it tells whether that is one that
-    has begun.
+    has begun. ``has_begun`` tells whether there is one.
     """
 
     def __init__(
         self, waiting: Waiting, asked: Iterable[Asked], ends: I64, orders: I64,
         answers_more: Callable[[int], bool] | None = None, begun: int = NEVER,
+        has_begun: Callable[[], bool] | None = None,
     ) -> None:  # fmt: skip
+        self._has_begun = has_begun
         self._waiting, self._beyond, self._is_early = deque(waiting.are_head), waiting.beyond, waiting.is_early
         self._begun = begun
         self._asked = deque(asked)
@@ -99,9 +111,14 @@ class WaitingRequests:
         return bool(self._waiting) and self._waiting[0]
 
     def wait(self, at: int) -> bool:
-        """Tell whether any wait at a place of the data."""
-        self._go_on(at)
-        return bool(self._waiting or self._beyond)
+        """Tell whether any wait at a place of the data, or have begun by then."""
+        order = self._go_on(at)
+        if self._waiting or self._beyond:
+            return True
+        asked = next((one for one in self._asked if one.form.what is not What.GAP), None)
+        if asked is None and self._has_begun is not None:
+            return self._has_begun()
+        return (self._begun if asked is None else asked.head_order) < order
 
     def answered(self, at: int) -> None:
         """Take the end of a response, or that there was one of which bytes are missing."""

@@ -25,8 +25,8 @@ Readings, where the rules leave a choice:
   where the connection is reset, with what came before that
 - who sends Expect: 100-continue may send no body: where a whole start line stands in its place, the request is a part,
   and so is an open one that is answered before anything of its body. The first final response of a direction that began
-  before the capture may be one to HEAD: the same tells where none waits when its head is whole. While what is there may
-  become a start line, it is none of a body of known length, or of such a response
+  before the capture may be one to HEAD: the same tells where no request waits, or has begun, when its head is whole.
+  While what is there may become a start line, it is none of a body of known length, or of such a response
 """
 
 from __future__ import annotations

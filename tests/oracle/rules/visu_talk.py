@@ -86,7 +86,8 @@ class Talk:
         return self.readers[from_client]
 
     def nobody_waits(self) -> bool:
-        return not self.waiting
+        client = self.readers.get(True)
+        return not (self.waiting or (client is not None and (client.open or client.begun)))
 
     def first_is_head(self) -> bool:
         return bool(self.waiting) and not self.forgotten and self.waiting[0].message.method == b"HEAD"
