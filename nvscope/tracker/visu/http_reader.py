@@ -42,17 +42,18 @@ class HttpReader:
 
     __slots__ = (
         "_answers_head", "_answers_nobody", "_chunks", "_found_before", "_is_first", "_passed", "_passes", "_seeks",
+        "_unasked",
         "arrived_ns", "asks_head", "begun_at", "breaks", "is_late", "keeps_requests", "known_at", "open", "pauses",
         "requests", "rest", "side",
     )  # fmt: skip
 
     def __init__(self, side: Side) -> None:
         self.side = side
-        self.rest = b""
-        self.asks_head = False
+        self.rest, self.asks_head = b"", False
         self.requests: WaitingRequests | None = None
         # Of the response that has begun, None before its head is there.
         self._answers_head: bool | None = None
+        self._unasked: bool | None = None
         self._answers_nobody = False
         self.breaks: list[int] = []
         # The chunks of the message that has begun, None where it has none.
@@ -62,19 +63,17 @@ class HttpReader:
         self._passes = 0
         self._passed: Form | None = None
         # Whether nothing of the stream is known yet but that it has begun, and how much was found before this read.
-        self._is_first = False
-        self._found_before = 0
-        self.known_at = 0
+        self._is_first, self._found_before, self.known_at = False, 0, 0
         self.open: OpenRequest | None = None
-        self.pauses = False
-        self.arrived_ns = 0
+        self.pauses, self.arrived_ns = False, 0
         self.begun_at, self.is_late, self.keeps_requests = NOT_BEGUN, False, True
 
     def begin(self, *, in_step: bool) -> None:
         """Take the begin of a connection; its first bytes begin a message where it is ``in_step``."""
         self.rest, self._passes, self._passed = b"", 0, None
         self._seeks, self._is_first = not in_step, in_step
-        self._answers_head, self._answers_nobody, self._chunks, self.open = None, False, None, None
+        self._answers_head = self._unasked = self._chunks = self.open = None
+        self._answers_nobody = False
         self.begun_at, self.is_late = NOT_BEGUN, self.side is Side.SERVER and not in_step
 
     def read(self, data: bytes, begin: int, end: int, found: Forms, known_at: int = 0) -> None:
@@ -195,8 +194,10 @@ class HttpReader:
         return self._answers_head
 
     def _is_unasked(self, at: int) -> bool:
-        """Tell whether no request waits that was captured when a head is whole."""
-        return self.requests is not None and not self.requests.wait(max(at, self.known_at))
+        """Tell whether no request waits that was captured when a head is whole: what waited then says so, not later."""
+        if self._unasked is None:
+            self._unasked = self.requests is not None and not self.requests.wait(max(at, self.known_at))
+        return self._unasked
 
     def _skip_body(self, text: bytes, head_end: int, line: int, head: Head, found: Forms) -> int:
         """Take a message without its body, in whose place there is, up to ``line``, the first line of another one."""
@@ -346,7 +347,7 @@ class HttpReader:
         found.tell(at, Form(What.BROKEN, touched=touched))
 
     def _out_of_step(self, at: int) -> None:
-        self._seeks, self._answers_head, self._answers_nobody, self.open = True, None, False, None
+        self._seeks, self._answers_head, self._answers_nobody, self.open, self._unasked = True, None, False, None, None
         self.begun_at = NOT_BEGUN
         if self.requests is not None:
             self.requests.forget(at)
