@@ -202,7 +202,7 @@ class HttpReader:
     def _skip_body(self, text: bytes, head_end: int, line: int, head: Head, found: Forms) -> int:
         """Take a message without its body, in whose place there is, up to ``line``, the first line of another one."""
         self.begun_at, found.late[len(found.at)] = NOT_BEGUN, line
-        is_request = self.side is Side.CLIENT
+        is_request, self._answers_nobody = self.side is Side.CLIENT, self.side is Side.SERVER
         form = part_form(text, len(text), head) if is_request else bodiless(head, self._answered(line, head))
         found.tell(head_end, form)
         return head_end

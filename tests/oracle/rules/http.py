@@ -55,7 +55,8 @@ class Message:
     ``body`` is decoded; None where it is not known: cut, longer than its limit, or not to be decoded. ``seen`` is what
     came of it before the first missing byte, as it came. ``whole`` tells whether it came to its end, cut or not;
     ``broken_off``: that its end is the reset of the connection, and nobody knows whether more should have come;
-    ``part``: that it is a request of which the client sent no more than a part.
+    ``part``: that it is a request of which the client sent no more than a part; ``unasked``: that it is a response to
+    HEAD, which was not captured.
     """
 
     method: bytes = b""
@@ -68,6 +69,7 @@ class Message:
     arrival: int = 0
     broken_off: bool = False
     part: bool = False
+    unasked: bool = False
 
 
 @dataclass
@@ -355,7 +357,7 @@ class Reader:
         assert self.head is not None
         self.happened["response to HEAD that was not captured" if self.response else "body that was not sent"] += 1
         message = self.whole(self.head.end, None)
-        message.part = not self.response
+        message.part, message.unasked = not self.response, self.response
         return message
 
     def whole(self, end: int, content: bytes | None) -> Message:

@@ -151,8 +151,7 @@ class Visu:
     def request(self, talk: Talk, message: Message) -> None:
         """Take a request that is whole, or dropped as cut; it may have been answered before."""
         if message.part:
-            had = self.one_way.told_by(talk.connection, client=True)
-            if ask_in_part(talk, message, self.number, had):
+            if ask_in_part(talk, message, self.number, self.one_way.told_by(talk.connection, client=True)):
                 self.known[talk.pair].counts["part"] += 1
         else:
             self.ask(talk, message)
@@ -245,6 +244,8 @@ class Visu:
     def response(self, talk: Talk, message: Message) -> None:
         """Take a response that is whole, or dropped as cut; one of 1xx answers nothing."""
         forgotten, talk.forgotten = talk.forgotten, False
+        if message.unasked:
+            return
         if not (forgotten or talk.waiting or 100 <= message.status < 200):
             self.end_open_request(talk)
         if 100 <= message.status < 200:

@@ -136,6 +136,16 @@ def test_who_expects_to_go_on_and_may_sends_the_body() -> None:
         assert became(line.frames) == [("9.5", "confirmed"), ("8.5", "confirmed")]
 
 
+@pytest.mark.parametrize("together", [True, False])
+def test_a_reply_to_head_from_before_the_capture_is_not_that_of_a_write(together: bool) -> None:
+    """It is known to have no body with the next reply alone, and the write was asked between both."""
+    to_head = b"HTTP/1.1 200 OK\r\nContent-Length: 170\r\n\r\n"
+    line = Line().answer(to_head).ask(HEAD + BODY)
+    line = line.answer(DONE) if together else line.answer(DONE[:5]).answer(DONE[5:])
+    assert became(line.ask(HEAD + OTHER).answer(DONE).frames) == [("9.5", "confirmed"), ("8.5", "confirmed")]
+    assert row(line.frames)["refused"] == 0
+
+
 def test_the_transactions_know_it() -> None:
     found = transactions(Line().open().ask(HEAD + BODY[:9]).answer(REFUSED).close(False).close(True).frames)
     assert [(one.writes, one.outcome.value, one.detail, len(one.said)) for one in found] == [
