@@ -23,6 +23,9 @@ from nvscope.tracker.visu.limits import MOST_HELD_BYTES
 from nvscope.tracker.visu.request_heads import EARLIER, ClientRows, RequestHeads
 from nvscope.tracker.visu.waiting_requests import Asked, Missed, Unheard, Waiting, WaitingRequests
 
+_MOST_BEFORE_FIRST = 64
+"""So much of what a client shows is looked at to tell whether anything waits for the first response."""
+
 
 @dataclass(frozen=True, slots=True)
 class HttpMessages:
@@ -166,7 +169,7 @@ class HttpStreams:
             if begins or (stream & 1 and (stream >> 1 in self._with_head or reader.is_late)):
                 reader.keeps_requests = stream >> 1 in self._with_head
                 first = before if asking != stream >> 1 else before - counts[-1]
-                own = range(first, before)
+                own = range(first, before if reader.keeps_requests else min(before, first + _MOST_BEFORE_FIRST))
                 reader.requests = self._requests(brought, ends, own, stream >> 1, waiting_of, missed)
             asking = stream >> 1
             self._held_bytes -= len(reader.rest)
