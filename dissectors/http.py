@@ -49,13 +49,18 @@ LONGEST_LINE = {
 }
 """How long the first line of a message may be, with its end."""
 
+_BEGINS = {
+    Side.CLIENT: tuple(method + b" " for method in _METHODS.split(b"|")), Side.SERVER: (b"HTTP/1.0 ", b"HTTP/1.1 "),
+}  # fmt: skip
+_LONGEST_BEGIN = max(len(one) for begins in _BEGINS.values() for one in begins)
+
 
 @dataclass(frozen=True, slots=True)
 class Head:
     """The head of a message: ``method`` and ``target`` of a request, ``status`` of a response, 0 of a request.
 
     ``length`` is that of the body in bytes, where ``body`` is ``LENGTH``. ``coding`` is '' where the content is as it
-    is. ``tells_length``: the head says how long the body is, which counts with answers to HEAD, too.
+    is. ``expects``: the client may wait for an interim response, and send no body without one (RFC 9110, 10.1.1).
     """
 
     body: Body
@@ -64,6 +69,11 @@ class Head:
     target: str = ""
     status: int = 0
     coding: str = ""
+    expects: bool = False
+
+    @property
+    def has_body(self) -> bool:
+        return self.body is not Body.LENGTH or self.length > 0
 
     @property
     def is_interim(self) -> bool:
@@ -101,6 +111,17 @@ def is_start_line(data: bytes, start: int, stop: int, side: Side) -> bool:
     return found is not None and found.end() == stop
 
 
+def start_line_at(data: bytes, start: int, stop: int, side: Side) -> int:
+    """Return where the start line ends that begins at a place; 0 where none does, -1 where more has to come to know."""
+    most = start + LONGEST_LINE[side]
+    end = data.find(b"\n", start, min(stop, most)) + 1
+    if end:
+        return end if is_start_line(data, start, end, side) else 0
+    begin = data[start : min(stop, start + _LONGEST_BEGIN)]
+    may_be = any(one.startswith(begin) or begin.startswith(one) for one in _BEGINS[side])
+    return -1 if may_be and stop < most else 0
+
+
 def target_of(head: bytes) -> str:
     """Return the target of a request of whose head the first line is there, '' where that is not."""
     line = _LINES[Side.CLIENT].match(head)
@@ -135,7 +156,8 @@ def read_head(head: bytes, side: Side, *, answers_head: bool = False) -> Head | 
         nothing = Body.END if method in ("POST", "PUT") else Body.LENGTH
         body = Body.CHUNKS if chunked else nothing if length == _UNTOLD else Body.LENGTH
         target = line["target"].decode("latin-1")
-        return Head(body, max(length or 0, 0), method, target, coding=_coding(coding))
+        expects = headers.get(b"expect", [b""])[-1].lower() == b"100-continue"
+        return Head(body, max(length or 0, 0), method, target, coding=_coding(coding), expects=expects)
     body = Body.CHUNKS if chunked else Body.END if length == _UNTOLD else Body.LENGTH
     return Head(body, max(length or 0, 0), status=status, coding=_coding(coding))
 

@@ -91,8 +91,10 @@ class Tallies:
         self._latencies = Latencies()
         self.of: dict[int, Tally] = defaultdict(Tally)
 
-    def take(self, came: Came, pair: I64, frame: I64, time_ns: I64, took_ns: I64) -> None:
-        """Take what came of some requests."""
+    def take(
+        self, came: Came, pair: I64, frame: I64, time_ns: I64, took_ns: I64, timed: Bool | None = None
+    ) -> None:  # fmt: skip
+        """Take what came of some requests; only what is ``timed`` has a latency, None where all of it has."""
         if not len(pair):
             return
         order = np.argsort(pair, kind="stable")
@@ -103,11 +105,12 @@ class Tallies:
             if came in tally.frames:
                 tally.frames[came].add(frame[row], time_ns[row])
             if came in _WITH_LATENCY and self._most_ns is not None:
-                late = row[took_ns[row] > self._most_ns]
+                late = row[took_ns[row] > self._most_ns]  # what is not timed took nothing
                 tally.slow += len(late)
                 tally.slow_frames.add(frame[late], time_ns[late])
         if came in _WITH_LATENCY:
-            self._latencies.observe(pair, took_ns, int(pair.max()) + 1)
+            own = np.ones(len(pair), np.bool_) if timed is None else timed
+            self._latencies.observe(pair[own], took_ns[own], int(pair.max()) + 1)
 
     def with_unanswered(self, pair: I64, frame: I64, time_ns: I64) -> Tallies:
         """Return the same with further requests that nobody answered."""
@@ -189,7 +192,7 @@ class AskedWhile:
 
         self._leaving = self._leaving or LeavingClients()
         self._leaving.observe(told, part.leaving)
-        messages = part.messages
+        messages, known_ns = part.messages, part.known_ns(told.packets.ts_ns)
         for number in distinct(messages.pair).tolist():
             if number in self._pairs:
                 continue
@@ -198,7 +201,8 @@ class AskedWhile:
                 continue
             self._pairs[number] = pair_in(part, number)
         if self.left_out:
-            messages = messages.take(np.array([number in self._pairs for number in messages.pair.tolist()], np.bool_))
+            own = np.array([number in self._pairs for number in messages.pair.tolist()], np.bool_)
+            messages, known_ns = messages.take(own), known_ns[own]
         refused = (messages.outcome == Outcome.REFUSED) | (messages.outcome == Outcome.STATUS)
         is_reply, judged = messages.kind == Kind.REPLY, self._judged(messages.asked_frame)
         asks = (messages.kind == Kind.READ) | (messages.kind == Kind.WRITE)
@@ -211,13 +215,12 @@ class AskedWhile:
                 self._visu.of[number].cut += count
         for came, own in (
             (Came.REPLY, is_reply & ~refused), (Came.REFUSED, is_reply & refused),
-            (Came.UNANSWERED, messages.kind == Kind.UNANSWERED),
+            (Came.UNANSWERED, messages.kind == Kind.UNANSWERED), (Came.REFUSED, messages.kind == Kind.REFUSED),
         ):  # fmt: skip
             row = np.flatnonzero(own & judged)
             packet = messages.row[row]
             frame = messages.asked_frame[row] if came is Came.UNANSWERED else packet + told.first_frame
-            time_ns = told.packets.ts_ns[packet]
-            self._visu.take(came, messages.pair[row], frame, time_ns, messages.latency_ns[row])
+            self._visu.take(came, messages.pair[row], frame, known_ns[row], messages.latency_ns[row], is_reply[row])
 
     def _judged(self, asked: I64) -> Bool:
         """Tell of the frames of requests which of them are judged."""

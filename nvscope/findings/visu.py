@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING
 
 from nvscope.findings.finding import Events, Finding, all_events
 from nvscope.findings.kind import FindingKind, Severity
-from nvscope.findings.visu_refusals import NEXT_OF_THE_LIST, Statuses, next_step, refused_reads, refused_writes
+from nvscope.findings.visu_refusals import (
+    NEXT_OF_THE_LIST,
+    Statuses,
+    next_step,
+    refused_reads,
+    refused_unread,
+    refused_writes,
+)
 from nvscope.units import count, count_of, duration
 
 if TYPE_CHECKING:
@@ -222,7 +229,7 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
                 continue
             message = _not_captured(subject, together.count, every)
         elif kind is VISU_ERROR:
-            message = f"{_refused(subject, refused)}."
+            message = f"{_refused(subject, refused, parts)}."
         elif kind is VISU_OTHER_NAMES:
             message = _contradicted(subject.server, together.count, counts.other_names[subject])
         elif kind is VISU_UNREAD_LIST:
@@ -236,8 +243,12 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
         )  # fmt: skip
 
 
-def _refused(subject: Subject, statuses: Statuses) -> str:
+def _refused(subject: Subject, statuses: Statuses, parts: Mapping[VisuEvent, Events]) -> str:
+    from nvscope.tracker.visu.events import VisuEvent
+
     client, server, variable = subject
+    if not variable and VisuEvent.REFUSED in parts:
+        return refused_unread(client, server, statuses, writes=VisuEvent.STATUS not in parts)
     if variable:
         return refused_writes(client, server, [variable], statuses)
     return refused_reads(client, server, statuses)

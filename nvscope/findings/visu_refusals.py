@@ -29,6 +29,14 @@ def refused_reads(client: str, server: str, statuses: Statuses) -> str:
     return f"{server} answered {count_of(times, 'read')} of {client} with HTTP status {_listed(statuses)}"
 
 
+def refused_unread(client: str, server: str, statuses: Statuses, *, writes: bool) -> str:
+    """Return that a server refused requests, some of them writes, that it did not wait for; or ``writes`` alone."""
+    times = sum(number for _, number in statuses)
+    what = f"{count_of(times, 'write')} that {'was' if times == 1 else 'were'} never sent whole"
+    refused = f"refused {what}" if writes else f"refused {count_of(times, 'request')}, writes among them,"
+    return f"{server} {refused} by {client}: HTTP status {_listed(statuses)}"
+
+
 def refused_writes(client: str, server: str, variables: Sequence[str], statuses: Statuses) -> str:
     """Return that a server refused writes of some variables, and with which statuses, if another one than 200."""
     times = sum(number for _, number in statuses)

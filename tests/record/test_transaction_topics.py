@@ -25,12 +25,17 @@ from nvscope.record.transaction_topics import TransactionTopics
 from tests.analysis.transactions.talk import ESCAPES, PANEL, PRESS, SERVICE, both, sdo_talk, visu_talk
 from tests.capture.mcap.recordings import Packet, packets_of, read, write
 from tests.laws import examples
+from tests.oracle.builders import SECOND
 from tests.oracle.frame import Frame
 from tests.oracle.parameter_traffic import parameter_traffic
+from tests.oracle.tcp_line import Line
 from tests.oracle.visu_traffic import visu_traffic
 from tests.packets import Batches, batch_of, cut
 from tests.program import run_text
-from tests.tracker.visu.followed import reading
+from tests.tracker.visu.followed import followed, reading
+from tests.tracker.visu.followed import told as told_of
+from tests.tracker.visu.test_leaving import closed_ns, other, wrote
+from tests.tracker.visu.test_rules import later
 
 SDO, VISU = f"/sdo/{PRESS}/1202", f"/visu/{PRESS}/80"
 PROJECT = """[parameters]
@@ -181,7 +186,7 @@ def test_files_that_follow_each_other_have_the_topics_of_their_packets(tmp_path:
 @examples(40)
 @given(seed=st.integers(0, 20_000), size=st.integers(1, 60), of_pages=st.booleans())
 def test_however_a_capture_is_cut_the_topics_are_the_same(seed: int, size: int, of_pages: bool) -> None:
-    frames = visu_traffic(seed) if of_pages else parameter_traffic(seed)
+    frames = later(visu_traffic(seed)) if of_pages else parameter_traffic(seed)
     if frames:
         whole, parts = noted([batch_of(frames)]), noted(cut(batch_of(frames), size))
         assert (parts.topics, parts.messages_of, parts.packets) == (whole.topics, whole.messages_of, len(frames))
@@ -196,6 +201,36 @@ def test_what_nobody_answered_is_told_with_the_packet_that_shows_it_or_the_next_
     )
     assert told[-2:] == [("unanswered", 7, frames[6].ts_ns + 500_000_000), ("unexpected", 8, frames[7].ts_ns)]
     assert told == whole
+
+
+@pytest.mark.parametrize("pages_go_on", [False, True])
+def test_a_client_that_gave_up_is_told_when_the_report_says_so(tmp_path: Path, pages_go_on: bool) -> None:
+    """Only network variables go on, and, it may be, web traffic long behind that: it is told once, and as soon."""
+    line = wrote()
+    over_ns = closed_ns(line) + 10 * SECOND
+    frames = [*line.frames, *(other(line.now + second * SECOND) for second in range(14))]
+    if pages_go_on:
+        frames += Line(("10.0.0.2", 50_000), now=line.now + 20 * SECOND).open().frames
+    done = run_text("record", written(tmp_path / "x.pcap", frames), "-w", tmp_path / "x.mcap")
+    assert done.returncode == 0, done.stderr
+    (topic,) = messages_in(tmp_path / "x.mcap").values()
+    assert [(time_ns, one["outcome"]) for time_ns, one in topic] == [
+        (line.frames[3].ts_ns, "open"), (over_ns, "unanswered"),
+    ]  # fmt: skip
+    assert topic[1][1]["values"] == {"4,0,4,6": 9.5}
+    _, findings = told_of(followed([batch_of(frames)]))
+    assert {one["last_ns"] for one in findings if one["code"] == "NV805"} == {over_ns}
+    for size in (1, 2, 5):
+        assert noted(cut(batch_of(frames), size)).messages_of == noted([batch_of(frames)]).messages_of
+
+
+def test_where_a_clock_alone_tells_it_goes_with_the_next_packet() -> None:
+    line = wrote()
+    end_ns = closed_ns(line) + 10 * SECOND
+    live = [batch_of(line.frames), PacketBatch.nothing(end_ns), batch_of([other(end_ns + SECOND)])]
+    told_live, whole = noted(live).messages_of, noted([batch_of([*line.frames, other(end_ns + SECOND)])]).messages_of
+    assert told_live == whole
+    assert [(one["outcome"], frame, time_ns) for _, one, frame, time_ns in whole][-1] == ("unanswered", 4, end_ns)
 
 
 def test_of_frames_that_are_chosen_their_transactions_are_there_alone(tmp_path: Path) -> None:

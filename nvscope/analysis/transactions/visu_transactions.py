@@ -30,6 +30,7 @@ from nvscope.tracker.visu.on_demand import NAME
 
 if TYPE_CHECKING:  # most plants have none
     from dissectors.webvisu import Entry, Place, Request
+    from nvscope.tracker.visu.leaving import Leaving, LeavingClients
     from nvscope.tracker.visu.messages import VisuBatch
     from nvscope.tracker.visu.names import Naming
     from nvscope.view.lines.visu_words import Variable
@@ -56,6 +57,10 @@ class VisuTransactions:
         self._pairs: list[Pair] = []
         self._values: dict[tuple[_CONTROLLER, Place | str], str] = {}
         self._olds: dict[tuple[int, int], deque[_OLD]] = {}
+        self._leaving: LeavingClients | None = None
+        self._namings: Sequence[Naming] = ()
+        # The frames of requests of which it was told that their clients gave up, before web traffic showed it.
+        self._given_up: set[int] = set()
 
     def of(self, told: Told, last: int | None = None) -> Brought:
         """Return what a batch brings, which follows those before.
@@ -64,7 +69,12 @@ class VisuTransactions:
         """
         part = told.parts.get(NAME)
         if part is None:
-            return NOTHING
+            if self._leaving is None:
+                return NOTHING
+            self._leaving.observe(told, None)
+            given_up = self._gone(self._leaving)
+            return NOTHING._replace(pairs=self._pairs, transactions=given_up) if given_up else NOTHING
+        from nvscope.tracker.visu.leaving import LeavingClients  # noqa: PLC0415
         from nvscope.tracker.visu.messages import Kind, VisuBatch  # noqa: PLC0415
         from nvscope.tracker.visu.messages import Outcome as Replied  # noqa: PLC0415
 
@@ -74,13 +84,16 @@ class VisuTransactions:
         kind = messages.kind
         asks = (kind == Kind.READ) | (kind == Kind.WRITE)
         asked = np.append(np.array([one.writes for one in part.requests], np.bool_), False)
-        tells = np.isin(kind, (Kind.REPLY, Kind.CUT, Kind.UNANSWERED)) & (messages.asked >= 0)
+        tells = np.isin(kind, (Kind.REPLY, Kind.CUT, Kind.UNANSWERED, Kind.REFUSED)) & (messages.asked >= 0)
         writes = asked[messages.asked] & (tells | (kind == Kind.WRITE))
         reads = np.flatnonzero(tells & ~writes)
         group = np.where((kind == Kind.REPLY) & (messages.outcome == Replied.DONE), Group.READ, Group.WRONG)[reads]
         shown = set(reads[last_of_each(messages.pair[reads], group, last)].tolist())
         rows = self._to_read(part, reads[kind[reads] == Kind.REPLY], np.flatnonzero(writes), shown, last)
         found = [one for row in rows.tolist() if (one := self._take(told, part, row, row in shown)) is not None]
+        self._namings, self._leaving = part.namings, self._leaving or LeavingClients()
+        self._leaving.observe(told, part.leaving)
+        found += self._gone(self._leaving)
         return Brought(self._pairs, messages.pair[asks], messages.row[asks], kind[asks] == Kind.WRITE, found)
 
     def _describe(self, part: VisuBatch) -> None:
@@ -117,11 +130,15 @@ class VisuTransactions:
         known_frame = int(messages.row[row]) + told.first_frame
         time_ns = int(told.packets.ts_ns[messages.row[row]])
         asked_frame = known_frame if kind is Kind.WRITE else int(messages.asked_frame[row])
+        if (over := part.over.get(row)) is not None:
+            if asked_frame in self._given_up:
+                return None
+            known_frame, time_ns = over
         outcome = _outcome(part, row, kind, request)
         olds: _OLD = ()
         if request.writes:
             olds = self._old_values(pair, number, asked_frame, kind, request)
-            variables = self._written(part, row, request)
+            variables = _asked(request, part.namings[int(messages.naming[row])])
             if outcome is Outcome.CONFIRMED:
                 self._remember(pair, variables)
         else:
@@ -130,18 +147,37 @@ class VisuTransactions:
                 self._remember(pair, variables[: max(int(messages.fields[row]), 0)])
         if not (shown or request.writes):
             return None
-        most, names = self._room.said, part.namings[int(messages.naming[row])]
-        said = tuple(
-            self._said(variable, olds[place] if place < len(olds) else None, names)
-            for place, variable in enumerate(variables[:most])
-        )
+        said = self._first(variables, olds, part.namings[int(messages.naming[row])])
         status = int(messages.status[row])
         return Transaction(
             pair, time_ns, asked_frame if kind is Kind.UNANSWERED else known_frame, known_frame, asked_frame,
-            request.writes, outcome, said, max(len(variables) - most, 0),
+            request.writes, outcome, said, max(len(variables) - self._room.said, 0),
             latency_ns=int(messages.latency_ns[row]) if kind is Kind.REPLY else None,
-            detail=f"HTTP status {status}" if kind is Kind.REPLY and status != OK else "",
+            detail=f"HTTP status {status}" if kind in (Kind.REPLY, Kind.REFUSED) and status != OK else "",
         )  # fmt: skip
+
+    def _gone(self, leaving: LeavingClients) -> list[Transaction]:
+        """Return what time has told of clients that gave up, where that was not told before."""
+        over, before = leaving.given_up(), self._given_up
+        self._given_up = {one.asked_frame for one in over}
+        return [self._left(one) for one in over if one.asked_frame not in before]
+
+    def _left(self, one: Leaving) -> Transaction:
+        """Return that a client gave up."""
+        request, pair, names = one.request, self._pairs[one.pair], self._namings[one.naming]
+        olds = self._answered(one.pair, one.asked_frame) if request.writes else ()
+        said = self._first(_asked(request, names), olds, names)
+        return Transaction(
+            pair, one.over_ns, one.asked_frame, one.closed.over_frame, one.asked_frame, request.writes,
+            Outcome.UNANSWERED, said, max(len(request.entries) - self._room.said, 0),
+        )  # fmt: skip
+
+    def _first(self, variables: Sequence[Variable], olds: _OLD, names: Naming) -> tuple[Said, ...]:
+        """Return what is told of the first variables of a request."""
+        return tuple(
+            self._said(variable, olds[place] if place < len(olds) else None, names)
+            for place, variable in enumerate(variables[: self._room.said])
+        )
 
     def _old_values(self, pair: Pair, number: int, asked_frame: int, kind: int, request: Request) -> _OLD:
         """Return the values over which a request writes: those known when it was asked for."""
@@ -155,6 +191,11 @@ class VisuTransactions:
                 del self._olds[next(iter(self._olds))]
             self._olds.setdefault(key, deque()).append(olds)
             return olds
+        return self._answered(number, asked_frame)
+
+    def _answered(self, number: int, asked_frame: int) -> _OLD:
+        """Return the values over which a request wrote of which it is known now what became of it."""
+        key = number, asked_frame
         waiting = self._olds.get(key)
         if not waiting:
             return ()
@@ -162,13 +203,6 @@ class VisuTransactions:
         if not waiting:
             del self._olds[key]
         return found
-
-    def _written(self, part: VisuBatch, row: int, request: Request) -> Sequence[Variable]:
-        from nvscope.tracker.visu.names import name_of  # noqa: PLC0415
-        from nvscope.view.lines.visu_words import Variable  # noqa: PLC0415
-
-        names = part.namings[int(part.messages.naming[row])]
-        return [Variable(one, name_of(one, names), one.value) for one in request.entries]
 
     def _remember(self, pair: Pair, variables: Sequence[Variable]) -> None:
         """Take the values that variables have now; nobody knows those that the controller could not read."""
@@ -193,6 +227,14 @@ class VisuTransactions:
         return Said(cut(name), json_value(entry, text), text, json_value(entry, old_text), old_text)
 
 
+def _asked(request: Request, names: Naming) -> Sequence[Variable]:
+    """Return the variables of a request, with the values that it writes."""
+    from nvscope.tracker.visu.names import name_of  # noqa: PLC0415
+    from nvscope.view.lines.visu_words import Variable  # noqa: PLC0415
+
+    return [Variable(one, name_of(one, names), one.value) for one in request.entries]
+
+
 def _controller(pair: Pair) -> _CONTROLLER:
     return pair.server, own_port(pair.port)
 
@@ -208,6 +250,8 @@ def _outcome(part: VisuBatch, row: int, kind: int, request: Request) -> Outcome:
             Replied.UNREAD: Outcome.OPEN if request.writes else Outcome.ANSWERED,
             Replied.STATUS: Outcome.REFUSED if request.writes else Outcome.STATUS,
         }[Replied(int(part.messages.outcome[row]))]  # fmt: skip
+    if kind == Kind.REFUSED:
+        return Outcome.REFUSED if request.writes else Outcome.STATUS
     return {Kind.CUT: Outcome.CUT, Kind.UNANSWERED: Outcome.UNANSWERED}.get(Kind(kind), Outcome.OPEN)
 
 

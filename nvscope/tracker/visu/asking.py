@@ -15,12 +15,16 @@ _QUERIES = ("readpi", "writepi")
 class Ask:
     """What a request asks for: variables (``request``), or, where it ``is_list``, an XML file that may list some.
 
-    ``is_known``: it is the same object for all that ask the same.
+    ``is_known``: it is the same object for all that ask the same. ``is_part``: it was never asked whole, and nobody
+    knows for which variables.
     """
 
-    __slots__ = ("is_known", "is_list", "number", "request")
+    __slots__ = ("is_known", "is_list", "is_part", "number", "request")
 
-    def __init__(self, request: Request | None, *, is_list: bool = False, is_known: bool = False) -> None:
+    def __init__(
+        self, request: Request | None, *, is_list: bool = False, is_known: bool = False, is_part: bool = False
+    ) -> None:  # fmt: skip
+        self.is_part = is_part
         self.request = request
         self.is_list = is_list
         self.is_known = is_known
@@ -29,6 +33,13 @@ class Ask:
 
 
 NOTHING = Ask(None)
+_PARTS = tuple(Ask(Request(writes, 0, ()), is_known=True, is_part=True) for writes in (False, True))
+_WRITES = b"|1|"
+
+
+def part_of(body: bytes) -> Ask:
+    """Return what a body asks for of which the client sent no more than the begin."""
+    return _PARTS[body.lstrip(b"\r\n").startswith(_WRITES)]
 
 
 def asks_whole(ask: Ask, body: bytes) -> bool:

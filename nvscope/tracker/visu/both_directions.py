@@ -18,7 +18,7 @@ from nvscope.tracker.visu.http_forms import NOT_BEGUN, Forms, What
 from nvscope.tracker.visu.http_reader import HttpReader
 from nvscope.tracker.visu.http_runs import take_control
 from nvscope.tracker.visu.request_heads import RequestHeads
-from nvscope.tracker.visu.waiting_requests import Asked, Waiting, WaitingRequests
+from nvscope.tracker.visu.waiting_requests import Asked, Missed, Unheard, Waiting, WaitingRequests
 
 
 class Run:
@@ -79,14 +79,17 @@ class BothDirections:
     """What both directions of a connection bring in a batch; the client's has paused in front of an open request.
 
     ``ends`` are where pieces end in the data of the batch, ``places_of`` returns the pieces with which some of what was
-    found was there, ``heads`` know since when requests had begun that were read before. ``ended`` are, once they were
+    found was there, ``heads`` know since when requests had begun that were read before, ``missed`` which replies were
+    missed before the server was heard, where it is heard now. ``ended`` are, once they were
     read, the places of the open requests that ended where they were answered: each stands in front of what answers it.
     """
 
     def __init__(
         self, client: Run, server: Run, pieces: Pieces, ends: I64, found: Forms,
-        places_of: Callable[[Sequence[int]], I64], heads: RequestHeads,
+        places_of: Callable[[Sequence[int]], I64], heads: RequestHeads, missed: Missed | None = None,
     ) -> None:  # fmt: skip
+        self._missed = missed
+        self._unheard: Unheard | None = None
         self._client, self._server = client, server
         self._pieces, self._ends, self._found = pieces, ends, found
         self._places_of, self._heads = places_of, heads
@@ -110,8 +113,11 @@ class BothDirections:
         asked = [
             one._replace(head_order=order) for one, order in zip(self._asked(own), head_orders, strict=True)
         ]  # fmt: skip
-        requests = WaitingRequests(waiting, asked, self._ends, pieces.order, self._end_open)
-        server.reader.requests = requests
+        if self._missed is not None:
+            self._unheard = Unheard(waiting.first, self._missed)
+            asked = self._unheard.take(asked)
+        requests = WaitingRequests(waiting, asked, self._ends, pieces.order, self._end_open, has_begun=self._has_begun)
+        server.reader.requests, server.reader.keeps_requests = requests, True
         orders = pieces.order[server.start : server.stop]
         reach = client.start + np.searchsorted(pieces.order[client.start : client.stop], orders)
         self._read_client(client.place, requests)
@@ -120,6 +126,9 @@ class BothDirections:
         for end in bounds:
             self._reach = int(reach[begin])
             self._read_client(self._reach, requests)
+            if self._unheard is not None:
+                requests.ask(self._unheard.rest())
+                self._unheard = None
             self._forget(int(orders[begin]))
             server.read_up_to(server.start + end, pieces, self._ends, found)
             begin = end
@@ -143,7 +152,8 @@ class BothDirections:
             client.go_on(found)
         more = range(before, len(found.at))
         self._of_client += more
-        requests.ask(self._asked(more))
+        asked = self._asked(more)
+        requests.ask(asked if self._unheard is None else self._unheard.take(asked))
 
     def _asked(self, places: range) -> list[Asked]:
         """Return orders and forms of what was found at places; note where the client's direction lost step."""
@@ -159,6 +169,13 @@ class BothDirections:
         if count:
             self._server.reader.forget_request()
             del self._breaks[:count]
+
+    def _has_begun(self) -> bool:
+        """Tell whether the client has begun a request that is not whole."""
+        reader = self._client.reader
+        if reader.open is None:
+            return reader.begun_at != NOT_BEGUN
+        return self._reach >= self._paused_at
 
     def _end_open(self, at: int) -> bool:
         """Take that something at a place of the data answers a request, and none waits.

@@ -14,6 +14,8 @@ from dissectors.http import Side
 from dissectors.webvisu import Likeness
 from nvscope.tracker.pieces import ORDER_BITS
 from nvscope.tracker.visu.asking import NOTHING, Ask
+from nvscope.tracker.visu.events import OK
+from nvscope.tracker.visu.going_on import Closed
 from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.limits import MOST_WAITING
 from nvscope.tracker.visu.messages import Kind
@@ -37,13 +39,6 @@ class Early(NamedTuple):
     """A response that came before the request was whole that it answers; its content, if it has any, is in its form."""
 
     form: Form
-    arrival_ns: int
-
-
-class Closed(NamedTuple):
-    """With which order, and when, the client closed its side of a connection."""
-
-    order: int
     arrival_ns: int
 
 
@@ -94,6 +89,13 @@ class Conversation:
                 self._tell_request(kind, asked, order, message, tell)
             is_head = form.head is not None and form.head.method == "HEAD"
             self._wait(Waiting(NOTHING if form.what is What.CUT else asked, order, arrival_ns, is_head))
+        elif form.what is What.PART:
+            of_page = self._is_of_page(form)
+            if of_page:
+                self._tell_request(Kind.PART, asked, order, message, tell)
+            # Who breaks off its own request waits for nothing, but for what has come before.
+            if form.broken_by is not Side.CLIENT or self.early is not None:
+                self._wait(Waiting(asked if of_page else NOTHING, order, arrival_ns))
         elif form.what is What.BROKEN:
             if self._is_of_page(form):
                 self._tell_request(Kind.CUT, NOTHING, order, message, tell)
@@ -142,7 +144,8 @@ class Conversation:
             self._take_other(form, order, tell)
         was_heard, self.is_heard = self.is_heard, self.is_heard or form.what is not What.END
         self._take_from_server(form, order, arrival_ns, message, tell)
-        if not was_heard and self.is_heard:
+        if not was_heard and self.is_heard and self.closed is not None:
+            self.closed = self.closed._replace(order=order)
             self._tell_leaving(Kind.LEFT, order, tell)
 
     def _take_from_server(
@@ -156,6 +159,11 @@ class Conversation:
                 asked = self.waiting.popleft()
                 if form.what is What.CUT:
                     self._tell_answer(Kind.CUT, asked, order, arrival_ns, message, tell)
+                elif asked.asked.is_part:
+                    # What says that a part was done says nothing of it.
+                    is_refused = form.head is not None and form.head.status != OK
+                    kind = Kind.REFUSED if is_refused else Kind.UNCLEAR
+                    self._tell_answer(kind, asked, order, arrival_ns, message, tell)
                 elif asked.asked.request is not None or not form.is_unread:
                     self._tell_answer(Kind.REPLY, asked, order, arrival_ns, message, tell)
             elif self.beyond:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,11 +17,11 @@ from dissectors.webvisu import Request
 from nvscope.engine.runs import distinct
 from nvscope.tracker.connections import Connections
 from nvscope.tracker.pieces import ORDER_BITS
-from nvscope.tracker.visu.asking import NOTHING, Ask, Asking, asks_whole
+from nvscope.tracker.visu.asking import NOTHING, Ask, Asking, asks_whole, part_of
 from nvscope.tracker.visu.controllers import controller_of
 from nvscope.tracker.visu.conversation import Conversation
 from nvscope.tracker.visu.events import OK
-from nvscope.tracker.visu.going_on import GoingOn
+from nvscope.tracker.visu.going_on import GoingOn, Over
 from nvscope.tracker.visu.http_forms import What
 from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.leaving import Leaving
@@ -86,10 +85,20 @@ class Exchanges:
         if conversation is None:
             return Waiting()
         are_head = [one.is_head for one in conversation.waiting]
-        return Waiting(are_head, conversation.beyond, conversation.early is not None)
+        first = next(iter(conversation.waiting), None) if not conversation.is_heard else None
+        begun = None if first is None else (first.order, first.acknowledged)
+        return Waiting(are_head, conversation.beyond, conversation.early is not None, begun)
+
+    def pass_time(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> None:
+        """Take a batch without segments: time has passed for those who have closed their side."""
+        going_on = GoingOn(self._connections, packets, segments, first_frame)
+        for number in self._closed:
+            conversation = self._conversations[number]
+            if conversation.closed is not None:
+                conversation.closed = going_on.passed(conversation.closed)
 
     def take(
-        self, http: HttpMessages, packets: PacketBatch, segments: SegmentBatch, first_frame: int
+        self, http: HttpMessages, packets: PacketBatch, segments: SegmentBatch, first_frame: int, one_way: OneWay
     ) -> VisuBatch:  # fmt: skip
         """Return what the HTTP messages of a batch say of WebVisu; ``first_frame`` is that of its row 0."""
         self._left_out[Beyond.HELD] += http.given_up
@@ -101,27 +110,21 @@ class Exchanges:
         taken, whole = take_whole(http, is_plain, asked, asked_for, self._conversations, self._closed | self._unheard)
         spoken = _spoken(http)[http.form]
         going_on = GoingOn(self._connections, packets, segments, first_frame)
-        one_way = OneWay(self._connections, segments, first_frame)
         pairing = Pairing(
             http, is_plain, asked, asked_for, self._conversations, going_on, self._closed, one_way, self._unheard
         )  # fmt: skip
         said = Said.stacked([whole, _others(http, asked, spoken), *pairing.pair(np.flatnonzero(~taken))])
         http = pairing.messages
         self._left_out[Beyond.WAITING] += pairing.left_out
-        # Several may be given up with one frame; then those of the older connection come first.
-        several = bool((said.kind == Kind.GIVEN_UP).any())
-        in_order = np.lexsort((said.connection, said.order)) if several else np.argsort(said.order, kind="stable")
-        said = said.take(in_order)
+        said = said.take(_in_order(said, pairing.over))
         pair = self._pairs(said.connection)
-        leaving = self._leaving()
         if (pair < 0).any():
             self._left_out[Beyond.PAIR] += int((pair < 0).sum())
             said, pair = said.take(pair >= 0), pair[pair >= 0]
         if not len(said):
             return no_messages()
-        return replace(
-            self._told(http, said, spoken, pair, asked_for.asks, packets, segments, first_frame), leaving=leaving
-        )
+        over = _told_by_time(said, pairing.over)
+        return self._told(http, said, spoken, pair, over, asked_for.asks, packets, segments, first_frame)
 
     def _leaving(self) -> list[Leaving]:
         """Return what waits in connections whose clients have closed their side."""
@@ -129,12 +132,14 @@ class Exchanges:
         found = []
         for number, pair in zip(numbers, self._pairs(np.array(numbers, np.int64)).tolist(), strict=True):
             conversation = self._conversations[number]
-            assert conversation.closed is not None
-            frame, closed_ns = conversation.closed.order >> ORDER_BITS, conversation.closed.arrival_ns
+            closed = conversation.closed
+            if pair < 0 or closed is None:
+                continue
+            naming = self._names.version_of(controller_of(self.pairs.words, pair))
             found += [
-                Leaving(pair, request, one.order >> ORDER_BITS, closed_ns - one.arrival_ns, frame, closed_ns)
+                Leaving(pair, request, one.order >> ORDER_BITS, closed.arrival_ns - one.arrival_ns, closed, naming)
                 for one in conversation.waiting
-                if pair >= 0 and (request := one.asked.request) is not None
+                if (request := one.asked.request) is not None
             ]
         return found
 
@@ -151,6 +156,10 @@ class Exchanges:
                 numbers.append(number)
                 continue
             form = forms[place]
+            if form.what is What.PART:
+                numbers.append(asked_for.number(part_of(form.content or b"")))
+                last, last_place = b"", -1
+                continue
             body = None
             if form.what is What.WHOLE and form.head is not None:
                 body = form.content if form.is_coded else data[start : start + form.body_bytes]
@@ -171,8 +180,8 @@ class Exchanges:
         return asked
 
     def _told(
-        self, http: HttpMessages, said: Said, spoken: I64, pair: I64, asks: Sequence[Ask], packets: PacketBatch,
-        segments: SegmentBatch, first_frame: int,
+        self, http: HttpMessages, said: Said, spoken: I64, pair: I64, over: Mapping[int, Over], asks: Sequence[Ask],
+        packets: PacketBatch, segments: SegmentBatch, first_frame: int,
     ) -> VisuBatch:  # fmt: skip
         requests = [one.request or NO_REQUEST for one in asks]
         row = (said.order >> ORDER_BITS) - first_frame
@@ -181,9 +190,10 @@ class Exchanges:
         kind = said.kind.copy()
         writes = np.array([one.writes for one in requests], np.bool_)
         kind[(kind == Kind.READ) & writes[said.asked]] = int(Kind.WRITE)
-        replies = (kind == Kind.REPLY) | (kind == Kind.NAMES)
+        replies = (kind == Kind.REPLY) | (kind == Kind.NAMES) | (kind == Kind.REFUSED)
         status = _of_messages(_statuses(http)[http.form], said, replies)
         outcome, fields = outcomes(kind, said.asked, requests, status, data, start, stop)
+        outcome[kind == Kind.REFUSED] = int(Outcome.STATUS)
         known = np.array([one.is_known for one in asks], np.bool_)
         unread = _of_messages(_unread(http)[http.form], said, kind == Kind.REPLY) > 0
         unread &= (status == OK) & ~np.array([one.query for one in requests], np.bool_)[said.asked]
@@ -201,7 +211,8 @@ class Exchanges:
         self._left_out[Beyond.NAMES] += self._names.left_out
         left_out, self._left_out, self._names.left_out = +self._left_out, Counter(), 0
         return VisuBatch.of(
-            messages, segments, data, requests, self.pairs.words, self._names.versions, list_flaws, left_out
+            messages, segments, data, requests, self.pairs.words, self._names.versions, list_flaws, left_out,
+            self._leaving(), over,
         )  # fmt: skip
 
     def _namings(
@@ -257,6 +268,29 @@ class Exchanges:
     def _pairs(self, connection: I64) -> I64:
         ends = self._connections.ends_of(connection)
         return self.pairs.numbers_within(MOST_PAIRS, *ends.client, *ends.server, ends.server_port)
+
+
+def _in_order(said: Said, over: Mapping[tuple[int, int], Over]) -> I64:
+    """Return the order in which things are told.
+
+    Several clients may be known to have given up with one segment: those of whom time told it first come first, and
+    then the older connections.
+    """
+    if not (said.kind == Kind.GIVEN_UP).any():
+        return np.argsort(said.order, kind="stable")
+    by_time = sorted(set(over.values()))
+    rank = {key: by_time.index(one) - len(by_time) for key, one in over.items()}
+    keys = zip(said.connection.tolist(), said.order.tolist(), strict=True)
+    ranks = np.array([rank.get(key, 0) for key in keys], np.int64)
+    older = np.where(ranks < 0, 0, said.connection)
+    return np.lexsort((said.asked_frame, older, ranks, said.order))
+
+
+def _told_by_time(said: Said, over: Mapping[tuple[int, int], Over]) -> Mapping[int, Over]:
+    """Return what time alone told, by place in what is said."""
+    places = np.flatnonzero(said.kind == Kind.GIVEN_UP).tolist() if over else []
+    keys = ((place, (int(said.connection[place]), int(said.order[place]))) for place in places)
+    return {place: over[key] for place, key in keys if key in over}
 
 
 def _spoken(http: HttpMessages) -> I64:

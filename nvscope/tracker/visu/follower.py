@@ -11,6 +11,7 @@ from nvscope.tracker.streams import ENOUGH, MOST_CONNECTIONS, Streams
 from nvscope.tracker.visu.exchanges import Exchanges
 from nvscope.tracker.visu.http_messages import HttpStreams
 from nvscope.tracker.visu.messages import VisuBatch
+from nvscope.tracker.visu.one_way import OneWay
 
 if TYPE_CHECKING:
     from nvscope.definition.webvisu import GivenList
@@ -30,14 +31,19 @@ class VisuFollower:
     def follow(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> VisuBatch:
         """Return what the segments of a batch bring, which follows those before; its row 0 is frame ``first_frame``."""
         brought = self._streams.observe(packets, segments, first_frame)
-        messages = self._http.read(packets.data, brought, self._exchanges.waiting)
-        told = self._exchanges.take(messages, packets, segments, first_frame)
+        one_way = OneWay(self._streams.connections, segments, first_frame)
+        messages = self._http.read(packets.data, brought, self._exchanges.waiting, one_way.missed_of)
+        told = self._exchanges.take(messages, packets, segments, first_frame, one_way)
         outlived = self._streams.outlived()
         if outlived is not None:
             numbers = {old: new for new, old in enumerate(outlived.kept.tolist())}
             self._http.keep(numbers)
             self._exchanges.keep(numbers, only_ended=outlived.only_ended)
         return told
+
+    def pass_time(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> None:
+        """Take a batch of which no segment is of these ports."""
+        self._exchanges.pass_time(packets, segments, first_frame)
 
     def forget(self) -> None:
         """Forget where all connections are: what comes next of them begins in the middle."""

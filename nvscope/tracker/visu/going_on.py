@@ -2,12 +2,14 @@
 
 A connection of which only the client's side is closed may still be answered: some clients close it with the request
 (RFC 9293, section 3.6). What is sure is that the client goes on without a reply: it opens another connection to the
-same server, ``PATIENCE_NS`` or longer after it closed its side of this one. Of who asks no more, time tells.
+same server, ``PATIENCE_NS`` or longer after it closed its side of this one. Of who asks no more, time tells: the first
+frame behind that, of whatever ports, that is ``LONGEST_NS`` later shows that it is over, for good.
 """
 
 from __future__ import annotations
 
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,6 +25,47 @@ PATIENCE_NS = 10**9
 
 LONGEST_NS = 10 * 10**9
 """Nothing came for so long after the client closed its side: it is not waited for any more."""
+
+
+class Closed(NamedTuple):
+    """With which order a client closed its side of a connection, or its server was heard behind that; and when it did.
+
+    ``over_frame`` is the frame of an earlier batch that showed that it is over, 0 without one.
+    """
+
+    order: int
+    arrival_ns: int
+    over_frame: int = 0
+
+    @property
+    def frame(self) -> int:
+        return self.order >> ORDER_BITS
+
+    @property
+    def over_ns(self) -> int:
+        """When it is not waited for any more."""
+        return self.arrival_ns + LONGEST_NS
+
+
+class Over(NamedTuple):
+    """Which frame showed that a client waited no more, and when that was: by time alone."""
+
+    frame: int
+    time_ns: int
+
+
+class Gone(NamedTuple):
+    """The order of the segment with which it is told that a client waits no more; ``over`` where time told it."""
+
+    order: int
+    over: Over | None = None
+
+
+def first_behind(frame: int, over_ns: int, times_ns: I64, first_frame: int) -> int:
+    """Return the first frame of a batch behind one that is not before a time, 0 without one."""
+    begin = max(frame + 1 - first_frame, 0)
+    late = times_ns[begin:] >= over_ns
+    return first_frame + begin + int(late.argmax()) if late.any() else 0
 
 
 class GoingOn:
@@ -49,10 +92,22 @@ class GoingOn:
     def _rises(self) -> bool:
         return bool((self._time_ns[1:] >= self._time_ns[:-1]).all())
 
-    def since(self, connection: int, order: int, time_ns: int) -> int:
-        """Return the order with which it is sure of a client that closed its side with an order, at a time."""
-        first = self._first_of(self._every, order, time_ns + LONGEST_NS)
-        return min(first, self._first_of(self._opened_like(connection), order, time_ns + PATIENCE_NS))
+    def since(self, connection: int, closed: Closed) -> Gone:
+        """Return since when a client that has closed its side waits no more; ``NEVER`` where no segment tells it."""
+        opened = self._first_of(self._opened_like(connection), closed.order, closed.arrival_ns + PATIENCE_NS)
+        frame = self.passed(closed).over_frame
+        if not frame:
+            return Gone(opened)
+        place = int(np.searchsorted(self._order, frame << ORDER_BITS))
+        first = int(self._order[place]) if place < len(self._order) else NEVER
+        return Gone(opened) if opened < first else Gone(first, Over(frame, closed.over_ns))
+
+    def passed(self, closed: Closed) -> Closed:
+        """Return the same with the frame of the batch that shows that it is over, if one does."""
+        if closed.over_frame:
+            return closed
+        times_ns, first_frame = self._packets.ts_ns, self._first_frame
+        return closed._replace(over_frame=first_behind(closed.frame, closed.over_ns, times_ns, first_frame))
 
     def _first_of(self, places: I64, order: int, time_ns: int) -> int:
         """Return the order of the first of some segments, rising, that is behind an order and not before a time."""
@@ -72,10 +127,6 @@ class GoingOn:
         if own < 0:
             return places[:0]
         return places[np.searchsorted(number, own) : np.searchsorted(number, own, side="right")]
-
-    @cached_property
-    def _every(self) -> I64:
-        return np.arange(len(self._order))
 
     @cached_property
     def _opened(self) -> tuple[KeyTable, I64, I64]:

@@ -20,7 +20,8 @@ _MOST_FORMS = 4096
 class What(IntEnum):
     """What happens in a stream.
 
-    A message is ``WHOLE``; or ``CUT``: it is known where it ends, but not all that is in it. ``BROKEN``: the stream
+    A message is ``WHOLE``; or ``CUT``: it is known where it ends, but not all that is in it; or ``PART``: a request of
+    which the client sent no more than a part, and nothing is missing. ``BROKEN``: the stream
     loses step. ``BEGIN`` and ``END`` are its own, with ``ANEW`` the whole connection begins. With ``GAP``, bytes are
     missing.
     """
@@ -32,6 +33,7 @@ class What(IntEnum):
     END = 4
     GAP = 5
     ANEW = 6
+    PART = 7
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,10 +18,13 @@ from nvscope.tracker.pieces import ANEW, Brought, PieceKind, Pieces
 from nvscope.tracker.visu.both_directions import BothDirections, Run
 from nvscope.tracker.visu.http_forms import NOT_BEGUN, Form, Forms
 from nvscope.tracker.visu.http_reader import END_OF_HEAD, HttpReader
-from nvscope.tracker.visu.http_runs import Controls, are_short, read_run, take_control
+from nvscope.tracker.visu.http_runs import Controls, are_short, begins_late, read_run, take_control
 from nvscope.tracker.visu.limits import MOST_HELD_BYTES
 from nvscope.tracker.visu.request_heads import EARLIER, ClientRows, RequestHeads
-from nvscope.tracker.visu.waiting_requests import Asked, Waiting, WaitingRequests
+from nvscope.tracker.visu.waiting_requests import Asked, Missed, Unheard, Waiting, WaitingRequests
+
+_MOST_BEFORE_FIRST = 64
+"""So much of what a client shows is looked at to tell whether anything waits for the first response."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,10 +108,14 @@ class HttpStreams:
         self._open = {numbers[one] for one in self._open if one in numbers}
         self._held_bytes = sum(len(reader.rest) for reader in self._readers.values())
 
-    def read(self, buffer: U8, brought: Brought, waiting_of: Callable[[int], Waiting]) -> HttpMessages:
+    def read(
+        self, buffer: U8, brought: Brought, waiting_of: Callable[[int], Waiting],
+        missed_of: Callable[[int, int], Missed] | None = None,
+    ) -> HttpMessages:  # fmt: skip
         """Return what happens in the streams by the pieces of a batch; ``buffer`` is that of its packets.
 
-        ``waiting_of`` tells which requests of a connection wait before the batch.
+        ``waiting_of`` tells which requests of a connection wait before the batch, ``missed_of`` which replies of one
+        were missed before an order, with which its server was heard first.
         """
         pieces, found = brought.pieces, self._found
         found.renew()
@@ -133,11 +140,13 @@ class HttpStreams:
                     self._held_bytes -= len(left.rest)
                     told.insert(len(counts), stream - 1)
                     counts.append(0)
+            begins = stream & 1 > 0 and begins_late(pieces, start)
+            missed = missed_of(stream >> 1, int(pieces.order[start])) if begins and missed_of else None
             if paused is not None:
                 server = Run(self._reader(stream), data, behind[place], start, stop)
                 self._held_bytes -= len(server.reader.rest)
                 places_of, heads = partial(self._places, ends), self._heads(pieces, ends)
-                both = BothDirections(paused, server, pieces, ends, found, places_of, heads)
+                both = BothDirections(paused, server, pieces, ends, found, places_of, heads, missed)
                 of_client = both.read(waiting_of(stream >> 1), before - counts[-1])
                 given_up += self._leave_both(stream >> 1, (paused, server), pieces, both.ended)
                 counts[-1] += of_client
@@ -157,9 +166,11 @@ class HttpStreams:
             reader = self._reader(stream)
             if reader.begun_at >= 0:
                 reader.begun_at = EARLIER
-            if stream & 1 and stream >> 1 in self._with_head:
+            if begins or (stream & 1 and (stream >> 1 in self._with_head or reader.is_late)):
+                reader.keeps_requests = stream >> 1 in self._with_head
                 first = before if asking != stream >> 1 else before - counts[-1]
-                reader.requests = self._requests(brought, ends, range(first, before), stream >> 1, waiting_of)
+                own = range(first, before if reader.keeps_requests else min(before, first + _MOST_BEFORE_FIRST))
+                reader.requests = self._requests(brought, ends, own, stream >> 1, waiting_of, missed)
             asking = stream >> 1
             self._held_bytes -= len(reader.rest)
             first_new = behind[place] + len(reader.rest)
@@ -315,14 +326,19 @@ class HttpStreams:
             reader.read(data, begin, end, found)
 
     def _requests(
-        self, brought: Brought, ends: I64, own: range, connection: int, waiting_of: Callable[[int], Waiting]
-    ) -> WaitingRequests:
-        """Return the requests of a connection, of which some were found in this batch."""
+        self, brought: Brought, ends: I64, own: range, connection: int, waiting_of: Callable[[int], Waiting],
+        missed: Missed | None,
+    ) -> WaitingRequests:  # fmt: skip
+        """Return the requests of a connection, some of them of this batch; ``missed`` are replies to them."""
         found, orders, heads = self._found, brought.pieces.order, self._heads(brought.pieces, ends)
         forms = [found.forms[number] for number in found.form[own.start : own.stop]]
         head_orders = map(heads.order_of, own, forms)
-        asked = map(Asked, orders[self._places(ends, own)].tolist(), forms, head_orders)
-        return WaitingRequests(waiting_of(connection), asked, ends, orders, begun=heads.begun(connection))
+        asked = list(map(Asked, orders[self._places(ends, own)].tolist(), forms, head_orders))
+        waiting = waiting_of(connection)
+        if missed is not None:
+            unheard = Unheard(waiting.first, missed)
+            asked = [*unheard.take(asked), *unheard.rest()]
+        return WaitingRequests(waiting, asked, ends, orders, begun=heads.begun(connection))
 
     def _heads(self, pieces: Pieces, ends: I64) -> RequestHeads:
         """Return since when requests of a batch had begun."""

@@ -6,13 +6,15 @@ What is found, and up to which byte one has to read to find it, does not depend 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from dissectors import http
 from dissectors.http import MOST_BODY_BYTES, MOST_HEAD_BYTES, Body, Head, Side
 from dissectors.web_protocols import protocol_of_bytes
-from dissectors.webvisu import Likeness, likeness
+from dissectors.webvisu import Likeness
 from nvscope.tracker.visu.http_forms import NOT_BEGUN, Form, Forms, What
+from nvscope.tracker.visu.part_requests import OpenRequest, bodiless, end_form, likeness_of, part_form
+from nvscope.tracker.visu.same_messages import count_same
 
 if TYPE_CHECKING:
     from nvscope.tracker.visu.waiting_requests import WaitingRequests
@@ -20,18 +22,8 @@ if TYPE_CHECKING:
 _MOST_CHUNKED_BYTES = 2 * MOST_BODY_BYTES
 END_OF_HEAD = b"\r\n\r\n"
 _ENDLESS = 1 << 62
-_POST = b"POST "
 _DIFFERING = 4
 """So many messages that differ from those before them, and more, are followed by others that differ, too."""
-
-_AT_A_TIME = 16
-
-
-class OpenRequest(NamedTuple):
-    """A request that has begun and does not say how long it is: its head, and how many bytes that takes."""
-
-    head: Head
-    head_bytes: int
 
 
 class HttpReader:
@@ -44,20 +36,24 @@ class HttpReader:
     to read to know that what is read now is no part of another message; 0 of what is not. ``arrived_ns`` is when what
     is left over of earlier batches had come. ``begun_at`` is where the head ends of a message that says how long it is,
     and is not whole: in the data of the batch, below 0 where that was an earlier one; ``NOT_BEGUN`` without such.
+    ``is_late``: a server's stream began in the middle, and its first response may answer what was not captured;
+    unless it ``keeps_requests``, these are asked for that one alone.
     """
 
     __slots__ = (
         "_answers_head", "_answers_nobody", "_chunks", "_found_before", "_is_first", "_passed", "_passes", "_seeks",
-        "arrived_ns", "asks_head", "begun_at", "breaks", "known_at", "open", "pauses", "requests", "rest", "side",
+        "_unasked",
+        "arrived_ns", "asks_head", "begun_at", "breaks", "is_late", "keeps_requests", "known_at", "open", "pauses",
+        "requests", "rest", "side",
     )  # fmt: skip
 
     def __init__(self, side: Side) -> None:
         self.side = side
-        self.rest = b""
-        self.asks_head = False
+        self.rest, self.asks_head = b"", False
         self.requests: WaitingRequests | None = None
         # Of the response that has begun, None before its head is there.
         self._answers_head: bool | None = None
+        self._unasked: bool | None = None
         self._answers_nobody = False
         self.breaks: list[int] = []
         # The chunks of the message that has begun, None where it has none.
@@ -67,20 +63,18 @@ class HttpReader:
         self._passes = 0
         self._passed: Form | None = None
         # Whether nothing of the stream is known yet but that it has begun, and how much was found before this read.
-        self._is_first = False
-        self._found_before = 0
-        self.known_at = 0
+        self._is_first, self._found_before, self.known_at = False, 0, 0
         self.open: OpenRequest | None = None
-        self.pauses = False
-        self.arrived_ns = 0
-        self.begun_at = NOT_BEGUN
+        self.pauses, self.arrived_ns = False, 0
+        self.begun_at, self.is_late, self.keeps_requests = NOT_BEGUN, False, True
 
     def begin(self, *, in_step: bool) -> None:
         """Take the begin of a connection; its first bytes begin a message where it is ``in_step``."""
         self.rest, self._passes, self._passed = b"", 0, None
         self._seeks, self._is_first = not in_step, in_step
-        self._answers_head, self._answers_nobody, self._chunks, self.open = None, False, None, None
-        self.begun_at = NOT_BEGUN
+        self._answers_head = self._unasked = self._chunks = self.open = None
+        self._answers_nobody = False
+        self.begun_at, self.is_late = NOT_BEGUN, self.side is Side.SERVER and not in_step
 
     def read(self, data: bytes, begin: int, end: int, found: Forms, known_at: int = 0) -> None:
         """Read ``data`` from ``begin``, where its rest is, to ``end``."""
@@ -132,7 +126,7 @@ class HttpReader:
             self._answers_head = None
             if differing < _DIFFERING and behind >= known_at:
                 length = behind - begin
-                count = _count_same(data, begin, behind, end)
+                count = count_same(data, begin, behind, end)
                 found.at.extend(range(head_end + length, head_end + count * length + 1, length))
                 found.form.extend([number] * count)
                 differing = 0 if count else differing + 1
@@ -146,7 +140,7 @@ class HttpReader:
         """Note what was found, from the place ``first`` on, of what could not be known before ``known_at``."""
         for place in range(first, len(found.at)):
             if found.at[place] + found.body_bytes[found.form[place]] < known_at:
-                found.late[place] = known_at
+                found.late[place] = max(found.late.get(place, 0), known_at)
 
     def forget_request(self) -> None:
         """Take that nobody knows any more which request the message answers that is being received, if one is."""
@@ -171,6 +165,13 @@ class HttpReader:
             return self._lose_step(data, start, head_end, found)
         if self.side is Side.CLIENT:
             self.asks_head |= head.method == "HEAD"
+        if head.has_body and (head.expects or (self.is_late and self._is_unasked(head_end))):
+            line = http.start_line_at(data, head_end, end, self.side)
+            if line > 0:
+                return self._skip_body(data[start:head_end], head_end, line, head, found)
+            if line < 0 and (head.body is Body.LENGTH or self.side is Side.SERVER):
+                self.begun_at = head_end
+                return -1
         if head.body is Body.LENGTH:
             return self._read_length(data, start, head_end, end, head, found)
         if self.side is Side.CLIENT:
@@ -192,17 +193,33 @@ class HttpReader:
             self._answers_head = self.requests is not None and self.requests.answers_head(max(at, self.known_at))
         return self._answers_head
 
+    def _is_unasked(self, at: int) -> bool:
+        """Tell whether no request waits that was captured when a head is whole: what waited then says so, not later."""
+        if self._unasked is None:
+            self._unasked = self.requests is not None and not self.requests.wait(max(at, self.known_at))
+        return self._unasked
+
+    def _skip_body(self, text: bytes, head_end: int, line: int, head: Head, found: Forms) -> int:
+        """Take a message without its body, in whose place there is, up to ``line``, the first line of another one."""
+        self.begun_at, found.late[len(found.at)] = NOT_BEGUN, line
+        is_request, self._answers_nobody = self.side is Side.CLIENT, self.side is Side.SERVER
+        form = part_form(text, len(text), head) if is_request else bodiless(head, self._answered(line, head))
+        found.tell(head_end, form)
+        return head_end
+
     def _answered(self, at: int, head: Head | None) -> bool:
         """Take the end of a message; return whether it answers nobody."""
         nobody = self._answers_nobody
         self._answers_head, self._answers_nobody = None, False
         if self.requests is not None and not nobody and not (head is not None and head.is_interim):
             self.requests.answered(at if at < 0 else max(at, self.known_at))
+        if self.is_late and not (head is not None and head.is_interim):
+            self.is_late, self.requests = False, self.requests if self.keeps_requests else None
         return nobody
 
     def _may_be_known(self, head: Head) -> bool:
         """Tell whether all messages with such a head are read alike."""
-        return self.requests is None and head.method != "HEAD" and not head.is_interim
+        return self.requests is None and head.method != "HEAD" and not (head.is_interim or head.expects or self.is_late)
 
     def _read_length(self, data: bytes, start: int, head_end: int, end: int, head: Head, found: Forms) -> int:
         behind = head_end + head.length
@@ -282,19 +299,13 @@ class HttpReader:
         assert self.open is not None
         head = self.open.head
         body = begin + self.open.head_bytes
-        content = None if self._passes else http.content_up_to(data, body, end, head, self._chunks)
-        found.tell(at, Form(What.WHOLE, head, 0, content, is_coded=True))
+        if head.expects and body >= end and not self._passes:
+            found.tell(at, part_form(data[begin:body], body - begin, head))
+        else:
+            content = None if self._passes else http.content_up_to(data, body, end, head, self._chunks)
+            found.tell(at, Form(What.WHOLE, head, 0, content, is_coded=True))
         self.begin(in_step=True)
         self._is_first = False
-
-    def _likeness(self, rest: bytes, head_end: int, head: Head | None) -> Likeness:
-        """Tell whether what there is of a message, up to a hole, may be a request of a WebVisu page."""
-        if self.side is not Side.CLIENT or not (rest == _POST[:-1] or rest.startswith(_POST)):
-            return Likeness.NO
-        content = b"" if head is None else rest[head_end:]
-        if head is not None and head.body is Body.CHUNKS:
-            content = http.read_chunks(rest, head_end, len(rest)).content
-        return likeness(content, http.target_of(rest))
 
     def miss(self, size: int, at: int, found: Forms) -> None:
         """Take a hole of so many bytes."""
@@ -313,7 +324,7 @@ class HttpReader:
         if in_step and not self._passes and rest:
             head_end = http.end_of_head(rest, 0, len(rest))
             head = http.read_head(rest[:head_end], self.side) if head_end >= 0 else None
-            touched = self._likeness(rest, head_end, head)
+            touched = Likeness.NO if self.side is Side.SERVER else likeness_of(rest, head_end, head)
             if head is not None and head.body is Body.LENGTH:
                 length = 0 if self._answers_head else head.length
                 self._passes = length - (len(rest) - head_end)
@@ -336,7 +347,7 @@ class HttpReader:
         found.tell(at, Form(What.BROKEN, touched=touched))
 
     def _out_of_step(self, at: int) -> None:
-        self._seeks, self._answers_head, self._answers_nobody, self.open = True, None, False, None
+        self._seeks, self._answers_head, self._answers_nobody, self.open, self._unasked = True, None, False, None, None
         self.begun_at = NOT_BEGUN
         if self.requests is not None:
             self.requests.forget(at)
@@ -376,6 +387,10 @@ class HttpReader:
             # Of a response that was not sent whole nothing is missing: it is none.
             elif self.side is Side.SERVER and self._passed is not None and self._passed.what is What.CUT:
                 found.tell(at, Form(What.CUT, answers_nobody=self._answered(at, self._passed.head)))
+            if self.side is Side.CLIENT and (form := end_form(rest, head_end, head, self._passed, found.forms[ended])):
+                if self.begun_at != NOT_BEGUN:
+                    found.head_at[len(found.at)] = self.begun_at
+                found.tell(at, form)
         self.begin(in_step=False)
         if self.requests is not None:
             if ended == Forms.END:
@@ -383,18 +398,3 @@ class HttpReader:
             self.requests.forget(at)
         found.at.append(at)
         found.form.append(ended)
-
-
-def _count_same(data: bytes, begin: int, behind: int, end: int) -> int:
-    """Return how many messages follow one, up to ``end``, that are the same; it lies from ``begin`` to ``behind``."""
-    length = behind - begin
-    most = (end - behind) // length
-    message = data[begin:behind]
-    if not most or not data.startswith(message, behind):
-        return 0
-    count, several = 1, message * _AT_A_TIME
-    while count + _AT_A_TIME <= most and data.startswith(several, behind + count * length):
-        count += _AT_A_TIME
-    while count < most and data.startswith(message, behind + count * length):
-        count += 1
-    return count

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dissectors.batch import I64, Bool
-from nvscope.tracker.pieces import ANEW, IN_STEP, Brought, PieceKind
+from nvscope.tracker.pieces import ANEW, IN_STEP, Brought, PieceKind, Pieces
 from nvscope.tracker.visu.http_forms import Forms
 from nvscope.tracker.visu.http_reader import HttpReader
 
@@ -62,6 +62,11 @@ def are_short(brought: Brought, start: I64, stop: I64) -> Bool:
     short: Bool = controls == 2
     short &= (kind[start] == int(PieceKind.BEGIN)) & in_step & (kind[stop - 1] == int(PieceKind.END))
     return short
+
+
+def begins_late(pieces: Pieces, start: int) -> bool:
+    """Tell whether a stream begins with a piece, in the middle."""
+    return bool(pieces.kind[start] == PieceKind.BEGIN and not pieces.size[start] & IN_STEP)
 
 
 def read_run(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from dissectors.headers import RST
 from dissectors.transport import NO_SEGMENTS, SegmentBatch
 from dissectors.webvisu import Request
 from nvscope.engine.runs import runs_of
+from nvscope.tracker.visu.going_on import Over
 from nvscope.tracker.visu.leaving import Leaving
 from nvscope.tracker.visu.limits import Beyond
 from nvscope.tracker.visu.names import ListFlaw, Naming
@@ -30,8 +32,9 @@ class Kind(IntEnum):
     ``UNANSWERED``: the connection ended without a reply, or the client waits no more. ``GAP``: bytes are missing of a
     connection with such requests. ``OTHER``: a request of another protocol, or the begin of a connection over which
     another one is spoken. ``LEFT``: a request waits, and its client closes its side of the connection; ``UNCLEAR``:
-    then nobody knows any more what answers it. ``GIVEN_UP``: what is unanswered since the client waits no more; batches
-    have that as ``UNANSWERED``, by its outcome.
+    then nobody knows any more what answers it, or what the reply to a part says of it. ``GIVEN_UP``: what is unanswered
+    since the client waits no more; batches have that as ``UNANSWERED``, by its outcome. ``PART``: a request ends of
+    which the client sent no more than a part; ``REFUSED``: the reply to such a one, of another status than 200.
     """
 
     READ = 0
@@ -45,6 +48,8 @@ class Kind(IntEnum):
     LEFT = 8
     UNCLEAR = 9
     GIVEN_UP = 10
+    PART = 11
+    REFUSED = 12
 
 
 class Outcome(IntEnum):
@@ -107,7 +112,8 @@ class VisuBatch:
     and server, and its port, by number of the pair, five columns of uint64; ``namings`` are what variables were called,
     ``list_flaws`` what there is to say of lists, by message.
     ``left_out`` is how often there was no room for something up to here, and that was not told before. ``leaving`` is
-    what waits behind the batch in connections whose clients have closed their side.
+    what waits behind the batch in connections whose clients have closed their side. ``over`` is what time alone told of
+    unanswered messages before the segment came that they stand with.
     """
 
     row: I64
@@ -122,6 +128,7 @@ class VisuBatch:
     list_flaws: Mapping[int, ListFlaw]
     left_out: Mapping[Beyond, int]
     leaving: Sequence[Leaving]
+    over: Mapping[int, Over]
 
     def __len__(self) -> int:
         return len(self.row)
@@ -133,6 +140,13 @@ class VisuBatch:
             return False
         return bool(self.segment.source_port[place] == self.pairs[_PORT][pair])
 
+    def known_ns(self, times_ns: I64) -> I64:
+        """Return when each message was known; ``times_ns`` are those of the packets of the batch."""
+        found: I64 = times_ns[self.messages.row]
+        for place, over in self.over.items():
+            found[place] = over.time_ns
+        return found
+
     def take(self, rows: I64 | Bool) -> VisuBatch:
         """Return the frames at the given positions or where the mask is set."""
         return replace(
@@ -143,14 +157,15 @@ class VisuBatch:
     def of(
         messages: VisuMessages, segments: SegmentBatch, data: bytes, requests: Sequence[Request], pairs: Sequence[U64],
         namings: Sequence[Naming], list_flaws: Mapping[int, ListFlaw], left_out: Mapping[Beyond, int],
-        leaving: Sequence[Leaving] = (),
+        leaving: Sequence[Leaving] = (), over: Mapping[int, Over] = MappingProxyType({}),
     ) -> VisuBatch:  # fmt: skip
         """Return the frames of some messages that stand in their order; ``segments`` are those of the batch."""
         start, stop = runs_of(messages.row)
         row = messages.row[start]
         own = segments.take(np.searchsorted(segments.row, row))
         return VisuBatch(
-            row, start, stop - start, messages, own, data, requests, pairs, namings, list_flaws, left_out, leaving
+            row, start, stop - start, messages, own, data, requests, pairs, namings, list_flaws, left_out, leaving,
+            over,
         )  # fmt: skip
 
 

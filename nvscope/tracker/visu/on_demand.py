@@ -47,6 +47,8 @@ class FollowOnDemand:
     def follow(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> Part:
         """Return what the segments of a batch bring (``nvscope.tracker.visu.messages.VisuBatch``)."""
         if not len(segments):
+            if self._known is not None:
+                self._known.pass_time(packets, segments, first_frame)
             return _Nothing()
         if self._known is None:
             from nvscope.tracker.visu.follower import VisuFollower  # noqa: PLC0415

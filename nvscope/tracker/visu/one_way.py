@@ -80,6 +80,10 @@ class OneWay:
             begin, many = stop, 2 * many
         return NO_MORE
 
+    def missed_of(self, connection: int, before: int) -> MissedReplies:
+        """Return what tells of the replies of a connection that were missed before an order."""
+        return MissedReplies(self, connection, before)
+
     def acknowledged_at(self, stream: int, order: int) -> int:
         """Return how far a stream's speaker acknowledges in the frame of an order, ``UNKNOWN`` where it is no such."""
         segments, row = self._segments, (order >> ORDER_BITS) - self._first_frame
@@ -87,6 +91,25 @@ class OneWay:
         if place == len(segments) or segments.row[place] != row or not segments.flags[place] & ACK:
             return UNKNOWN
         return int(segments.acknowledgement[place]) if self._stream[place] == stream else UNKNOWN
+
+
+class MissedReplies(NamedTuple):
+    """The replies of a server that were missed before an order, with which it was heard (``Missed``)."""
+
+    one_way: OneWay
+    connection: int
+    before: int
+
+    def acknowledged(self, order: int) -> int:
+        """Return up to where the client acknowledges the server's bytes with an order."""
+        return self.one_way.acknowledged_at(2 * self.connection, order)
+
+    def by(self, order: int, acknowledged: int) -> int:
+        """Return with which order a reply was missed to what was asked with one; ``NEVER`` without any."""
+        if acknowledged == UNKNOWN:
+            return NEVER
+        found = self.one_way.more_than(acknowledged, 2 * self.connection, order).order
+        return found if found < self.before else NEVER
 
 
 def more_bytes(acknowledged: int, before: int) -> int:

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from dissectors.batch import I64, Bool
-from dissectors.webvisu import is_like_reply
+from dissectors.webvisu import Likeness, is_like_reply
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.tracker.pieces import NEVER
 from nvscope.tracker.visu.conversation import Conversation, Early, Happened
 from nvscope.tracker.visu.events import OK
-from nvscope.tracker.visu.going_on import GoingOn
+from nvscope.tracker.visu.going_on import GoingOn, Over
 from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.one_way import UNKNOWN, OneWay, more_bytes
@@ -39,7 +39,8 @@ class Pairing:
     ``conversations`` are the state of connections, ``closed`` those whose client has closed its side while its requests
     waited; of these, ``going_on`` tells whether it waits still. ``unheard`` are those in which requests wait, and of
     whose server nothing was captured; of these, ``one_way`` tells whether there was something. ``left_out`` are the
-    requests so far for which there was no room.
+    requests so far for which there was no room. ``over`` is what time told of clients that gave up, by connection and
+    order.
     """
 
     def __init__(
@@ -56,6 +57,7 @@ class Pairing:
         self._happened: list[Happened] = []
         self._later: list[tuple[Form, int, int, int]] = []
         self.left_out = 0
+        self.over: dict[tuple[int, int], Over] = {}
 
     @property
     def messages(self) -> HttpMessages:
@@ -88,6 +90,8 @@ class Pairing:
             # Another connection may have begun between the same ends.
             if conversation.closed is None or not conversation.waiting:
                 self._closed.discard(number)
+            else:
+                conversation.closed = self._going_on.passed(conversation.closed)
         for number in self._one_way.of_clients(self._unheard):
             conversation = self._conversations[number]
             self._miss(conversation, NEVER)
@@ -161,14 +165,17 @@ class Pairing:
                 conversation.take_from_client(http.forms[form], asks[ask], order, arrival_ns, row, tell)
                 if not conversation.is_heard and conversation.waiting and conversation.waiting[-1].order == order:
                     conversation.note_acknowledged(self._one_way.acknowledged_at(stream, order))
-                if conversation.early is not None and http.forms[form].what in (What.WHOLE, What.CUT):
+                if conversation.early is not None and http.forms[form].what in (What.WHOLE, What.CUT, What.PART):
                     self._later.append((conversation.early.form, stream + 1, order, conversation.early.arrival_ns))
                     conversation.answer_early(order, len(http) + len(self._later) - 1, tell)
 
     def _is_early(self, conversation: Conversation, row: int, order: int) -> bool:
         """Tell whether a message of a server answers the request that its client has begun; none waits."""
         form = self._http.forms[int(self._http.form[row])]
-        if form.what not in (What.WHOLE, What.CUT) or form.answers_nobody or (form.head and form.head.is_interim):
+        is_lost = form.what is What.BROKEN and form.touched is Likeness.YES
+        if not (is_lost or form.what in (What.WHOLE, What.CUT)) or form.answers_nobody:
+            return False
+        if form.head is not None and form.head.is_interim:
             return False
         return conversation.early is None and self._http.clients.has_begun(conversation.connection, order)
 
@@ -181,6 +188,8 @@ class Pairing:
             if content is not None and len(content) > _MOST_EARLY_BYTES:
                 content = None
             form = replace(form, content=content, is_coded=True)
+        elif form.what is What.BROKEN:
+            form = Form(What.CUT)
         return Early(form, int(http.arrival_ns[row]))
 
     def _miss(self, conversation: Conversation, before: int) -> None:
@@ -212,9 +221,11 @@ class Pairing:
         """Tell what a client that has closed its side does not wait for any more, as far as that is known before."""
         if conversation.closed is None or not (conversation.waiting and conversation.is_heard):
             return
-        order = self._going_on.since(conversation.connection, *conversation.closed)
-        if order < before:
-            conversation.give_up(order, self._happened.append)
+        gone = self._going_on.since(conversation.connection, conversation.closed)
+        if gone.order < before:
+            if gone.over is not None:
+                self.over[conversation.connection, gone.order] = gone.over
+            conversation.give_up(gone.order, self._happened.append)
 
     def _said(self) -> Said:
         """Return what was found to have happened message by message."""

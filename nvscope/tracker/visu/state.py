@@ -106,8 +106,7 @@ class VisuCounts:
     changed, ``others`` what is spoken beside by pair and ``WebProtocol``, ``other_names`` the first list that
     contradicts others, by client and server, ``unread_lists`` the first one that nobody can read, and ``given_up`` how
     long clients waited at least and at most for what they gave up. ``leaving`` are those of whom nothing but time may
-    tell that they gave up: that is counted nowhere else. ``left_out`` is that for which there was no room,
-    keyed by ``Beyond``.
+    tell that they gave up: that is counted nowhere else. For ``left_out``, keyed by ``Beyond``, there was no room.
     """
 
     def __init__(self) -> None:
@@ -139,20 +138,20 @@ class VisuCounts:
         if part is None:
             self.leaving.observe(told, None)
             return
-        messages = part.messages
+        messages, known_ns = part.messages, part.known_ns(told.packets.ts_ns)
         own = self.pairs.numbers_within(told.max_streams, *part.pairs)
         pair = own[messages.pair]
         beyond = pair < 0
         if beyond.any():
             self._leave_out(Beyond.PAIR, told, messages.take(beyond))
-            messages, pair = messages.take(~beyond), pair[~beyond]
+            messages, pair, known_ns = messages.take(~beyond), pair[~beyond], known_ns[~beyond]
         self.columns.resize(len(self.pairs))
         for what, count in part.left_out.items():
             self._leave_out(what, told, part.messages.take(np.full(count, len(part.messages) - 1)))
         self._count(pair, messages, part.requests)
         self._note_others(told, pair, messages)
         self._note_names(told, part, own)
-        self._note(told, part, pair, messages)
+        self._note(told, part, pair, messages, known_ns)
         self._note_writes(told, part, pair, messages)
         self.unchanging.observe(part, told.max_streams)
         leaving = [one._replace(pair=int(own[one.pair])) for one in part.leaving]
@@ -180,7 +179,8 @@ class VisuCounts:
         np.add.at(columns.miscounted, pair[asks], miscounted[asked[asks]])
         np.add.at(columns.ambiguous, pair[asks], ambiguous[asked[asks]])
         np.add.at(columns.gap_bytes, pair, messages.gap_bytes)
-        refused = np.flatnonzero(replies & ((outcome == Outcome.REFUSED) | (outcome == Outcome.STATUS)))
+        not_done = (outcome == Outcome.REFUSED) | (outcome == Outcome.STATUS)
+        refused = np.flatnonzero((replies | (kind == Kind.REFUSED)) & not_done)
         np.add.at(columns.refused, pair[refused], writes[asked[refused]])
         self.latencies.observe(pair[replies], messages.latency_ns[replies], len(self.pairs))
         polled = messages.polled_ns >= 0
@@ -211,15 +211,16 @@ class VisuCounts:
                 happened.append((event, 0, int(told.packets.ts_ns[row]), row + told.first_frame, subject))
         self._log(told, happened)
 
-    def _note(self, told: Told, part: VisuBatch, pair: I64, messages: VisuMessages) -> None:
+    def _note(self, told: Told, part: VisuBatch, pair: I64, messages: VisuMessages, known_ns: I64) -> None:
         """Note what is a finding, and which variables are asked for."""
         happened: list[tuple[VisuEvent, int, int, int, Subject]] = []
         rows = self._worth_a_look(part, pair, messages)
         columns = (getattr(messages, name)[rows].tolist() for name in VisuMessages.__match_args__)
-        for number, row in zip(pair[rows].tolist(), zip(*columns, strict=True), strict=True):
+        own = pair[rows].tolist(), known_ns[rows].tolist(), zip(*columns, strict=True)
+        for number, time_ns, row in zip(*own, strict=True):
             one = _Message(*row)
             request, names = part.requests[one.asked], part.namings[one.naming]
-            time_ns, frame = int(told.packets.ts_ns[one.row]), one.row + told.first_frame
+            frame = one.row + told.first_frame
             ends = self.ends(number)
             whole = Subject(*ends, "")
             variables: Iterable[Subject] = (Subject(*ends, name_of(entry, names)) for entry in request.entries)
@@ -234,6 +235,8 @@ class VisuCounts:
                     found.append((VisuEvent.RESET if reset else VisuEvent.UNANSWERED, whole))
             elif one.kind == Kind.CUT:
                 found.append((VisuEvent.CUT, whole))
+            elif one.kind == Kind.REFUSED:
+                found.append((VisuEvent.REFUSED if request.writes else VisuEvent.STATUS, whole))
             elif one.kind == Kind.REPLY:
                 if one.latency_ns > SLOW_NS:
                     found.append((VisuEvent.SLOW, whole))
@@ -278,8 +281,7 @@ class VisuCounts:
     def _note_writes(self, told: Told, part: VisuBatch, pair: I64, messages: VisuMessages) -> None:
         times_ns, frames = told.packets.ts_ns[messages.row], messages.row + told.first_frame
         beyond = np.array(self.writes.observe(part, pair, messages, times_ns, frames), np.int64)
-        if len(beyond):
-            self._leave_out(Beyond.WRITE, told, messages.take(beyond))
+        self._leave_out(Beyond.WRITE, told, messages.take(beyond))
 
     def _worth_a_look(self, part: VisuBatch, pair: I64, messages: VisuMessages) -> I64:
         """Return the messages of which something may be said beside that they are there."""
@@ -288,7 +290,7 @@ class VisuCounts:
         wanted = (kind == Kind.UNANSWERED) | (kind == Kind.WRITE) | (kind == Kind.CUT)
         wanted |= messages.latency_ns > SLOW_NS
         wanted |= (outcome != Outcome.NONE) & (outcome != Outcome.DONE)
-        wanted &= (kind != Kind.LEFT) & (kind != Kind.UNCLEAR)
+        wanted &= ~np.isin(kind, (Kind.LEFT, Kind.UNCLEAR, Kind.PART))
         reads, replies = np.flatnonzero(kind == Kind.READ), np.flatnonzero(kind == Kind.REPLY)
         wanted[reads] |= peculiar[asked[reads]]
         # What was asked before says nothing new.

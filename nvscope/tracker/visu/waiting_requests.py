@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from dissectors.batch import I64
 from nvscope.tracker.pieces import NEVER
@@ -19,12 +19,26 @@ from nvscope.tracker.visu.limits import MOST_WAITING
 class Waiting(NamedTuple):
     """The requests of a connection that wait: whether each is HEAD, and how many there are ``beyond`` these.
 
-    ``is_early``: the one that has begun, and is not whole, is answered.
+    ``is_early``: the one that has begun, and is not whole, is answered. ``first`` is the order of the first of them,
+    and up to where its client had the server's bytes then, where none of these was captured.
     """
 
     are_head: Iterable[bool] = ()
     beyond: int = 0
     is_early: bool = False
+    first: tuple[int, int] | None = None
+
+
+class Missed(Protocol):
+    """Tells of a connection since when it is known that replies of a server were missed of which nothing was heard."""
+
+    def acknowledged(self, order: int) -> int:
+        """Return up to where the client acknowledges the server's bytes with an order."""
+        ...
+
+    def by(self, order: int, acknowledged: int) -> int:
+        """Return with which order a reply was missed to what was asked with one; ``NEVER`` without any."""
+        ...
 
 
 class Asked(NamedTuple):
@@ -35,6 +49,36 @@ class Asked(NamedTuple):
     head_order: int = NEVER
 
 
+class Unheard:
+    """What a client's direction shows until its server is heard, and where replies to it were missed.
+
+    ``first`` is as in ``Waiting``. Nobody knows any more what waits then (``Conversation.miss_reply``).
+    """
+
+    def __init__(self, first: tuple[int, int] | None, missed: Missed) -> None:
+        self._missed, self._waits = missed, first is not None
+        self._order = NEVER if first is None else missed.by(*first)
+
+    def take(self, asked: Iterable[Asked]) -> list[Asked]:
+        """Return more of what the client's direction shows, with where nobody knows any more what waits."""
+        found: list[Asked] = []
+        for one in asked:
+            if self._order < one.order:
+                found += self.rest()
+            if one.form.what in (What.BROKEN, What.ANEW):
+                self._order, self._waits = NEVER, False
+            elif one.form.what in (What.WHOLE, What.CUT, What.PART) and not self._waits:
+                self._waits = True
+                self._order = self._missed.by(one.order, self._missed.acknowledged(one.order))
+            found.append(one)
+        return found
+
+    def rest(self) -> list[Asked]:
+        """Return what is missed behind all that the client's direction showed."""
+        order, self._order, self._waits = self._order, NEVER, False
+        return [] if order == NEVER else [Asked(order, Form(What.BROKEN))]
+
+
 class WaitingRequests:
     """The requests of a connection that wait while a batch of what its server sends is read.
 
@@ -42,13 +86,15 @@ class WaitingRequests:
     ``nvscope.tracker.pieces``), ``begun`` with which order the head was there of what is not whole behind that.
     ``ends`` are where pieces end in the data that is read, ``orders`` those of pieces. ``answers_more`` is called with
     a place of the data where something comes that answers a request, and none waits; it tells whether that is one that
-    has begun.
+    has begun. ``has_begun`` tells whether there is one.
     """
 
     def __init__(
         self, waiting: Waiting, asked: Iterable[Asked], ends: I64, orders: I64,
         answers_more: Callable[[int], bool] | None = None, begun: int = NEVER,
+        has_begun: Callable[[], bool] | None = None,
     ) -> None:  # fmt: skip
+        self._has_begun = has_begun
         self._waiting, self._beyond, self._is_early = deque(waiting.are_head), waiting.beyond, waiting.is_early
         self._begun = begun
         self._asked = deque(asked)
@@ -63,6 +109,16 @@ class WaitingRequests:
         """Tell whether the response whose head ends at a place of the data answers HEAD."""
         self._go_on(at)
         return bool(self._waiting) and self._waiting[0]
+
+    def wait(self, at: int) -> bool:
+        """Tell whether any wait at a place of the data, or have begun by then."""
+        order = self._go_on(at)
+        if self._waiting or self._beyond:
+            return True
+        asked = next((one for one in self._asked if one.form.what is not What.GAP), None)
+        if asked is None and self._has_begun is not None:
+            return self._has_begun()
+        return (self._begun if asked is None else asked.head_order) < order
 
     def answered(self, at: int) -> None:
         """Take the end of a response, or that there was one of which bytes are missing."""
@@ -98,7 +154,7 @@ class WaitingRequests:
         order = int(self._orders[~at if at < 0 else int(self._ends.searchsorted(at))])
         while self._asked and self._asked[0].order < order:
             form = self._asked.popleft().form
-            if form.what in (What.WHOLE, What.CUT):
+            if form.what in (What.WHOLE, What.CUT, What.PART):
                 if self._is_early:
                     self._is_early = False
                 elif self._beyond or len(self._waiting) >= MOST_WAITING:

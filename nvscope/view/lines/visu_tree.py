@@ -61,7 +61,7 @@ class VisuTree(TransportTree):
             yield _fact("Declared", units.count_of(request.declared, "variable"), wrong=wrong)
             sent = units.count_of(len(request.entries), "variable")
             yield _fact("Sent", f"{sent} or more, ambiguous" if request.ambiguous else sent, wrong=request.ambiguous)
-        if kind in (Kind.REPLY, Kind.UNANSWERED, Kind.LEFT, Kind.UNCLEAR):
+        if kind in (Kind.REPLY, Kind.UNANSWERED, Kind.LEFT, Kind.UNCLEAR, Kind.REFUSED):
             yield _fact("Request", f"frame {messages.asked_frame[message]}")
         if kind is Kind.REPLY:
             yield _fact("Status", str(messages.status[message]))

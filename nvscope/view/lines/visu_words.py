@@ -80,6 +80,10 @@ def message_words(part: VisuBatch, message: int, *, secrets: bool = False) -> st
         return f"client closes its side, frame {messages.asked_frame[message]} waits for a reply"
     if kind is Kind.UNCLEAR:
         return f"nobody knows what answers frame {messages.asked_frame[message]}"
+    if kind is Kind.PART:
+        return f"part of a {'write' if request.writes else 'request'}, the rest was never sent"
+    if kind is Kind.REFUSED:
+        return f"HTTP status {messages.status[message]}, frame {messages.asked_frame[message]} was refused unread"
     if kind is Kind.UNANSWERED:
         unanswered = f"no reply to frame {messages.asked_frame[message]}"
         if messages.outcome[message] != Outcome.GIVEN_UP:

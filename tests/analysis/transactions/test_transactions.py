@@ -23,7 +23,7 @@ from nvscope.engine.run import run
 from nvscope.engine.told import Told
 from tests.analysis.transactions.talk import NAMES, PANEL, PRESS, SERVICE, both, post, reply, sdo_talk, visu_talk
 from tests.laws import examples, some
-from tests.oracle.builders import MILLISECOND, START
+from tests.oracle.builders import MILLISECOND, SECOND, START, data_frame, telegram
 from tests.oracle.frame import Frame
 from tests.oracle.parameter_traffic import parameter_traffic
 from tests.oracle.tcp_line import Line
@@ -214,3 +214,21 @@ def test_how_many_ask_a_second_is_told_of_whole_seconds() -> None:
     assert page.last_write is not None
     assert lines([page.last_write]) == ["22 (21) write confirmed .CurrentPassword=(hidden)→(hidden) 1 ms"]
     assert seen.of(Pair(Protocol.VISU, PRESS, PANEL, 80)).transactions == ()
+
+
+@pytest.mark.parametrize("size", [1, 2, 100])
+def test_a_client_that_gave_up_is_seen_as_soon_as_time_has_passed(size: int) -> None:
+    """Nothing more comes over the ports of pages; a write is told over what it wrote."""
+    line = Line((PANEL, 50_000), (PRESS, 80), now=START).open()
+    line.ask(post("|0|1|0|4|0|4|6|")).answer(reply("|21.5|")).ask(post("|1|1|0|4|0|4|6|30.25|")).close(True)
+    closed_ns = line.frames[-1].ts_ns
+    more = [data_frame(closed_ns + second * SECOND, SERVICE, PRESS, telegram(1)) for second in range(1, 13)]
+    recent = RecentTransactions()
+    watched(cut(batch_of([*line.frames, *more[:9]]), size), recent)
+    (_, write) = recent.seen().of(Pair(Protocol.VISU, PANEL, PRESS, 80)).transactions
+    assert write.outcome is Outcome.OPEN
+    recent = RecentTransactions()
+    watched(cut(batch_of([*line.frames, *more]), size), recent)
+    (_, write) = recent.seen().of(Pair(Protocol.VISU, PANEL, PRESS, 80)).transactions
+    assert lines([write]) == ["6 write unanswered 4,0,4,6=21.5→30.25"]
+    assert (write.time_ns, write.known_frame) == (closed_ns + 10 * SECOND, len(line.frames) + 10)

@@ -23,6 +23,10 @@ Readings, where the rules leave a choice:
 - a request is open where its head is whole and it is in chunks, or has a body and does not say how long that is. It
   ends where it is answered: with its content where chunks are whole, one of chunks that end within one has none; and
   where the connection is reset, with what came before that
+- who sends Expect: 100-continue may send no body: where a whole start line stands in its place, the request is a part,
+  and so is an open one that is answered before anything of its body. The first final response of a direction that began
+  before the capture may be one to HEAD: the same tells where no request waits, or has begun, when its head is whole.
+  While what is there may become a start line, it is none of a body of known length, or of such a response
 """
 
 from __future__ import annotations
@@ -33,14 +37,15 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-MOST_HEAD, MOST_LENGTH, MOST_BODY = 64 * 1024, 2**30, 2**20
+from tests.oracle.rules.http_bodies import MOST_HEAD, MOST_LENGTH, Foreign, chunks, line, line_end, whole_chunks
+
+MOST_BODY = 2**20
 METHODS = rb"GET|HEAD|POST|PUT|DELETE|OPTIONS|PATCH|CONNECT|TRACE"
 REQUEST_LINE = re.compile(rb"(%s) (\S{1,2048}) HTTP/1\.[01]" % METHODS)
 STATUS_LINE = re.compile(rb"HTTP/1\.[01] (\d\d\d)(?:[ \t][^\r\n]{0,1000})?")
 REQUEST_SOMEWHERE = re.compile(rb"(?:%s) \S{1,2048} HTTP/1\.[01]\r?\n" % METHODS)
 STATUS_SOMEWHERE = re.compile(rb"HTTP/1\.[01] \d\d\d(?:[ \t][^\r\n]{0,1000})?\r?\n")
 LONGEST_REQUEST_LINE, LONGEST_STATUS_LINE = 2048 + len("CONNECT  HTTP/1.1\r\n"), 1000 + len("HTTP/1.1 200 \r\n")
-CHUNK_LINE = re.compile(rb"[ \t]*([0-9A-Fa-f]{1,8})[ \t]*(?:;.*)?", re.DOTALL)
 
 
 @dataclass
@@ -49,7 +54,9 @@ class Message:
 
     ``body`` is decoded; None where it is not known: cut, longer than its limit, or not to be decoded. ``seen`` is what
     came of it before the first missing byte, as it came. ``whole`` tells whether it came to its end, cut or not;
-    ``broken_off``: that its end is the reset of the connection, and nobody knows whether more should have come.
+    ``broken_off``: that its end is the reset of the connection, and nobody knows whether more should have come;
+    ``part``: that it is a request of which the client sent no more than a part; ``unasked``: that it is a response to
+    HEAD, which was not captured.
     """
 
     method: bytes = b""
@@ -61,6 +68,8 @@ class Message:
     whole: bool = True
     arrival: int = 0
     broken_off: bool = False
+    part: bool = False
+    unasked: bool = False
 
 
 @dataclass
@@ -71,13 +80,6 @@ class Lost:
     in_step: bool = False
 
 
-class Foreign(Exception):
-    """What begins at ``at`` is not HTTP."""
-
-    def __init__(self, at: int) -> None:
-        self.at = at
-
-
 @dataclass
 class Head:
     """A start line, the fields by lower-case name, and where the body begins."""
@@ -85,18 +87,6 @@ class Head:
     message: Message
     fields: dict[bytes, list[bytes]]
     end: int
-
-
-def line_end(buffer: bytes, begin: int, foreign_at: int, most: int = MOST_HEAD) -> int | None:
-    """Return where the line's end ends; None where it has not come."""
-    end = buffer.find(b"\n", begin)
-    if (end < 0 and len(buffer) - foreign_at >= most) or end >= foreign_at + most:
-        raise Foreign(foreign_at)
-    return end + 1 if end >= 0 else None
-
-
-def line(buffer: bytes, begin: int, end: int) -> bytes:
-    return buffer[begin : end - 1].removesuffix(b"\r")
 
 
 def start_line(buffer: bytes, response: bool) -> tuple[Message, int] | None:
@@ -156,59 +146,6 @@ def framing(head: Head, response: bool, to_head: bool) -> int | str:
     return TO_THE_END if response or head.message.method in (b"POST", b"PUT") else NO_BODY
 
 
-def chunks(buffer: bytes, at: int) -> tuple[bytes, int | None]:
-    """Return the bytes of the chunks that came, and where the message ends if it has."""
-    content = b""
-    while True:
-        end = line_end(buffer, at, at)
-        if end is None:
-            return content, None
-        found = CHUNK_LINE.fullmatch(line(buffer, at, end))
-        if found is None or int(found[1], 16) > MOST_LENGTH:
-            raise Foreign(at)
-        size = int(found[1], 16)
-        if size == 0:
-            return content, trailers(buffer, end)
-        content += buffer[end : end + size]
-        rest = buffer[end + size : end + size + 2]
-        if rest[:1] == b"\n":
-            at = end + size + 1
-        elif rest == b"\r\n":
-            at = end + size + 2
-        elif rest in (b"", b"\r"):
-            return content, None
-        else:
-            raise Foreign(end + size)
-
-
-def whole_chunks(buffer: bytes, at: int) -> bytes | None:
-    """Return what is in the chunks up to the end of what came; None where the last of them is not whole."""
-    content = b""
-    while at < len(buffer):
-        end = line_end(buffer, at, at)
-        found = None if end is None else CHUNK_LINE.fullmatch(line(buffer, at, end))
-        if end is None or found is None:
-            return None
-        size = int(found[1], 16)
-        if size == 0:
-            return content
-        behind = buffer[end + size : end + size + 2]
-        if len(buffer) < end + size or not (behind.startswith(b"\n") or behind == b"\r\n"):
-            return None
-        content += buffer[end : end + size]
-        at = end + size + (1 if behind.startswith(b"\n") else 2)
-    return content
-
-
-def trailers(buffer: bytes, begin: int) -> int | None:
-    at = begin
-    while (end := line_end(buffer, at, begin)) is not None:
-        if not line(buffer, at, end):
-            return end
-        at = end
-    return None
-
-
 def decoded(head: Head, content: bytes) -> bytes | None:
     """Return a body as it was before it was compressed; None where that is not known."""
     encoding = b",".join(head.fields.get(b"content-encoding", [])).lower()
@@ -231,11 +168,18 @@ class Reader:
     """One direction of a connection; ``first_is_head`` tells whether the first request that waits is HEAD."""
 
     def __init__(
-        self, response: bool, in_step: bool, first_is_head: Callable[[], bool], happened: Counter[str] | None = None
+        self,
+        response: bool,
+        in_step: bool,
+        first_is_head: Callable[[], bool],
+        happened: Counter[str] | None = None,
+        nobody_waits: Callable[[], bool] = bool,
     ) -> None:
         self.response = response
         self.in_step = in_step
-        self.first_is_head = first_is_head
+        self.first_is_head, self.nobody_waits = first_is_head, nobody_waits
+        self.first_is_late = response and not in_step
+        self.may_lack_body = False
         self.happened: Counter[str] = Counter() if happened is None else happened
         self.buffer = b""
         self.missing_at: int | None = None
@@ -259,7 +203,7 @@ class Reader:
         """Whether a request has begun that says where it ends, and its head is there."""
         return self.head is not None and not self.response and isinstance(self.framing, int)
 
-    def answered(self) -> Message:
+    def answered(self, by_reset: bool = False) -> Message:
         """Take the open request for whole, since something answers it."""
         assert self.head is not None
         body: bytes | None = self.buffer[self.head.end :]
@@ -267,8 +211,9 @@ class Reader:
             body = whole_chunks(self.buffer, self.head.end)
         self.happened["open request answered"] += 1
         self.happened["open request answered within a chunk"] += body is None
+        is_part = self.expects and len(self.buffer) == self.head.end and not by_reset
         head, message = self.head, self.whole(len(self.buffer), body)
-        message.body = None if body is None else decoded(head, body)
+        message.body, message.part = None if body is None else decoded(head, body), is_part
         return message
 
     def feed(self, data: bytes, time: int) -> Iterator[Message | Lost]:
@@ -296,12 +241,12 @@ class Reader:
         yield Lost(dropped, in_step)
 
     def end(self, reset: bool, time: int) -> Iterator[Message | Lost]:
-        """End the direction: a message may end with it; a response of which bytes are missing is told, as cut."""
+        """End the direction: a message may end with it; what is not whole is told of a request, or where it is cut."""
         before, self.latest = self.latest, time if self.latest is None else max(self.latest, time)
         message = self.so_far()
         if reset and self.open:
             self.latest = before
-            message = self.answered()
+            message = self.answered(by_reset=True)
             message.broken_off = True
             self.happened["open request broken off"] += 1
             yield message
@@ -313,6 +258,10 @@ class Reader:
                 self.happened["response not whole at the end"] += 1
                 if self.missing_at is not None:
                     yield message
+            elif self.missing_at is not None or self.framing == CHUNKED or int(self.framing) <= MOST_BODY:
+                message.part, message.cut = self.missing_at is None, self.missing_at is not None
+                self.happened["part of a request" if message.part else "part of a cut request"] += 1
+                yield message
         self.next_message(b"")
 
     def so_far(self) -> Message | None:
@@ -367,7 +316,14 @@ class Reader:
             if self.head is None:
                 return None
             self.framing = framing(self.head, self.response, self.response and self.first_is_head())
+            self.may_lack_body = self.expects if not self.response else self.first_is_late and self.nobody_waits()
         begin = self.head.end
+        if self.may_lack_body and self.framing not in (NO_BODY, 0):
+            other = self.other_begins(begin)
+            if other:
+                return self.without_body()
+            if other is None and (self.response or isinstance(self.framing, int)):
+                return None
         if self.framing == NO_BODY:
             return self.whole(begin, None)
         if self.framing == TO_THE_END:
@@ -379,6 +335,30 @@ class Reader:
         assert isinstance(self.framing, int)
         end = begin + self.framing
         return self.whole(end, self.buffer[begin:end]) if len(self.buffer) >= end else None
+
+    @property
+    def expects(self) -> bool:
+        assert self.head is not None
+        return self.head.fields.get(b"expect", [b""])[-1].lower() == b"100-continue"
+
+    def other_begins(self, at: int) -> bool | None:
+        """Tell whether a start line stands at a place; None where more has to come to know."""
+        most = LONGEST_STATUS_LINE if self.response else LONGEST_REQUEST_LINE
+        text = self.buffer[at : at + most]
+        if b"\n" in text:
+            first = text[: text.find(b"\n")].removesuffix(b"\r")
+            return (STATUS_LINE if self.response else REQUEST_LINE).fullmatch(first) is not None
+        starts = [b"HTTP/1.0 ", b"HTTP/1.1 "] if self.response else [one + b" " for one in METHODS.split(b"|")]
+        may_be = any(one.startswith(text) or text.startswith(one) for one in starts)
+        return None if may_be and len(text) < most else False
+
+    def without_body(self) -> Message:
+        """Take the message for one without a body, though its head says that there is one."""
+        assert self.head is not None
+        self.happened["response to HEAD that was not captured" if self.response else "body that was not sent"] += 1
+        message = self.whole(self.head.end, None)
+        message.part, message.unasked = not self.response, self.response
+        return message
 
     def whole(self, end: int, content: bytes | None) -> Message:
         """Take the message, up to ``end``, out of the buffer; ``content`` None says that it has no body."""
@@ -393,6 +373,7 @@ class Reader:
             self.happened["body not known"] += message.body is None
             self.happened["body decoded"] += message.body not in (None, message.seen)
         message.arrival = self.latest or 0
+        self.first_is_late &= 100 <= message.status < 200
         self.next_message(self.buffer[end:])
         return message
 

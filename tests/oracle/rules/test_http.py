@@ -18,7 +18,7 @@ RESET = "reset"
 def read(
     *parts: bytes | int | str, response: bool = False, in_step: bool = True, to_head: bool = False
 ) -> list[Message | Lost]:  # fmt: skip
-    reader = Reader(response, in_step, lambda: to_head)
+    reader = Reader(response, in_step, lambda: to_head, nobody_waits=lambda: True)
     found: list[Message | Lost] = []
     for time, part in enumerate(parts):
         if isinstance(part, bytes):
@@ -126,7 +126,9 @@ def test_bodies_up_to_the_end() -> None:
 
 
 def test_what_is_not_whole_at_the_end() -> None:
-    assert told(POST + b"ab", END) == []
+    (part,) = read(POST + b"ab", END)
+    assert isinstance(part, Message)
+    assert (part.part, part.cut, part.seen) == (True, False, b"ab")
     assert told(OK[:-1], END, response=True) == []
     assert told(answer("Transfer-Encoding: chunked", b"3\r\nab"), END, response=True) == []
     assert told(OK[:20], END, response=True) == []
@@ -224,3 +226,23 @@ def test_the_arrival_is_the_latest_time_up_to_the_end() -> None:
     reader = Reader(False, True, lambda: False)
     found = [*reader.feed(GET[:5], 9), *reader.feed(GET[5:], 3), *reader.feed(GET, 4), *reader.feed(GET, 10)]
     assert [message.arrival for message in found if isinstance(message, Message)] == [9, 9, 10]
+
+
+EXPECTING = b"POST /a HTTP/1.1\r\nExpect: 100-Continue\r\nContent-Length: 9\r\n\r\n"
+
+
+def test_who_expects_an_interim_response_may_send_no_body() -> None:
+    assert told(EXPECTING, GET) == told(EXPECTING, GET[:3], GET[3:]) == ["POST", "GET"]
+    assert told(EXPECTING + GET[:-2]) == ["POST"]
+    assert told(EXPECTING + GET[:9]) == []
+    assert told(EXPECTING + b"GET / abc" + GET) == ["POST GET / abc", "GET"]
+    assert told(EXPECTING + b"GET /abc\n" + GET) == ["POST GET /abc", "GET"]
+    assert told(EXPECTING + b"|0|1|0|4|") == ["POST |0|1|0|4|"]
+    assert told(EXPECTING.replace(b"Expect", b"X") + GET[:9]) == ["POST " + GET[:9].decode()]
+
+
+def test_the_first_response_of_a_direction_that_began_before_may_be_one_to_head() -> None:
+    to_head = b"HTTP/1.1 200 OK\r\nContent-Length: 170\r\n\r\n"
+    assert told(to_head + OK, OK, response=True, in_step=False) == ["200", "200 ok", "200 ok"]
+    assert told(OK + to_head, OK, response=True, in_step=False) == ["200 ok"]
+    assert told(to_head + OK, OK, response=True) == []

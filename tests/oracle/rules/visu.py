@@ -41,11 +41,12 @@ from tests.oracle.frame import Frame
 from tests.oracle.rules import visu_body
 from tests.oracle.rules.http import Lost, Message
 from tests.oracle.rules.keys import node_order
-from tests.oracle.rules.streams import Connection, Delivery, Event, Streams
+from tests.oracle.rules.streams import Connection, Delivery, Ending, Event, Streams
 from tests.oracle.rules.visu_body import Answered, Asked
 from tests.oracle.rules.visu_figures import Row, lacks_many, percentiles
-from tests.oracle.rules.visu_leaving import given_up, given_up_at_the_end, note_passing
+from tests.oracle.rules.visu_leaving import given_up
 from tests.oracle.rules.visu_one_way import OneWay
+from tests.oracle.rules.visu_part import ask_in_part, writes
 from tests.oracle.rules.visu_talk import Home, Pair, Talk, Told, Waiting, Written
 
 SECOND = 1_000_000_000
@@ -78,10 +79,11 @@ class Visu:
     def observe(self, frame: Frame) -> None:
         self.number += 1
         self.now = frame.ts_ns
-        for talk in given_up(frame, self.talks.values(), self.streams.ports, self.streams.servers):
+        for time, talk in given_up(frame, self.talks.values(), self.streams.ports, self.streams.servers):
+            self.now = time
             self.happened["given up"] += 1
             self.nobody_answers(talk)
-        note_passing(frame, self.talks.values())
+        self.now = frame.ts_ns
         self.one_way.look_at(frame)
         for talk in list(self.talks.values()):
             if talk.connection in self.streams.connections.values() and (size := self.one_way.reply_bytes(talk)):
@@ -93,6 +95,7 @@ class Visu:
                 self.talks[event.connection] = Talk(event.connection, self.happened)
             talk = self.talks[event.connection]
             reader = talk.reader(event.from_client)
+            talk.broken_off = isinstance(event, Ending) and event.reset and event.by_client
             if isinstance(event, Delivery):
                 talk.gap_bytes += event.missing
                 heard = reader.hole(event.missing) if event.missing else reader.feed(event.data, event.time)
@@ -111,13 +114,6 @@ class Visu:
                 self.nobody_answers(talk)
             elif not isinstance(event, Delivery) and not event.reset:
                 talk.closed = event.time
-
-    def end(self) -> None:
-        """Take the end of the capture: time may have passed since clients closed their side."""
-        for time, talk in given_up_at_the_end(self.talks.values()):
-            self.now = time
-            self.happened["given up at the end"] += 1
-            self.nobody_answers(talk)
 
     def delivered(self, frame: Frame) -> Iterator[Event]:
         """Yield what a frame delivers; what begins with it is known before."""
@@ -154,7 +150,11 @@ class Visu:
 
     def request(self, talk: Talk, message: Message) -> None:
         """Take a request that is whole, or dropped as cut; it may have been answered before."""
-        self.ask(talk, message)
+        if message.part:
+            if ask_in_part(talk, message, self.number, self.one_way.told_by(talk.connection, client=True)):
+                self.known[talk.pair].counts["part"] += 1
+        else:
+            self.ask(talk, message)
         if talk.early is not None:
             early, talk.early, forgotten = talk.early, None, talk.forgotten
             early.arrival, talk.forgotten = max(early.arrival, message.arrival), False
@@ -171,7 +171,7 @@ class Visu:
                 self.happened["not whole when it was broken off"] += 1
                 asked = None
         had = self.one_way.told_by(talk.connection, client=True)
-        talk.waiting.append(Waiting(asked, message, self.number, self.written(talk, asked), had))
+        talk.waiting.append(Waiting(asked, message, self.number, self.written(talk, asked), acknowledged=had))
         self.happened["several wait"] += len(talk.waiting) > 1
         if asked is None or message.body is None:
             self.happened["other request"] += 1
@@ -244,6 +244,8 @@ class Visu:
     def response(self, talk: Talk, message: Message) -> None:
         """Take a response that is whole, or dropped as cut; one of 1xx answers nothing."""
         forgotten, talk.forgotten = talk.forgotten, False
+        if message.unasked:
+            return
         if not (forgotten or talk.waiting or 100 <= message.status < 200):
             self.end_open_request(talk)
         if 100 <= message.status < 200:
@@ -266,13 +268,19 @@ class Visu:
         page = visu_body.is_page(waiting.message.method, waiting.message.target)
         if page and message.body is not None and message.status == 200:
             self.learn_names(talk, visu_body.listed_in(message.body))
-        if waiting.asked is None:
+        if waiting.asked is None and not waiting.part:
             return
         row = self.known[talk.pair]
         if message.cut:
             self.happened["cut reply"] += 1
             row.counts["cut"] += 1
             self.find("NV808", talk)
+            return
+        if waiting.asked is None:
+            if message.status != 200:
+                self.happened["part of a request refused"] += 1
+                row.counts["refused"] += writes(waiting.message)
+                self.find("NV802", talk)
             return
         connection, body = talk.connection, message.body or b""
         self.messages.append(Told(self.number, connection.server, connection.client, "reply", body))
@@ -327,7 +335,7 @@ class Visu:
 
     def nobody_answers(self, talk: Talk) -> None:
         for waiting in talk.waiting:
-            if waiting.asked is not None:
+            if waiting.asked is not None or waiting.part:
                 self.known[talk.pair].counts["unanswered"] += 1
                 self.find("NV805", talk, frame=waiting.frame)
                 for one in waiting.writes:

@@ -50,6 +50,8 @@ class Waiting:
     message: Message
     frame: int
     writes: list[Written]
+    part: bool = False
+    """Whether it is one of a page of which the client sent no more than a part."""
     acknowledged: int | None = None
     """Up to where the client had acknowledged then, if it says so in the frame with which the request was whole."""
 
@@ -67,18 +69,25 @@ class Talk:
         self.gap_bytes = 0
         self.forgotten = False
         """Whether the response that is being received answers nobody."""
+        self.broken_off = False
+        """Whether the client broke the connection off."""
         self.early: Message | None = None  # answers the request that is being received
         self.readers: dict[bool, Reader] = {}
         self.closed: int | None = None  # when the client closed its side
-        self.passed: int | None = None  # the latest time since, as long as something waits
         self.happened = happened
 
     def reader(self, from_client: bool) -> Reader:
         """Return the reader of a direction; it is there from the first that the direction delivers."""
         if from_client not in self.readers:
             in_step = self.connection.directions[from_client].began_with_syn
-            self.readers[from_client] = Reader(not from_client, in_step, self.first_is_head, self.happened)
+            self.readers[from_client] = Reader(
+                not from_client, in_step, self.first_is_head, self.happened, self.nobody_waits
+            )
         return self.readers[from_client]
+
+    def nobody_waits(self) -> bool:
+        client = self.readers.get(True)
+        return not (self.waiting or (client is not None and (client.open or client.begun)))
 
     def first_is_head(self) -> bool:
         return bool(self.waiting) and not self.forgotten and self.waiting[0].message.method == b"HEAD"

@@ -16,7 +16,9 @@ from tests.oracle.frame import Frame
 from tests.oracle.tcp_line import Line, tcp_frame
 
 CLIENT, SERVER = True, False
+REQUEST = re.compile(rb"[A-Z]+ /\S+ HTTP/1.1\r\n")
 WRITE = re.compile(rb"\|1\|1\|0\|4\|0\|4\|6\|(\d+)(?:\||$)")
+EXPECTS = b"Expect: 100-continue"
 FINALS = (200, 200, 200, 204, 304, 400, 413, 500)
 
 
@@ -70,7 +72,9 @@ def drawn(seed: int) -> Drawn:
             found += segments(rng, CLIENT, parts[0])
             if early or (len(parts) == 2 and rng.random() < 0.3):
                 found += segments(rng, SERVER, interim(rng))
-            if early:
+            if early and EXPECTS in parts[0] and rng.random() < 0.5:
+                found += segments(rng, SERVER, replies[0])
+            elif early:
                 cut = rng.randrange(len(parts[1]))
                 found += segments(rng, CLIENT, parts[1][:cut])
                 found += segments(rng, SERVER, replies[0])
@@ -114,6 +118,8 @@ def request(rng: random.Random, value: int) -> tuple[str, list[bytes], bool]:
         return kind, [b"%b /plc/x.htm HTTP/1.1\r\nHost: a\r\n\r\n" % kind.encode()], True
     body = b"|1|1|0|4|0|4|6|%d|" % value
     start = b"POST /plc/webvisu.htm HTTP/1.1\r\nHost: a\r\n"
+    if kind == "length" and rng.random() < 0.4:
+        start += EXPECTS + b"\r\n"
     if kind == "length":
         return "POST", [start + b"Content-Length: %d\r\n\r\n" % len(body), body], True
     if kind == "open":
@@ -214,6 +220,8 @@ class Whole:
         if found is None:
             return None
         head, begin = found
+        if EXPECTS in head and REQUEST.match(self.data[CLIENT], begin):
+            return Read(begin, self.frame_of[CLIENT][begin - 1], b"", b"POST")  # it sends no body
         method, is_chunked = head.split(b" ")[0], b"chunked" in head
         body = self.sized(CLIENT, head, begin)
         if method == b"POST" and b"Content-Length" not in head:

@@ -87,7 +87,6 @@ def by_the_rules(frames: Sequence[Frame]) -> Visu:
     rules = Visu()
     for frame in frames:
         rules.observe(frame)
-    rules.end()
     return rules
 
 

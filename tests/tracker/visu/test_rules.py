@@ -47,9 +47,15 @@ A_LONG_VALUE = 16443
 A_RESPONSE_IN_CHUNKS = 16601
 """What was taken for the first of the chunks of a response is another response."""
 
+A_HOLE_BEFORE_THE_REQUEST_IS_WHOLE = 631
+"""The rest of a request, and of the reply to it, are missing, and the next segment shows that of the reply first."""
+
+A_SERVER_THAT_IS_HEARD_LATE = 4095
+"""Replies were missed before the first one that was captured, which answers HEAD."""
+
 SINGULAR = (
     BODIES_THAT_ASK_THE_SAME, A_RESET_FIRST, NO_BODY_OF_NO_LENGTH, NO_STATUS, CUT_AND_OF_NO_LENGTH, A_LONG_VALUE,
-    A_RESPONSE_IN_CHUNKS,
+    A_RESPONSE_IN_CHUNKS, A_HOLE_BEFORE_THE_REQUEST_IS_WHOLE, A_SERVER_THAT_IS_HEARD_LATE,
 )  # fmt: skip
 
 

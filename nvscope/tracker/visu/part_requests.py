@@ -1,0 +1,63 @@
+"""Part requests: what there is of requests that never become whole, and whether they may be those of WebVisu pages.
+
+Who expects an interim response sends no body where it gets none (RFC 9110, 10.1.1), and the response to HEAD has
+none: there another message begins in its place. No body of a page begins as a message of HTTP does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+from dissectors import http
+from dissectors.http import Body, Head
+from dissectors.webvisu import Likeness, likeness
+from nvscope.tracker.visu.http_forms import Form, What
+
+_POST = b"POST "
+
+
+class OpenRequest(NamedTuple):
+    """A request that has begun and does not say how long it is: its head, and how many bytes that takes."""
+
+    head: Head
+    head_bytes: int
+
+
+def likeness_of(rest: bytes, head_end: int, head: Head | None) -> Likeness:
+    """Tell whether what there is of a request, up to a hole or its end, may be one of a WebVisu page.
+
+    Its head ends at ``head_end`` of ``rest``; None stands for one that is not whole.
+    """
+    if not (rest == _POST[:-1] or rest.startswith(_POST)):
+        return Likeness.NO
+    return likeness(b"" if head is None else _content(rest, head_end, head), http.target_of(rest))
+
+
+def part_form(rest: bytes, head_end: int, head: Head, end: Form | None = None) -> Form:
+    """Return what is told of a request whose body is not whole where its direction ends, or another request begins."""
+    return Form(
+        What.PART, head, 0, _content(rest, head_end, head), is_coded=True, touched=likeness_of(rest, head_end, head),
+        broken_by=None if end is None else end.broken_by,
+    )  # fmt: skip
+
+
+def end_form(rest: bytes, head_end: int, head: Head | None, passed: Form | None, end: Form) -> Form | None:
+    """Return what is told of the request that has begun where its direction ends; None where that makes it whole.
+
+    ``passed`` is the one that is passed over: where bytes of it are missing, it is cut.
+    """
+    if passed is not None:
+        return passed if passed.what is What.CUT else None
+    if head is None or head.body is Body.END or (head.body is Body.CHUNKS and end.broken_by is not None):
+        return None
+    return part_form(rest, head_end, head, end)
+
+
+def bodiless(head: Head, answers_nobody: bool) -> Form:
+    """Return a response that has no body, though its head says that there is one: it answers HEAD."""
+    return Form(What.WHOLE, replace(head, body=Body.LENGTH, length=0, coding=""), answers_nobody=answers_nobody)
+
+
+def _content(rest: bytes, head_end: int, head: Head) -> bytes:
+    return http.read_chunks(rest, head_end, len(rest)).content if head.body is Body.CHUNKS else rest[head_end:]

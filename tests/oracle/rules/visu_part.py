@@ -1,0 +1,36 @@
+"""Requests of which the client sent no more than a part.
+
+Readings, where the rules leave a choice:
+
+- a request whose direction ends before its body does, or that sends none, was never asked: what it is about is not
+  known, and it counts in no column; it makes its connection count where it may be one of a page, as with a cut one
+- it waits for its reply unless its client broke the connection off and nothing answered it: one of another status than
+  200 refuses it (NV802, without a variable, and `refused` where its body begins as that of a write); any other is none
+- one that touches missing bytes is cut
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tests.oracle.rules import visu_body
+from tests.oracle.rules.visu_talk import Talk, Waiting
+
+if TYPE_CHECKING:
+    from tests.oracle.rules.http import Message
+
+
+def ask_in_part(talk: Talk, message: Message, frame: int, acknowledged: int | None) -> bool:
+    """Take a request that is a part; return whether it is one of a page."""
+    of_page = message.method == b"POST" and visu_body.may_be_asked(
+        message.seen, message.target, had_request=talk.had_request
+    )  # fmt: skip
+    talk.had_request |= of_page
+    if not talk.broken_off or talk.early is not None:
+        talk.waiting.append(Waiting(None, message, frame, [], of_page, acknowledged))
+    return of_page
+
+
+def writes(message: Message) -> bool:
+    """Tell whether a part is one of a write."""
+    return message.seen.lstrip(b"\r\n").startswith(b"|1|")
