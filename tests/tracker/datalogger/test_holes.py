@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from dissectors.datalogger.tables import statement
 from nvscope.analysis.compared import Comparisons
@@ -23,6 +25,7 @@ from nvscope.definition.project import Project
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
 from nvscope.protocols.table import PROTOCOLS, dissectors_of
+from tests.laws import examples
 from tests.oracle.builders import MILLISECOND
 from tests.packets import batch_of
 from tests.program import run_text
@@ -168,3 +171,25 @@ def test_the_report_tells_it(tmp_path: Path) -> None:
     assert done.returncode == 3
     hops = {row["variable"]: row["missed"] for row in json.loads(done.stdout)["logged_hops"]}
     assert hops["Plc/Main/nCount"] == made.missed
+
+
+@examples(4)
+@given(
+    only_changes=st.booleans(), packets=st.integers(1, 500),
+    gone=st.lists(st.tuples(st.sampled_from(NAMES[:3]), st.integers(1, 100), st.integers(0, 60)), max_size=6),
+)  # fmt: skip
+def test_whatever_rows_are_gone_none_of_them_is_missed_however_it_is_cut(
+    tmp_path_factory: pytest.TempPathFactory, only_changes: bool, packets: int, gone: list[tuple[str, int, int]]
+) -> None:
+    folder = tmp_path_factory.mktemp("plant")
+    made = Plant(folder, 10, 400, only_changes=only_changes)
+    whole = made.compared()
+    for name, first, more in gone:
+        with closing(sqlite3.connect(folder / name)) as database:
+            database.execute("DELETE FROM log_1 WHERE rowid BETWEEN ? AND ?", (first, first + more))
+            database.commit()
+    found = made.compared()
+    assert made.compared(packets) == found
+    for name, row in found.items():
+        assert (row["missed"], row["followed"]) == (whole[name]["missed"], row["changes"])
+        assert row["delay_ns"]["max"] <= whole[name]["delay_ns"]["max"]
