@@ -27,9 +27,13 @@ _USUAL, _FEWEST = 16, 4
 
 @dataclass(slots=True)
 class _Last:
-    """The last rows of a table: their times, the id of the last one, and whether that has unread ones before it."""
+    """The last rows of a table: the times of two, the id of the last one, and whether that has unread ones before it.
+
+    ``between_ns`` are the last times between rows of one file that follow each other.
+    """
 
     times_ns: I64
+    between_ns: I64
     rowid: int
     part: int
     is_behind: bool
@@ -51,7 +55,7 @@ class UnreadRows:
         """
         last = self._last.get((table.series, table.log))
         if last is None:
-            last = _Last(time_ns[:0], int(rowid[0]) - 1, table.part, False)
+            last = _Last(time_ns[:0], time_ns[:0], int(rowid[0]) - 1, table.part, False)
         step = np.diff(rowid, prepend=last.rowid)
         begins_file = step <= 0
         unread = (step > 1) | (begins_file & (rowid > 1))
@@ -60,23 +64,27 @@ class UnreadRows:
         first = len(last.times_ns)
         unread[0] &= first > 0
         doubted = unread.copy()
+        follows = ~unread & ~begins_file
+        follows[0] &= first > 0
+        between_ns = np.append(last.between_ns, np.diff(times_ns[-1 - len(time_ns) :])[follows[int(not first) :]])
         for row in np.flatnonzero(begins_file & ~unread & ~told).tolist():
             if counted is not None:
                 doubted[row] = counted.has_step(records, row)
             else:
-                doubted[row] = _is_late(times_ns[max(first + row - 1 - _USUAL, 0) : first + row + 1])
+                stop = len(last.between_ns) + int(np.count_nonzero(follows[:row]))
+                usual = between_ns[max(stop - _USUAL, 0) : stop]
+                doubted[row] = _is_late(int(times_ns[first + row] - times_ns[first + row - 1]), usual)
         rows = np.flatnonzero(doubted)
         before = first + rows - 1
         behind = np.append(last.is_behind, doubted[:-1])[rows]
         # What was on its way when the last row was stored would have been in the next one.
         since = np.where(behind, before, np.maximum(before - 1, 0))
         self._last[table.series, table.log] = _Last(
-            times_ns[-1 - _USUAL :], int(rowid[-1]), table.part, bool(doubted[-1])
+            times_ns[-2:], between_ns[-_USUAL:], int(rowid[-1]), table.part, bool(doubted[-1])
         )
         return unread, Holes(np.empty(0, np.int64), rows, times_ns[before], times_ns[since])
 
 
-def _is_late(times_ns: I64) -> bool:
-    """Return whether the last of some rows comes later than is usual."""
-    between_ns = np.diff(times_ns)
-    return len(between_ns) > _FEWEST and int(between_ns[-1]) * 100 > LATE_PERCENT * int(between_ns[:-1].max())
+def _is_late(length_ns: int, usual_ns: I64) -> bool:
+    """Return whether a row comes later behind the one before it than is usual."""
+    return len(usual_ns) >= _FEWEST and length_ns * 100 > LATE_PERCENT * int(usual_ns.max())

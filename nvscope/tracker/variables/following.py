@@ -27,8 +27,6 @@ UNKNOWN = np.uint64(0x7FF8_0000_0000_0003)
 HOLE = np.uint64(0x7FF8_0000_0000_0004)
 """The bits of what was told, and nobody can read any more: what comes behind it is no change either."""
 
-_NO_VALUES = np.array([UNKNOWN, HOLE], np.uint64)
-
 Changed = tuple[I64, U64]
 """Times and values of changes."""
 
@@ -98,7 +96,7 @@ class Side:
     @property
     def is_known(self) -> bool:
         """Whether its value is known now."""
-        return bool(len(self.values)) and self.until_ns is None and self.values[-1] not in _NO_VALUES
+        return bool(len(self.values)) and self.until_ns is None and self.values[-1] not in (UNKNOWN, HOLE)
 
 
 @dataclass(slots=True)
@@ -132,7 +130,7 @@ class Reached:
             when, what = np.append(follower.times_ns, new[0]), np.append(follower.values, new[1])
             place = np.searchsorted(when, times, "right") - 1
             before_ns = np.concatenate([[np.iinfo(np.int64).min], leader.times_ns, times])[-len(times) - 1 : -1]
-            fresh = (place >= 0) & ~np.isin(what[place], _NO_VALUES)
+            fresh = (place >= 0) & ~_unknown(what[place])
             fresh &= (what[place] != values) | (when[place] <= before_ns)
             fresh &= _are_changes(leader.values, values)
         if leader.begins and not len(leader.times_ns) and len(fresh):
@@ -165,6 +163,7 @@ class Reached:
         self.led -= int(np.count_nonzero(~taken & (times > since_ns) & (times < after_ns)))
         taken |= times > since_ns
         times, values = self.left
+        self.led -= int(np.count_nonzero((times > since_ns) & (times < after_ns)))
         self.left = times[times <= since_ns], values[times <= since_ns]
 
     def _decide(self, new: Changed, since_ns: int | None) -> None:
@@ -257,10 +256,15 @@ class Pair(Generic[AnySide]):
             self.reached.take_back(self.first, since_ns, after_ns)
 
 
+def _unknown(values: U64) -> Bool:
+    unknown: Bool = (values == UNKNOWN) | (values == HOLE)
+    return unknown
+
+
 def _are_changes(before: U64, values: U64) -> Bool:
     """Tell which of new values, each of which is not the one before it, are another one than was known last."""
     every = np.concatenate([before, values])
-    known = ~np.isin(every, _NO_VALUES)
+    known = ~_unknown(every)
     if known.all():
         return np.ones(len(values), np.bool_)
     last = np.append(-1, np.maximum.accumulate(np.where(every != UNKNOWN, np.arange(len(every)), -1))[:-1])
@@ -359,7 +363,7 @@ def _differ(pair: Pair[Any], first: tuple[I64, U64], second: tuple[I64, U64]) ->
         now.append(
             (
                 np.where(last >= 0, values[last], before),
-                np.where(last >= 0, ~np.isin(values[last], _NO_VALUES), end.is_known),
+                np.where(last >= 0, ~_unknown(values[last]), end.is_known),
             )
         )  # fmt: skip
     (one, knows_one), (other, knows_other) = now

@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from dissectors.datalogger.tables import statement
 from nvscope.analysis.compared import Comparisons
@@ -23,6 +25,7 @@ from nvscope.definition.project import Project
 from nvscope.engine.reading import Reading
 from nvscope.engine.run import run
 from nvscope.protocols.table import PROTOCOLS, dissectors_of
+from tests.laws import examples
 from tests.oracle.builders import MILLISECOND
 from tests.packets import batch_of
 from tests.program import run_text
@@ -126,7 +129,7 @@ HARMS = {
 @pytest.mark.parametrize("only_changes", [False, True], ids=["every value", "changes"])
 @pytest.mark.parametrize("harm", HARMS)
 def test_what_was_carried_in_a_hole_is_not_missed(tmp_path: Path, harm: str, only_changes: bool) -> None:
-    made = Plant(tmp_path, 10, 2000, only_changes=only_changes)
+    made = Plant(tmp_path, 10, 1000, only_changes=only_changes)
     whole = made.compared()
     assert whole["nCount"]["missed"] == made.missed
     HARMS[harm](tmp_path)
@@ -140,12 +143,12 @@ def test_what_was_carried_in_a_hole_is_not_missed(tmp_path: Path, harm: str, onl
         # Each change comes late, and what is not known differs from nothing.
         late_ns = (row["changes"] + 1) * LATE * MILLISECOND
         assert row["differed_ns"] <= late_ns + whole[name]["differed_ns"] - whole[name]["changes"] * LATE * MILLISECOND
-    for packets in (7, 250):
+    for packets in (60,):
         assert made.compared(packets) == found
 
 
 def test_what_comes_behind_all_rows_is_not_missed(tmp_path: Path) -> None:
-    made = Plant(tmp_path, 10, 2000, only_changes=False)
+    made = Plant(tmp_path, 10, 400, only_changes=False)
     (tmp_path / "x.db").unlink()
     assert {row["missed"] for row in made.compared().values()} == {0}
 
@@ -161,10 +164,32 @@ def test_more_changes_than_are_remembered(tmp_path: Path, packets: int) -> None:
 
 
 def test_the_report_tells_it(tmp_path: Path) -> None:
-    made = Plant(tmp_path, 10, 2000, only_changes=False)
+    made = Plant(tmp_path, 10, 400, only_changes=False)
     (tmp_path / "x.db.1").unlink()
     words = [tmp_path / "plant.pcap", *(path for path in made.files if path.exists()), "--gvl", tmp_path / "plant.gvl"]
     done = run_text("report", *words, "--compare", "--json")
     assert done.returncode == 3
     hops = {row["variable"]: row["missed"] for row in json.loads(done.stdout)["logged_hops"]}
     assert hops["Plc/Main/nCount"] == made.missed
+
+
+@examples(4)
+@given(
+    only_changes=st.booleans(), packets=st.integers(1, 500),
+    gone=st.lists(st.tuples(st.sampled_from(NAMES[:3]), st.integers(1, 100), st.integers(0, 60)), max_size=6),
+)  # fmt: skip
+def test_whatever_rows_are_gone_none_of_them_is_missed_however_it_is_cut(
+    tmp_path_factory: pytest.TempPathFactory, only_changes: bool, packets: int, gone: list[tuple[str, int, int]]
+) -> None:
+    folder = tmp_path_factory.mktemp("plant")
+    made = Plant(folder, 10, 400, only_changes=only_changes)
+    whole = made.compared()
+    for name, first, more in gone:
+        with closing(sqlite3.connect(folder / name)) as database:
+            database.execute("DELETE FROM log_1 WHERE rowid BETWEEN ? AND ?", (first, first + more))
+            database.commit()
+    found = made.compared()
+    assert made.compared(packets) == found
+    for name, row in found.items():
+        assert (row["missed"], row["followed"]) == (whole[name]["missed"], row["changes"])
+        assert row["delay_ns"]["max"] <= whole[name]["delay_ns"]["max"]
