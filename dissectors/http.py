@@ -73,6 +73,7 @@ class Head:
 
     @property
     def has_body(self) -> bool:
+        """Whether a body of more than no bytes is to come."""
         return self.body is not Body.LENGTH or self.length > 0
 
     @property
