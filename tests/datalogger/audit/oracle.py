@@ -166,7 +166,9 @@ class _Changes:
                 self.alone[name] += value is not None or count is not None
                 continue
             says[name] = self.judge_cell(name, value, count, rowid, zero=zero)
-        if zero:
+        # A counter that is repeated without a value, as the document has it, begins nothing.
+        says = {name: one for name, one in says.items() if one != "repeated"}
+        if zero and says:
             self.take_zero(rowid, says)
 
     def judge_cell(self, name: str, value: Any, count: int, rowid: int, *, zero: bool) -> str:
@@ -181,6 +183,8 @@ class _Changes:
         says = "unknown" if not known else "back" if step < 0 else "counted" if step > 0 else "equal"
         if value is not None and had and value != before and known and step == 0:
             says = "stuck"
+        if known and step == 0 and value is None and name not in self.unknown:
+            says = "repeated"
         alike = value is not None and had and value == before and not (name in self.real and value == 0)
         fell_from = self.fell_from.pop(name, None)
         if known and not zero:
