@@ -114,13 +114,16 @@ def is_start_line(data: bytes, start: int, stop: int, side: Side) -> bool:
 
 def start_line_at(data: bytes, start: int, stop: int, side: Side) -> int:
     """Return where the start line ends that begins at a place; 0 where none does, -1 where more has to come to know."""
+    begins = _BEGINS[side]
+    # Seldom does one begin there, which few bytes tell.
+    if not data.startswith(begins, start, stop):
+        begin = data[start : min(stop, start + _LONGEST_BEGIN)]
+        return -1 if any(one.startswith(begin) for one in begins) else 0
     most = start + LONGEST_LINE[side]
     end = data.find(b"\n", start, min(stop, most)) + 1
     if end:
         return end if is_start_line(data, start, end, side) else 0
-    begin = data[start : min(stop, start + _LONGEST_BEGIN)]
-    may_be = any(one.startswith(begin) or begin.startswith(one) for one in _BEGINS[side])
-    return -1 if may_be and stop < most else 0
+    return -1 if stop < most else 0
 
 
 def target_of(head: bytes) -> str:

@@ -11,7 +11,7 @@ import sqlite3
 from contextlib import closing, suppress
 from itertools import count
 
-from dissectors.datalogger.tables import LogTable, quoted, statement
+from dissectors.datalogger.tables import CONSISTENT, TIMESTAMP, LogTable, quoted, statement
 from nvscope.capture.datalogger.names import BEGUN
 
 
@@ -55,13 +55,22 @@ def take_away(begun: str) -> bool:
 
 
 def _is_empty(path: str) -> bool:
-    """Return whether a file is a database without a row, or has no byte."""
+    """Return whether a file has no byte, or is as ``made_beside`` leaves one: a table of a DataLogger without a row."""
     try:
         if not os.path.getsize(path):
             return True
         with closing(sqlite3.connect(os.path.abspath(path), isolation_level=None, timeout=0)) as connection:
             connection.execute("PRAGMA query_only = ON")
-            names = [name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
-            return not any(connection.execute(f"SELECT 1 FROM {quoted(name)} LIMIT 1").fetchone() for name in names)
+            marks = [connection.execute(f"PRAGMA {name}").fetchone()[0] for name in ("user_version", "application_id")]
+            found = connection.execute("SELECT type, name FROM sqlite_master").fetchall()
+            if any(marks) or len(found) > 1:
+                return False
+            return all(kind == "table" and _is_begun(connection, name) for kind, name in found)
     except (OSError, sqlite3.Error):
         return False
+
+
+def _is_begun(connection: sqlite3.Connection, table: str) -> bool:
+    names = [name for _, name, *_ in connection.execute(f"PRAGMA table_info({quoted(table)})")]
+    is_of_logger = names[:2] == [TIMESTAMP, CONSISTENT]
+    return is_of_logger and connection.execute(f"SELECT 1 FROM {quoted(table)} LIMIT 1").fetchone() is None

@@ -117,3 +117,12 @@ def test_what_was_begun_beside_it_is_of_the_series(tmp_path: Path) -> None:
         "db/x.db, 1 variable logged, changed on 2026-01-31"
     ]
     assert [one["path"] for one in json.loads(run_text("audit", tmp_path, "--json").stdout)["files"]] == paths
+
+
+def test_a_file_of_that_name_with_rows_is_a_database_of_its_own(tmp_path: Path) -> None:
+    rolled(tmp_path, [*CLOSED, "x.db"])
+    alone = run_text("vars", tmp_path).stdout
+    rolled(tmp_path, ["x.db.begun"])
+    told = run_text("vars", tmp_path).stdout
+    assert told.startswith(alone)
+    assert "db/x.db.begun, 1 variable logged" in told

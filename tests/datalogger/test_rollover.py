@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +90,26 @@ def test_what_was_begun_by_somebody_else_stays(tmp_path: Path) -> None:
     assert (tmp_path / "log.db.begun-1").read_text() == "mine, too"
     assert sorted(path.name for path in tmp_path.glob("*.begun*")) == ["log.db.begun", "log.db.begun-1"]
     assert values(series(tmp_path)) == list(range(ROWS))
+
+
+@pytest.mark.parametrize(
+    "statements",
+    [
+        ["CREATE TABLE notes (text)"],
+        ['CREATE TABLE log_1 ("Timestamp" TEXT, "ConsistentDataSeries" INT, "a" INT)', "CREATE TABLE notes (text)"],
+        ['CREATE TABLE log_1 ("Timestamp" TEXT, "ConsistentDataSeries" INT, "a" INT)', "PRAGMA user_version = 77"],
+        ["CREATE VIEW one AS SELECT 1"],
+    ],
+)
+def test_a_database_of_somebody_else_stays_though_it_has_no_row(tmp_path: Path, statements: list[str]) -> None:
+    mine = tmp_path / "log.db.begun"
+    with closing(sqlite3.connect(mine, isolation_level=None)) as connection:
+        for statement in statements:
+            connection.execute(statement)
+    before = mine.read_bytes()
+    recorded(tmp_path)
+    assert mine.read_bytes() == before
+    assert len(series(tmp_path)) == ROWS // BLOCK + 1
 
 
 def test_what_was_begun_and_has_no_row_is_taken_away(tmp_path: Path) -> None:

@@ -111,6 +111,6 @@ def _beside(path: str) -> list[str]:
 
 
 def _plain(path: str) -> str:
-    for suffix in (*_COMPRESSED, BEGUN):
+    for suffix in _COMPRESSED:
         path = path.removesuffix(suffix)
     return path

@@ -80,7 +80,7 @@ class Intervals:
     """The intervals of one task; ``asked_ns`` is what the configuration says, None where nobody knows it."""
 
     def __init__(self, asked_ns: int | None) -> None:
-        self._asked_ns = asked_ns
+        self.asked_ns = asked_ns
         self._values: I64 = np.zeros(0, np.int64)
         self._counts: I64 = np.zeros(0, np.int64)
         self._waiting: list[I64] = []
@@ -166,11 +166,11 @@ class Intervals:
         if self._fixed_ns is not None:
             return self._fixed_ns
         median_ns = self.median_ns
-        if alone and self._asked_ns is not None and median_ns is not None:
-            return self._asked_ns
+        if alone and self.asked_ns is not None and median_ns is not None:
+            return self.asked_ns
         if median_ns is None or not self.is_regular:
             return None
-        asked_ns = self._asked_ns or 0
+        asked_ns = self.asked_ns or 0
         return median_ns if limit_ns(median_ns) < asked_ns else max(asked_ns, median_ns)
 
     def gaps(self, interval_ns: int) -> Gaps:
@@ -199,7 +199,7 @@ class Intervals:
     def _floor(self) -> int:
         if self._fixed_ns is not None:
             return limit_ns(self._fixed_ns)
-        floors = [limit_ns(self._asked_ns)] if self._asked_ns is not None else []
+        floors = [limit_ns(self.asked_ns)] if self.asked_ns is not None else []
         if (median_ns := self.median_ns) is not None:
             floors.append(median_ns * _PERHAPS[0] // _PERHAPS[1])
         return min(floors)

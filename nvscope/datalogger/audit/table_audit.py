@@ -359,9 +359,8 @@ class TableAudit:
             task.intervals.fix(interval_ns)
         gaps = without_clock_sets(task.intervals.gaps(interval_ns), task.set_back, interval_ns)
         untold = []
-        for topic, own, amount in task.judged(
-            gaps.take(~gaps.told), interval_ns, is_asked=interval_ns == self._asked_ns
-        ):
+        is_asked = interval_ns == task.intervals.asked_ns
+        for topic, own, amount in task.judged(gaps.take(~gaps.told), interval_ns, is_asked=is_asked):
             self._note_gaps(topic, own, amount)
             untold.append(own)
         for mark, some in ((Mark.TOLD, gaps.take(gaps.told)), (Mark.GAP, Gaps.joined(untold))):

@@ -117,7 +117,7 @@ class BothDirections:
             self._unheard = Unheard(waiting.first, self._missed)
             asked = self._unheard.take(asked)
         requests = WaitingRequests(waiting, asked, self._ends, pieces.order, self._end_open, has_begun=self._has_begun)
-        server.reader.requests, server.reader.keeps_requests = requests, True
+        server.reader.requests = requests
         orders = pieces.order[server.start : server.stop]
         reach = client.start + np.searchsorted(pieces.order[client.start : client.stop], orders)
         self._read_client(client.place, requests)

@@ -95,6 +95,12 @@ class Forms:
         self.body_bytes = [0] * len(self.forms)
         self.known: tuple[dict[bytes, int], dict[bytes, int]] = ({}, {})
 
+    def note_late(self, first: int, known_at: int) -> None:
+        """Note of what was found from the place ``first`` on what could not be known before ``known_at``."""
+        for place in range(first, len(self.at)):
+            if self.at[place] + self.body_bytes[self.form[place]] < known_at:
+                self.late[place] = max(self.late.get(place, 0), known_at)
+
     def renew(self) -> None:
         """Forget what was found, and all forms where there are too many."""
         self.at, self.form, self.late, self.arrived_ns, self.head_at = [], [], {}, {}, {}

@@ -18,7 +18,7 @@ from nvscope.tracker.pieces import ANEW, Brought, PieceKind, Pieces
 from nvscope.tracker.visu.both_directions import BothDirections, Run
 from nvscope.tracker.visu.http_forms import NOT_BEGUN, Form, Forms
 from nvscope.tracker.visu.http_reader import END_OF_HEAD, HttpReader
-from nvscope.tracker.visu.http_runs import Controls, are_short, begins_late, read_run, take_control
+from nvscope.tracker.visu.http_runs import Controls, are_short, begin_late_of, read_run, take_control
 from nvscope.tracker.visu.limits import MOST_HELD_BYTES
 from nvscope.tracker.visu.request_heads import EARLIER, ClientRows, RequestHeads
 from nvscope.tracker.visu.waiting_requests import Asked, Missed, Unheard, Waiting, WaitingRequests
@@ -125,6 +125,7 @@ class HttpStreams:
         controls = Controls.of(brought, ends)
         behind = [0, *ends[run_stop - 1].tolist()]
         is_short = are_short(brought, run_start, run_stop).tolist()
+        begin_late = begin_late_of(pieces, run_start).tolist()
         streams: list[int] = pieces.stream[run_start].tolist()
         told, counts = streams.copy(), list[int]()
         asking, breaks, given_up = -1, list[int](), 0
@@ -140,13 +141,14 @@ class HttpStreams:
                     self._held_bytes -= len(left.rest)
                     told.insert(len(counts), stream - 1)
                     counts.append(0)
-            begins = stream & 1 > 0 and begins_late(pieces, start)
-            missed = missed_of(stream >> 1, int(pieces.order[start])) if begins and missed_of else None
+            begins = stream & 1 > 0 and begin_late[place]
+            missed = partial(missed_of, stream >> 1, int(pieces.order[start])) if begins and missed_of else None
             if paused is not None:
                 server = Run(self._reader(stream), data, behind[place], start, stop)
                 self._held_bytes -= len(server.reader.rest)
                 places_of, heads = partial(self._places, ends), self._heads(pieces, ends)
-                both = BothDirections(paused, server, pieces, ends, found, places_of, heads, missed)
+                unheard = missed() if missed is not None else None
+                both = BothDirections(paused, server, pieces, ends, found, places_of, heads, unheard)
                 of_client = both.read(waiting_of(stream >> 1), before - counts[-1])
                 given_up += self._leave_both(stream >> 1, (paused, server), pieces, both.ended)
                 counts[-1] += of_client
@@ -166,11 +168,15 @@ class HttpStreams:
             reader = self._reader(stream)
             if reader.begun_at >= 0:
                 reader.begun_at = EARLIER
-            if begins or (stream & 1 and (stream >> 1 in self._with_head or reader.is_late)):
-                reader.keeps_requests = stream >> 1 in self._with_head
+            with_head = stream & 1 > 0 and stream >> 1 in self._with_head
+            if with_head or begins or reader.is_late:
                 first = before if asking != stream >> 1 else before - counts[-1]
-                own = range(first, before if reader.keeps_requests else min(before, first + _MOST_BEFORE_FIRST))
-                reader.requests = self._requests(brought, ends, own, stream >> 1, waiting_of, missed)
+                own = range(first, before if with_head else min(before, first + _MOST_BEFORE_FIRST))
+                requests = partial(self._requests, brought, ends, own, stream >> 1, waiting_of, missed)
+                if with_head:
+                    reader.requests = requests()
+                else:
+                    reader.late_requests = requests
             asking = stream >> 1
             self._held_bytes -= len(reader.rest)
             first_new = behind[place] + len(reader.rest)
@@ -196,7 +202,7 @@ class HttpStreams:
                 if reader.breaks:
                     breaks = self._orders(brought, ends, reader.breaks)
                 self._note_open(stream >> 1, reader, int(pieces.arrival_ns[stop - 1]))
-            reader.breaks = []
+            reader.breaks, reader.late_requests = [], None
             counts.append(len(found.at) - before)
         self._forget_requests(asking, breaks)
         return self._told(data, brought, ends, np.repeat(np.array(told, np.int64), counts), given_up)
@@ -327,7 +333,7 @@ class HttpStreams:
 
     def _requests(
         self, brought: Brought, ends: I64, own: range, connection: int, waiting_of: Callable[[int], Waiting],
-        missed: Missed | None,
+        missed: Callable[[], Missed] | None,
     ) -> WaitingRequests:  # fmt: skip
         """Return the requests of a connection, some of them of this batch; ``missed`` are replies to them."""
         found, orders, heads = self._found, brought.pieces.order, self._heads(brought.pieces, ends)
@@ -336,7 +342,7 @@ class HttpStreams:
         asked = list(map(Asked, orders[self._places(ends, own)].tolist(), forms, head_orders))
         waiting = waiting_of(connection)
         if missed is not None:
-            unheard = Unheard(waiting.first, missed)
+            unheard = Unheard(waiting.first, missed())
             asked = [*unheard.take(asked), *unheard.rest()]
         return WaitingRequests(waiting, asked, ends, orders, begun=heads.begun(connection))
 

@@ -13,10 +13,12 @@ from dissectors.http import MOST_BODY_BYTES, MOST_HEAD_BYTES, Body, Head, Side
 from dissectors.web_protocols import protocol_of_bytes
 from dissectors.webvisu import Likeness
 from nvscope.tracker.visu.http_forms import NOT_BEGUN, Form, Forms, What
-from nvscope.tracker.visu.part_requests import OpenRequest, bodiless, end_form, likeness_of, part_form
+from nvscope.tracker.visu.part_requests import OpenRequest, behind_body, bodiless, end_form, likeness_of, part_form
 from nvscope.tracker.visu.same_messages import count_same
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from nvscope.tracker.visu.waiting_requests import WaitingRequests
 
 _MOST_CHUNKED_BYTES = 2 * MOST_BODY_BYTES
@@ -37,14 +39,13 @@ class HttpReader:
     is left over of earlier batches had come. ``begun_at`` is where the head ends of a message that says how long it is,
     and is not whole: in the data of the batch, below 0 where that was an earlier one; ``NOT_BEGUN`` without such.
     ``is_late``: a server's stream began in the middle, and its first response may answer what was not captured;
-    unless it ``keeps_requests``, these are asked for that one alone.
+    ``late_requests`` returns those that were, where ``requests`` are None.
     """
 
     __slots__ = (
         "_answers_head", "_answers_nobody", "_chunks", "_found_before", "_is_first", "_passed", "_passes", "_seeks",
-        "_unasked",
-        "arrived_ns", "asks_head", "begun_at", "breaks", "is_late", "keeps_requests", "known_at", "open", "pauses",
-        "requests", "rest", "side",
+        "_unasked", "arrived_ns", "asks_head", "begun_at", "breaks", "is_late", "known_at", "late_requests", "open",
+        "pauses", "requests", "rest", "side",
     )  # fmt: skip
 
     def __init__(self, side: Side) -> None:
@@ -66,7 +67,8 @@ class HttpReader:
         self._is_first, self._found_before, self.known_at = False, 0, 0
         self.open: OpenRequest | None = None
         self.pauses, self.arrived_ns = False, 0
-        self.begun_at, self.is_late, self.keeps_requests = NOT_BEGUN, False, True
+        self.begun_at, self.is_late = NOT_BEGUN, False
+        self.late_requests: Callable[[], WaitingRequests] | None = None
 
     def begin(self, *, in_step: bool) -> None:
         """Take the begin of a connection; its first bytes begin a message where it is ``in_step``."""
@@ -103,12 +105,12 @@ class HttpReader:
                 self._seeks, begin = False, start
             head_end = find(END_OF_HEAD, begin, end) + len(END_OF_HEAD)
             number = known.get(data[begin:head_end]) if plain else None
-            if number is None:
+            if number is None or (self.is_late and body_bytes[number] and behind_body(data, head_end, end, self.side)):
                 begin = http.behind_blank_lines(data, begin, end)
                 first = len(found.at)
                 behind = self._read_one(data, begin, end, found)
                 if known_at:
-                    self._note_late(first, known_at, found)
+                    found.note_late(first, known_at)
                 known_at = self.known_at
                 if behind < 0:
                     break
@@ -123,7 +125,7 @@ class HttpReader:
                 found.late[len(found.at)] = known_at
             tell_at(head_end)
             tell_form(number)
-            self._answers_head = None
+            self._answers_head, self.is_late = None, False
             if differing < _DIFFERING and behind >= known_at:
                 length = behind - begin
                 count = count_same(data, begin, behind, end)
@@ -134,13 +136,6 @@ class HttpReader:
             begin = behind
         self.rest = data[begin:end] if not self._passes else b""
         self._is_first = self._is_first and len(found.at) == self._found_before and not self._passes
-
-    @staticmethod
-    def _note_late(first: int, known_at: int, found: Forms) -> None:
-        """Note what was found, from the place ``first`` on, of what could not be known before ``known_at``."""
-        for place in range(first, len(found.at)):
-            if found.at[place] + found.body_bytes[found.form[place]] < known_at:
-                found.late[place] = max(found.late.get(place, 0), known_at)
 
     def forget_request(self) -> None:
         """Take that nobody knows any more which request the message answers that is being received, if one is."""
@@ -165,8 +160,10 @@ class HttpReader:
             return self._lose_step(data, start, head_end, found)
         if self.side is Side.CLIENT:
             self.asks_head |= head.method == "HEAD"
-        if head.has_body and (head.expects or (self.is_late and self._is_unasked(head_end))):
-            line = http.start_line_at(data, head_end, end, self.side)
+        if head.has_body and (head.expects or self.is_late):
+            line = behind_body(data, head_end, end, self.side)
+            if line and self.is_late and not self._is_unasked(head_end):
+                line = 0
             if line > 0:
                 return self._skip_body(data[start:head_end], head_end, line, head, found)
             if line < 0 and (head.body is Body.LENGTH or self.side is Side.SERVER):
@@ -196,12 +193,13 @@ class HttpReader:
     def _is_unasked(self, at: int) -> bool:
         """Tell whether no request waits that was captured when a head is whole: what waited then says so, not later."""
         if self._unasked is None:
-            self._unasked = self.requests is not None and not self.requests.wait(max(at, self.known_at))
+            requests = self.late_requests() if self.requests is None and self.late_requests else self.requests
+            self._unasked = requests is not None and not requests.wait(max(at, self.known_at))
         return self._unasked
 
     def _skip_body(self, text: bytes, head_end: int, line: int, head: Head, found: Forms) -> int:
         """Take a message without its body, in whose place there is, up to ``line``, the first line of another one."""
-        self.begun_at, found.late[len(found.at)] = NOT_BEGUN, line
+        self.begun_at, self.open, found.late[len(found.at)] = NOT_BEGUN, None, line
         is_request, self._answers_nobody = self.side is Side.CLIENT, self.side is Side.SERVER
         form = part_form(text, len(text), head) if is_request else bodiless(head, self._answered(line, head))
         found.tell(head_end, form)
@@ -214,7 +212,7 @@ class HttpReader:
         if self.requests is not None and not nobody and not (head is not None and head.is_interim):
             self.requests.answered(at if at < 0 else max(at, self.known_at))
         if self.is_late and not (head is not None and head.is_interim):
-            self.is_late, self.requests = False, self.requests if self.keeps_requests else None
+            self.is_late = False
         return nobody
 
     def _may_be_known(self, head: Head) -> bool:

@@ -64,9 +64,11 @@ def are_short(brought: Brought, start: I64, stop: I64) -> Bool:
     return short
 
 
-def begins_late(pieces: Pieces, start: int) -> bool:
-    """Tell whether a stream begins with a piece, in the middle."""
-    return bool(pieces.kind[start] == PieceKind.BEGIN and not pieces.size[start] & IN_STEP)
+def begin_late_of(pieces: Pieces, start: I64) -> Bool:
+    """Tell of pieces with which of them a stream begins in the middle."""
+    late: Bool = pieces.kind[start] == int(PieceKind.BEGIN)
+    late &= (pieces.size[start] & IN_STEP) == 0
+    return late
 
 
 def read_run(

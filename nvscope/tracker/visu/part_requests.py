@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from dissectors import http
-from dissectors.http import Body, Head
+from dissectors.http import Body, Head, Side
 from dissectors.webvisu import Likeness, likeness
 from nvscope.tracker.visu.http_forms import Form, What
 
@@ -52,6 +52,13 @@ def end_form(rest: bytes, head_end: int, head: Head | None, passed: Form | None,
     if head is None or head.body is Body.END or (head.body is Body.CHUNKS and end.broken_by is not None):
         return None
     return part_form(rest, head_end, head, end)
+
+
+def behind_body(data: bytes, head_end: int, end: int, side: Side) -> int:
+    """Return where the first line of another message ends that is in the place of a body, as ``start_line_at`` does."""
+    if data[head_end : head_end + 1] == b"|":  # as nearly all bodies of pages begin
+        return 0
+    return http.start_line_at(data, http.behind_blank_lines(data, head_end, end), end, side)
 
 
 def bodiless(head: Head, answers_nobody: bool) -> Form:

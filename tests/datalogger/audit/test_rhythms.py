@@ -112,3 +112,10 @@ def test_a_database_that_is_gone_on_with_in_another_interval_has_no_gaps(tmp_pat
         done = run_text("datalog", "plant.pcap", "--config", "c.xml", "--gvl", ".", "--append", cwd=tmp_path)
         assert done.returncode == 0, done.stderr
     assert [code for code, *_ in told(audited([str(tmp_path / "log.db")]))] == [TOLD]
+
+
+@pytest.mark.parametrize("asked_ms", [99, 100, 101])
+def test_a_configuration_says_nothing_of_cycles_though_most_of_them_are_as_long(tmp_path: Path, asked_ms: int) -> None:
+    assert codes(tmp_path, (100, 300), (400, 100)) == [TOLD]
+    audit = audited([str(tmp_path / "x.db")], asked_ms * 1_000_000, in_cycles=lambda name: name == "a")
+    assert [code for code, *_ in told(audit)] == [TOLD]

@@ -129,6 +129,25 @@ def test_who_expects_to_go_on_and_is_refused_sends_no_body(cut_at: int) -> None:
     assert len([one for one in messages(line.frames) if "HTTP status 417" in one]) == 1
 
 
+@pytest.mark.parametrize("length", [b"Transfer-Encoding: chunked\r\n", b"Content-Length: 20\r\n", b""])
+@pytest.mark.parametrize("blank", [b"", b"\r\n", b"\r\n\r\n"])
+@pytest.mark.parametrize("behind", [HEAD + OTHER, b"GET / HTTP/1.1\r\n\r\n"])
+@pytest.mark.parametrize("cuts", [(), (3,), (len(HEAD) + 2,)])
+def test_no_body_was_sent_whatever_its_length_would_have_been(
+    length: bytes, blank: bytes, behind: bytes, cuts: tuple[int, ...]
+) -> None:
+    start = HEAD.split(b"Content-Length")[0] + length + b"Expect: 100-continue\r\n\r\n"
+    line = Line().open().ask(start).answer(REFUSED.replace(b"413", b"417"))
+    more = blank + behind
+    for begin, end in zip((0, *cuts), (*cuts, len(more)), strict=True):
+        line.ask(more[begin:end])
+    line.answer(DONE).ask(HEAD + BODY).answer(DONE)
+    expected = [("8.5", "confirmed")] * (behind != b"GET / HTTP/1.1\r\n\r\n") + [("9.5", "confirmed")]
+    for packets in range(1, len(line.frames) + 1):
+        state = followed(cut(batch_of(line.frames), packets))
+        assert [one[7:9] for one in writes_of(state)] == expected
+
+
 def test_who_expects_to_go_on_and_may_sends_the_body() -> None:
     for interim in (b"HTTP/1.1 100 Continue\r\n\r\n", b""):
         line = Line().open().ask(EXPECTS)
