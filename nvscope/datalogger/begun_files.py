@@ -11,8 +11,9 @@ import sqlite3
 from contextlib import closing, suppress
 from itertools import count
 
-from dissectors.datalogger.tables import CONSISTENT, TIMESTAMP, LogTable, quoted, statement
+from dissectors.datalogger.tables import LogTable, quoted, statement
 from nvscope.capture.datalogger.names import BEGUN
+from nvscope.datalogger.existing import tables_in
 
 
 def made_beside(path: str, table: LogTable, *, durable: bool) -> str:
@@ -62,15 +63,10 @@ def _is_empty(path: str) -> bool:
         with closing(sqlite3.connect(os.path.abspath(path), isolation_level=None, timeout=0)) as connection:
             connection.execute("PRAGMA query_only = ON")
             marks = [connection.execute(f"PRAGMA {name}").fetchone()[0] for name in ("user_version", "application_id")]
-            found = connection.execute("SELECT type, name FROM sqlite_master").fetchall()
-            if any(marks) or len(found) > 1:
+            (objects,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+            tables = tables_in(connection)
+            if any(marks) or objects > 1 or len(tables) != objects or None in tables.values():
                 return False
-            return all(kind == "table" and _is_begun(connection, name) for kind, name in found)
+            return not any(connection.execute(f"SELECT 1 FROM {quoted(name)} LIMIT 1").fetchone() for name in tables)
     except (OSError, sqlite3.Error):
         return False
-
-
-def _is_begun(connection: sqlite3.Connection, table: str) -> bool:
-    names = [name for _, name, *_ in connection.execute(f"PRAGMA table_info({quoted(table)})")]
-    is_of_logger = names[:2] == [TIMESTAMP, CONSISTENT]
-    return is_of_logger and connection.execute(f"SELECT 1 FROM {quoted(table)} LIMIT 1").fetchone() is None

@@ -247,10 +247,10 @@ def _refused(subject: Subject, statuses: Statuses, parts: Mapping[VisuEvent, Eve
     from nvscope.tracker.visu.events import VisuEvent
 
     client, server, variable = subject
-    if not variable and VisuEvent.REFUSED in parts:
-        return refused_unread(client, server, statuses, writes=VisuEvent.STATUS not in parts)
     if variable:
         return refused_writes(client, server, [variable], statuses)
+    if VisuEvent.REFUSED in parts:
+        return refused_unread(client, server, statuses, writes=VisuEvent.STATUS not in parts)
     return refused_reads(client, server, statuses)
 
 

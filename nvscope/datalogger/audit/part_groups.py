@@ -17,9 +17,6 @@ _MOST_PARTS = 10_000
 _MOST_KINDS = 100
 """In so many ways variables may be grouped."""
 
-_MOST_SHAPES = 2_000
-"""So many shapes of rows are looked at together."""
-
 
 class PartGroups:
     """Notes which parts have several groups of variables; parts are numbered from 0 on."""
@@ -70,9 +67,7 @@ class PartGroups:
             self._groups.join(numbers[there])
             return
         first = rows.start + np.unique(shape[rows], return_index=True)[1]
-        for begin in range(0, len(first), _MOST_SHAPES):
-            some = first[begin : begin + _MOST_SHAPES]
-            self._groups.join_rows(numbers, np.array([one[some] for one in filled]))
+        self._groups.join_rows(numbers, filled, first)
 
     def _go_to(self, part: int) -> None:
         if part != self._part:

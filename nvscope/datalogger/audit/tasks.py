@@ -20,9 +20,6 @@ from nvscope.datalogger.audit.known import Grouping
 from nvscope.datalogger.audit.part_groups import PartGroups
 from nvscope.tracker.datalogger.variable_groups import VariableGroups
 
-_MOST_SHAPES = 2_000
-"""So many sets of columns are looked at together; in tables of changes, nearly each row has its own."""
-
 
 @dataclass(frozen=True, slots=True)
 class TaskRows:
@@ -128,14 +125,13 @@ class Tasks:
         shape = self._shapes.of(len(chunk), zip(numbers.tolist(), filled, strict=True))
         if self._parts is not None:
             self._parts.take(numbers, filled, shape, begins, len(chunk))
-        first = np.zeros(0, np.int64) if known else np.unique(shape, return_index=True)[1]
-        for start in range(0, len(first), _MOST_SHAPES):
-            some = first[start : start + _MOST_SHAPES]
-            gone = self._groups.join_rows(numbers, np.array([one[some] for one in filled]))
-            self.merged += [(one, int(self._groups.of[one])) for one in gone]
+        if not known:
+            self._note_merged(self._groups.join_rows(numbers, filled, np.unique(shape, return_index=True)[1]))
 
     def _join(self, variables: I64) -> None:
-        gone = self._groups.join(variables)
+        self._note_merged(self._groups.join(variables))
+
+    def _note_merged(self, gone: list[int]) -> None:
         self.merged += [(one, int(self._groups.of[one])) for one in gone]
 
 

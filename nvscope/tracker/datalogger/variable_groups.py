@@ -6,10 +6,15 @@ of one task need not have the same columns; variables that are in a row with the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
 from dissectors.batch import I64, Bool
+
+_MOST_ROWS = 2_000
+"""So many rows are looked at together; in tables of changes, nearly each has other variables than those before."""
 
 _MOST_JOINED = 500
 """So many of some rows may tell that variables belong together."""
@@ -46,8 +51,15 @@ class VariableGroups:
         gone: list[int] = found[1:].tolist()
         return gone
 
-    def join_rows(self, variables: I64, filled: npt.NDArray[np.bool_]) -> list[int]:
-        """Take rows of which ``filled`` tells, a line a variable, which of some variables are in each; as ``join``."""
+    def join_rows(self, variables: I64, filled: Sequence[Bool], rows: I64) -> list[int]:
+        """Take some rows; ``filled`` tells of each of some variables in which rows it is. Return as ``join`` does."""
+        gone: list[int] = []
+        for begin in range(0, len(rows), _MOST_ROWS):
+            some = rows[begin : begin + _MOST_ROWS]
+            gone += self._join_matrix(variables, np.array([one[some] for one in filled]))
+        return gone
+
+    def _join_matrix(self, variables: I64, filled: npt.NDArray[np.bool_]) -> list[int]:
         self.seen[variables[filled.any(axis=1)]] = True
         known = self.of[variables][:, np.newaxis]
         mixed = np.where(filled, known, len(self.of)).min(axis=0) < np.where(filled, known, -1).max(axis=0)

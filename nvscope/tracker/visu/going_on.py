@@ -39,6 +39,7 @@ class Closed(NamedTuple):
 
     @property
     def frame(self) -> int:
+        """The frame of that order."""
         return self.order >> ORDER_BITS
 
     @property
