@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dissectors.batch import I64, U8, U16, U64, Bool, PacketBatch, Records
+from dissectors.batch import I32, I64, U8, U16, U64, Bool, PacketBatch, Records
 from dissectors.claims import Claims
 from dissectors.headers import (
     ETHERNET,
@@ -36,6 +36,7 @@ _ROW = np.dtype([("lead", f"V{LEAD_BYTES}"), *((name, PLAIN[name]) for name in P
 BLOCK = 1 << 12
 """So many rows stay in the cache while they are looked at."""
 
+_WITHOUT_OPTIONS = 0x45
 _FRAGMENT_BITS = 0x3FFF  # of more fragments, and of the offset
 # Whose hardware address and time to live differ, tells who sent or forwarded it: not what it is, but by which way.
 _TELLING: dict[str, dict[str, int | None]] = {
@@ -52,6 +53,12 @@ _TELLING: dict[str, dict[str, int | None]] = {
 }  # fmt: skip
 """What tells packets of the plain shape apart: fields of their headers, None: all bits of them."""
 
+_SENDING: dict[str, dict[str, int | None]] = {
+    "eth": {"source": None, "type": None},
+    "ip": {"version_ihl": None, "ttl": None, "source": None},
+}
+"""What tells apart who sent other packets on Ethernet and IPv4, and by which way they came."""
+
 TELLING_WORDS = 1, 3, 4, 6
 """Words that nearly always tell packets apart: of the sender's hardware address; of time to live and source; of
 destination and port; of ID, Index, SubIndex."""
@@ -63,17 +70,19 @@ _IDENTITY_WORD, _IDENTITY_SHIFT = 5, np.uint64(32)
 _COUNTER_HALF, _CAPTURED_HALF = 30, 0  # 16-bit numbers in a row
 
 
-def _telling_bits() -> U64:
-    """Return a row in which the bits are set that tell packets apart."""
+def _bits_of(fields: dict[str, dict[str, int | None]]) -> U64:
+    """Return a row in which the bits of some fields are set."""
     row = np.zeros(1, _ROW)
-    for layout, names in _TELLING.items():
+    for layout, names in fields.items():
         for name, bits in names.items():
             part = _ROW[layout][name]
             row[layout][name] = np.frombuffer(b"\xff" * part.itemsize, part)[0] if bits is None else bits
     return row.view(_WORD).astype(np.uint64)
 
 
-_TELLING_BITS = np.tile(_telling_bits(), BLOCK)
+_TELLING_BITS = np.tile(_bits_of(_TELLING), BLOCK)
+_SENDING_BITS = np.tile(_bits_of(_SENDING), BLOCK)
+_WITH_SENDER_BYTES = ETHERNET.size_bytes + IPV4.size_bytes
 
 
 def rows_of(data: U8, offset: I64) -> U64:
@@ -94,12 +103,32 @@ def counters_of(rows: U64) -> U16:
 
 def make_keys(rows: U64, captured: U16) -> None:
     """Leave in rows of headers nothing but what tells packets apart, and how much was captured."""
+    _leave(rows, _TELLING_BITS)
+    rows.view(_HALF)[:, _CAPTURED_HALF] = captured
+
+
+def make_sender_keys(rows: U64) -> None:
+    """Leave in rows of headers nothing but what tells apart who sent packets that are no telegrams.
+
+    They differ from all that ``make_keys`` makes of telegrams, by what was captured: here, that is nothing.
+    """
+    _leave(rows, _SENDING_BITS)
+
+
+def _leave(rows: U64, bits: U64) -> None:
+    """Leave some bits in rows of headers; ``bits`` are those of ``BLOCK`` rows."""
     flat = rows.reshape(-1)
     # As one column of words: along rows of eight, numpy takes many times as long.
-    for start in range(0, len(flat), len(_TELLING_BITS)):
-        part = flat[start : start + len(_TELLING_BITS)]
-        part &= _TELLING_BITS[: len(part)]
-    rows.view(_HALF)[:, _CAPTURED_HALF] = captured
+    for start in range(0, len(flat), len(bits)):
+        part = flat[start : start + len(bits)]
+        part &= bits[: len(part)]
+
+
+def tell_sender(head: Records, captured: I32) -> Bool:
+    """Tell which frames, taken as if of the plain shape, are of IPv4, and say who sent them."""
+    told: Bool = (head["eth"]["type"] == TYPE_IPV4) & (head["ip"]["version_ihl"] == _WITHOUT_OPTIONS)
+    told &= captured >= _WITH_SENDER_BYTES
+    return told
 
 
 def have_identity(keys: U64, captured: U16) -> Bool:
@@ -123,7 +152,7 @@ def is_plain(head: Records) -> Bool:
 
 def _is_simple(ip: Records) -> Bool:
     """Tell which IPv4 headers have no options and are of whole datagrams."""
-    simple: Bool = (ip["version_ihl"] == 0x45) & ((ip["fragment"] & _FRAGMENT_BITS) == 0)
+    simple: Bool = (ip["version_ihl"] == _WITHOUT_OPTIONS) & ((ip["fragment"] & _FRAGMENT_BITS) == 0)
     return simple
 
 

@@ -28,9 +28,11 @@ from dissectors.plain import (
     heads_of,
     is_plain,
     make_keys,
+    make_sender_keys,
     may_hold_telegrams,
     name_telegrams,
     rows_of,
+    tell_sender,
 )
 from dissectors.transport import NO_DATAGRAMS, DatagramBatch, SegmentBatch
 from dissectors.usual import NOBODY, WORDS, UsualRows
@@ -38,6 +40,9 @@ from dissectors.varieties import NO_TELEGRAM, Varieties
 
 MOST_VARIETIES = 1 << 16
 """With more than these, what was learned is let go: traffic in which nothing recurs must not fill the memory."""
+
+MOST_SENDERS = MOST_VARIETIES // 2
+"""So many headers are numbered at most when those of one more sender are: whoever forges senders crowds nobody out."""
 
 _UNKNOWN, _PECULIAR = NOBODY, -2
 _LOOKED_AT = 1 << 8
@@ -58,8 +63,9 @@ class SortedPackets:
     ``variety`` int64 (``NO_TELEGRAM`` where there is none) and ``counter`` uint16 have one entry a packet; what a
     variety is stands in ``varieties``. ``quoted`` is as in ``dissectors.netvar.Dissection``, ``fragments`` and
     ``unsupported`` are as in ``dissectors.link.Peeled``. ``header`` int64 numbers, from 1, headers that are the
-    same, hardware address and time to live included, in the order in which they appear; 0 where that is not known.
-    Numbers stay as those of ``varieties`` do. ``can`` are the CAN frames of the batch, None where there is
+    same, hardware address and time to live included; of packets that are no telegrams, those that tell who sent them.
+    Both kinds are numbered in the order in which they appear. It is 0 where that is not known. Numbers stay as those of
+    ``varieties`` do. ``can`` are the CAN frames of the batch, None where there is
     none; each has a variety too. ``datagrams`` and ``segments`` are those of claimed ports; datagrams that are
     telegrams are not among them.
     """
@@ -99,6 +105,7 @@ class Sorter:
         self._varieties = Varieties()
         self._headers = KeyTable(WORDS)
         self._usual = UsualRows(TELLING_WORDS)
+        self._usual_senders: UsualRows | None = None
         # By number of the headers.
         self._variety_of = np.empty(0, np.int64)
 
@@ -111,6 +118,7 @@ class Sorter:
             self._renew()
         packets = packets.with_margin(LEAD_BYTES)
         rest: I64 | None = None
+        sent = np.empty(0, np.int64)
         if self._ports is None and packets.single_link == LinkType.ETHERNET:
             head = heads_of(packets, np.arange(len(packets))) if _are_mostly_others(packets) else None
             header, counter = self._recognise(packets) if head is None else self._recognise_some(packets, head)
@@ -121,7 +129,9 @@ class Sorter:
             header[rest] = NO_TELEGRAM
             variety[rest] = NO_TELEGRAM
             counter[rest] = 0
-            rest = self._not_idle(rest, heads_of(packets, rest) if head is None else take_rows(head, rest))
+            head = heads_of(packets, rest) if head is None else take_rows(head, rest)
+            sent = rest[tell_sender(head, packets.captured[rest])]
+            rest = self._not_idle(rest, head)
         else:
             header = np.zeros(len(packets), np.int64)
             variety, counter = np.zeros(len(packets), np.int64), np.zeros(len(packets), np.uint16)
@@ -133,6 +143,8 @@ class Sorter:
             row = telegrams.datagram.row
             variety[row] = self._varieties.numbers(telegrams, packets)
             counter[row] = telegrams.header["counter"]
+        sent = sent[variety[sent] == NO_TELEGRAM]
+        header[sent] = self._senders(packets, sent) + 1
         frames = None
         if packets.single_link not in _WITHOUT_CAN and len(found := dissect_can(packets)):
             frames = found
@@ -146,6 +158,32 @@ class Sorter:
             packets, self._varieties, variety, counter, dissection.quoted, peeled.fragments, unsupported,
             self._claimed(dissection, variety), peeled.tcp, header, frames,
         )  # fmt: skip
+
+    def _senders(self, packets: PacketBatch, rows: I64) -> I64:
+        """Return the numbers of who sent some packets, ``_UNKNOWN`` of those for which there is no room."""
+        number = np.empty(len(rows), np.int64)
+        for start in range(0, len(rows), BLOCK):
+            part = slice(start, start + BLOCK)
+            keys = rows_of(packets.data, packets.offset[rows[part]])
+            make_sender_keys(keys)
+            if self._usual_senders is None:
+                self._usual_senders = UsualRows(TELLING_WORDS)
+            number[part] = found = self._usual_senders.find(keys)
+            unknown = np.flatnonzero(found == NOBODY)
+            if len(unknown):
+                number[start + unknown] = self._learn_senders(keys[unknown])
+        return number
+
+    def _learn_senders(self, keys: U64) -> I64:
+        """Return the numbers of senders that are not usual, having learned those that are new."""
+        known = len(self._headers)
+        number = self._headers.numbers_within(MOST_SENDERS, *keys.T)
+        new = np.stack([word[known:] for word in self._headers.words], axis=1)
+        if len(new):
+            self._variety_of = np.append(self._variety_of, np.full(len(new), NO_TELEGRAM))
+            assert self._usual_senders is not None
+            self._usual_senders.add(new, np.arange(known, len(self._headers)))
+        return number
 
     def _not_idle(self, rest: I64, head: Records) -> I64:
         """Return which of some packets have to be taken apart, given their headers."""

@@ -67,12 +67,16 @@ def test_told_is_dissected(seed: int) -> None:
 
 
 def test_packets_of_one_header_come_by_one_way() -> None:
-    """From one sender, by hardware address and way, and they are of one variety; numbers are by first appearance."""
+    """From one sender, by hardware address and way, and they are of one variety; numbers are by first appearance.
+
+    Of what is no telegram, it is enough who sent it: where that is told, on Ethernet and IPv4, it has a number.
+    """
     numbered = 0
     for seed in range(12):
         packets = batch_of(traffic(seed))
         sorter = Sorter()
         ways: dict[int, tuple[int, ...]] = {}
+        latest = [0, 0]
         for begin in range(0, len(packets), 61):
             part = packets[begin : begin + 61]
             told, found = sorter.sort(part), addresses_of(part)
@@ -80,10 +84,40 @@ def test_packets_of_one_header_come_by_one_way() -> None:
             way = dict(zip(found.row.tolist(), zip(*(one.tolist() for one in columns), strict=True), strict=True))
             for row in np.flatnonzero(told.header).tolist():
                 number, seen = int(told.header[row]), (int(told.variety[row]), *way[row])
-                assert number in ways or number > max(ways, default=0)
+                is_other = int(told.variety[row] == NO_TELEGRAM)
+                assert number in ways or number > latest[is_other]
+                latest[is_other] = max(latest[is_other], number)
                 assert ways.setdefault(number, seen) == seen
-        numbered += bool(ways)
+        numbered += all(latest)
     assert numbered > 3
+
+
+def by_appearance(numbers: list[int]) -> list[int]:
+    """Number anew what is numbered, in the order in which it appears; 0 stays."""
+    new = {0: 0}
+    return [new.setdefault(one, len(new)) for one in numbers]
+
+
+def test_packets_of_one_sender_that_are_no_telegrams_have_one_number() -> None:
+    frames = [
+        tcp_frame(row, (f"10.0.0.{row % 3 + 1}", 50_000 + row), ("10.0.0.5", 443), data=bytes(row)) for row in range(30)
+    ]
+    told = Sorter().sort(batch_of(frames))
+    assert told.header.tolist() == [row % 3 + 1 for row in range(30)]
+    assert not told.variety.any()
+
+
+def test_who_forges_senders_crowds_nobody_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dissectors.sorter, "MOST_SENDERS", 5)
+    forged = [tcp_frame(row, (f"10.0.1.{row + 1}", 50_000), ("10.0.0.5", 443)) for row in range(20)]
+    telegrams = traffic(4)
+    expected, sorter = Sorter().sort(batch_of(telegrams)), Sorter()
+    assert sorter.sort(batch_of(forged)).header.tolist() == [1, 2, 3, 4, 5] + [0] * 15
+    found = sorter.sort(batch_of(telegrams))
+    assert found.variety.tolist() == expected.variety.tolist()
+    told = np.flatnonzero(expected.variety)
+    assert (found.header[told] > 0).tolist() == (expected.header[told] > 0).tolist()
+    assert (found.header[told] > 0).any()
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -110,7 +144,7 @@ def test_telegrams_among_many_others_are_told_alike(seed: int) -> None:
     for _ in range(2):
         expected, found = usual.sort(once), sorter.sort(batch_of(among))
         assert found.variety[::10].tolist() == expected.variety.tolist()
-        assert found.header[::10].tolist() == expected.header.tolist()
+        assert by_appearance(found.header[::10].tolist()) == by_appearance(expected.header.tolist())
         assert np.count_nonzero(found.variety) == np.count_nonzero(expected.variety)
         check(sorter, batch_of(among))
 
