@@ -7,10 +7,11 @@ from typing import Annotated
 
 import typer
 
-from nvscope.cli.decode_as import DecodeOption, port_rules, with_page_ports
-from nvscope.cli.definitions import GvlOption, ProjectOption, flaws_told_first, project_of
+from nvscope.cli.decode_as import DecodeOption
+from nvscope.cli.definitions import GvlOption, ProjectOption, flaws_told_first
 from nvscope.cli.frame_files import no_file_named
 from nvscope.cli.named_files import named_files
+from nvscope.cli.plant import plant_of
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
     BitRateOption,
@@ -23,7 +24,6 @@ from nvscope.cli.sources import (
     asked_range,
     duration_ns,
     tell_of_losses,
-    with_channels,
 )
 from nvscope.cli.terminal import echo
 from nvscope.errors import UsageError
@@ -68,7 +68,7 @@ def baseline(
     if not (write.endswith(_ENDING) or is_stdout(write)):
         raise UsageError(f"{write}: files of rules end with {_ENDING}", next_step="so check finds them by themselves")
     warmup_ns = duration_ns("--warmup", warmup, least_ns=0)
-    plant = with_page_ports(with_channels(project_of(project, gvl, paths), channel_map), decode)
+    plant, ports = plant_of(project, gvl, paths, channel_map, decode)
     plant = replace(plant, buses=plant.buses.overridden(bit_rates or ()))
     asked = asked_range(from_time, to_time, utc=utc)
 
@@ -81,7 +81,7 @@ def baseline(
     from nvscope.view.escape import visible
     from nvscope.whole_files import Existing, WholeFiles
 
-    inquiry = Inquiry(paths, plant, port_rules(decode), watch=watching(quiet=quiet), asked=asked)
+    inquiry = Inquiry(paths, plant, ports, watch=watching(quiet=quiet), asked=asked)
     files = WholeFiles([*files_of(paths), *plant.inputs], force=force)
     try:
         out = files.open(write, Existing.KEPT).file

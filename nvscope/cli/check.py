@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from nvscope.cli.check_files import Wanted
-from nvscope.cli.decode_as import DecodeOption, port_rules, with_page_ports
+from nvscope.cli.decode_as import DecodeOption
 from nvscope.cli.definitions import GvlOption, ProjectOption, flaws_told_first, project_of
 from nvscope.cli.encodings import as_data
 from nvscope.cli.live import LiveOptions, captured, with_live_options
 from nvscope.cli.named_files import named_files
+from nvscope.cli.plant import plant_of
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
     BitRateOption,
@@ -30,7 +31,6 @@ from nvscope.cli.sources import (
     tell_of_bit_rates,
     tell_of_channels,
     tell_of_losses,
-    with_channels,
 )
 from nvscope.cli.terminal import ColourOption, colour_wanted, echo, guard_workflow, width, workflow_command
 from nvscope.errors import ExitCode, NvscopeError, UsageError
@@ -136,9 +136,8 @@ def check(
     wanted = Wanted(junit, sarif, evidence, duration_ns("--around", around))
     files_named = named_files(sources, read, gvl, live.interfaces)
     paths, gvl = files_named.captures, files_named.definitions
-    ports = port_rules(decode)
     asked = asked_range(from_time, to_time, utc=utc)
-    plant = with_page_ports(with_channels(project_of(project, gvl, paths), channel_map), decode)
+    plant, ports = plant_of(project, gvl, paths, channel_map, decode)
     plant = replace(plant, buses=plant.buses.overridden(bit_rates or ()))
     files = rules or _found(plant)
     told = _read(files, plant, paths, ports, asked)

@@ -6,10 +6,11 @@ from typing import Annotated
 
 import typer
 
-from nvscope.cli.decode_as import DecodeOption, port_rules, with_page_ports
-from nvscope.cli.definitions import GvlOption, ProjectOption, flaws_told_first, project_of, tell_of_flaws
+from nvscope.cli.decode_as import DecodeOption
+from nvscope.cli.definitions import GvlOption, ProjectOption, flaws_told_first, tell_of_flaws
 from nvscope.cli.frame_files import no_file_named, write_frames
 from nvscope.cli.named_files import named_files
+from nvscope.cli.plant import plant_of
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
     ChannelMapOption,
@@ -21,7 +22,6 @@ from nvscope.cli.sources import (
     ToTimeOption,
     asked_range,
     tell_of_losses,
-    with_channels,
 )
 from nvscope.cli.terminal import echo
 
@@ -62,9 +62,8 @@ def convert(
     paths, gvl = files_named.captures, files_named.definitions
     if not write:
         raise no_file_named("-w FILE.mcap, .pcapng, .pcap, or .log")
-    ports = port_rules(decode)
     asked = asked_range(from_time, to_time, utc=utc)
-    plant = with_page_ports(with_channels(project_of(project, gvl, paths), channel_map), decode)
+    plant, ports = plant_of(project, gvl, paths, channel_map, decode)
 
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.progress import watching

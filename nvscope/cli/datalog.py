@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from nvscope.cli.datalog_config import config as config_verb
-from nvscope.cli.decode_as import DecodeOption, port_rules, with_page_ports
-from nvscope.cli.definitions import GvlOption, ProjectOption, project_of, tell_of_flaws
+from nvscope.cli.decode_as import DecodeOption
+from nvscope.cli.definitions import GvlOption, ProjectOption, tell_of_flaws
 from nvscope.cli.help import Command, Group
 from nvscope.cli.live import LiveOptions, LiveRun, captured, with_live_options
 from nvscope.cli.named_files import named_files
+from nvscope.cli.plant import plant_of
 from nvscope.cli.sources import (
     ChannelMapOption,
     FromTimeOption,
@@ -20,7 +21,6 @@ from nvscope.cli.sources import (
     ToTimeOption,
     asked_range,
     tell_of_losses,
-    with_channels,
 )
 from nvscope.cli.terminal import echo
 from nvscope.errors import ExitCode, UsageError
@@ -153,8 +153,7 @@ def datalog(
         raise UsageError("-w names one file, and there are several sessions", next_step="use --folder DIR")
     if append and force:
         raise UsageError("--append and --force exclude each other", next_step="leave one of them out")
-    ports = port_rules(decode)
-    plant = with_page_ports(with_channels(project_of(project, gvl, paths), channel_map), decode)
+    plant, ports = plant_of(project, gvl, paths, channel_map, decode)
 
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.progress import watching

@@ -6,10 +6,11 @@ from typing import Annotated
 
 import typer
 
-from nvscope.cli.decode_as import DecodeOption, port_rules, with_page_ports
-from nvscope.cli.definitions import GvlOption, ProjectOption, project_of
+from nvscope.cli.decode_as import DecodeOption
+from nvscope.cli.definitions import GvlOption, ProjectOption
 from nvscope.cli.encodings import as_data
-from nvscope.cli.sources import ChannelMapOption, tell_of_losses, with_channels
+from nvscope.cli.plant import plant_of
+from nvscope.cli.sources import ChannelMapOption, tell_of_losses
 from nvscope.cli.streams import refuse_streams_onto
 from nvscope.cli.terminal import ColourOption, colour_wanted, echo, width
 from nvscope.errors import ExitCode, UsageError
@@ -40,8 +41,7 @@ def diff(
     from nvscope.view.escape import visible
 
     refuse_streams_onto([a, b])
-    plant = with_page_ports(with_channels(project_of(project, gvl, [a, b]), channel_map), decode)
-    ports = port_rules(decode)
+    plant, ports = plant_of(project, gvl, [a, b], channel_map, decode)
     inquiries = [Inquiry([path], plant, ports, watch=watching(quiet=quiet)) for path in (a, b)]
     sides = [inquiry.analyze() for inquiry in inquiries]
     for path, side in zip((a, b), sides, strict=True):

@@ -9,8 +9,8 @@ import typer
 
 from nvscope.analysis.read_values import read_source
 from nvscope.cli import completion
-from nvscope.cli.decode_as import DecodeOption, port_rules, with_page_ports
-from nvscope.cli.definitions import GvlOption, ProjectOption, flaws_told_first, project_of, tell_of_lists
+from nvscope.cli.decode_as import DecodeOption
+from nvscope.cli.definitions import GvlOption, ProjectOption, flaws_told_first, tell_of_lists
 from nvscope.cli.exported_readings import (
     check_read_alone,
     meant_are_databases,
@@ -23,6 +23,7 @@ from nvscope.cli.exported_readings import (
 )
 from nvscope.cli.live import LiveOptions, captured, with_live_options
 from nvscope.cli.named_files import named_files
+from nvscope.cli.plant import plant_of
 from nvscope.cli.secrets import SecretsOption, warn_of_secrets
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
@@ -36,7 +37,6 @@ from nvscope.cli.sources import (
     asked_range,
     tell_of_channels,
     tell_of_losses,
-    with_channels,
 )
 from nvscope.cli.terminal import echo
 from nvscope.errors import UsageError
@@ -151,7 +151,6 @@ def export(
     """
     files_named = named_files(sources, read, gvl, live.interfaces)
     paths, gvl = files_named.captures, files_named.definitions
-    ports = port_rules(decode)
     if not write:
         raise UsageError("no file to write is named", next_step="add -w FILE.parquet, .csv or .ndjson")
     if by == "cycle" and form == "long":
@@ -177,7 +176,7 @@ def export(
     format_of(write)
     require("export needs", "polars", "pyarrow")
     between = asked_range(from_time, to_time, utc=utc)
-    plant = with_page_ports(with_channels(project_of(project, gvl, paths), channel_map), decode)
+    plant, ports = plant_of(project, gvl, paths, channel_map, decode)
     inquiry = Inquiry(captured(paths, live, plant, ports), plant, ports, watch=watching(quiet=quiet), asked=between)
     layouts = None if wants_telegrams else inquiry.layouts
     lists: Lists = []

@@ -10,19 +10,19 @@ import typer
 
 from nvscope.cli.completion import fields as fields_beginning
 from nvscope.cli.counts import at_least_one
-from nvscope.cli.decode_as import DecodeOption, port_rules, with_page_ports
+from nvscope.cli.decode_as import DecodeOption
 from nvscope.cli.definitions import (
     GvlOption,
     NoNamesOption,
     ProjectOption,
     flaws_told_first,
-    project_of,
     tell_of_lists,
     tell_of_missing,
 )
 from nvscope.cli.encodings import as_data
 from nvscope.cli.live import LiveOptions, captured, with_live_options
 from nvscope.cli.named_files import named_files
+from nvscope.cli.plant import plant_of
 from nvscope.cli.secrets import SecretsOption, warn_of_secrets
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
@@ -35,7 +35,6 @@ from nvscope.cli.sources import (
     asked_range,
     tell_of_channels,
     tell_of_losses,
-    with_channels,
 )
 from nvscope.cli.terminal import ColourOption, colour_wanted, echo, width
 from nvscope.errors import UsageError
@@ -143,14 +142,13 @@ def packets(
     """
     files_named = named_files(sources, read, gvl, live.interfaces)
     paths, gvl = files_named.captures, files_named.definitions
-    ports = port_rules(decode)
     if write is not None and (shown := _shown(output, trees, dumps, fields, settings, count)):
         raise UsageError(f"{shown}: of what is shown, and -w shows nothing", next_step="leave one of them out")
     records = output is not None and output != "text"
     between = asked_range(from_time, to_time, utc=moment in ("u", "ud"))
     asked = trees or wanted is not None or bool(fields) or records or between is not None or write is not None
 
-    plant = with_page_ports(with_channels(project_of(project, gvl, paths), channel_map), decode)
+    plant, ports = plant_of(project, gvl, paths, channel_map, decode)
     from nvscope.definition.defined_pdos import pdos_of
 
     pdos = pdos_of(plant.definition)

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nvscope.cli.counts import at_least_one
-from nvscope.cli.decode_as import DecodeOption, port_rules, with_page_ports
-from nvscope.cli.definitions import GvlOption, ProjectOption, project_of, tell_of_flaws
+from nvscope.cli.decode_as import DecodeOption
+from nvscope.cli.definitions import GvlOption, ProjectOption, tell_of_flaws
 from nvscope.cli.frame_files import check_sources
 from nvscope.cli.limits import file_limits
 from nvscope.cli.live import LiveOptions, LiveRun, captured, with_live_options
 from nvscope.cli.named_files import named_files
+from nvscope.cli.plant import plant_of
 from nvscope.cli.sources import (
     ChannelMapOption,
     ForceOption,
@@ -22,7 +23,6 @@ from nvscope.cli.sources import (
     SourcesArgument,
     duration_ns,
     tell_of_losses,
-    with_channels,
 )
 from nvscope.cli.terminal import echo
 from nvscope.errors import CaptureError, ExitCode, UsageError
@@ -166,8 +166,7 @@ def record(
         if rule and is_stdout(write):
             raise UsageError("-b makes files, and -w - is stdout", next_step="name a file with -w, or leave -b out")
     to_disk_ns = _TO_DISK_NS if fsync is None else duration_ns("--fsync", fsync)
-    ports = port_rules(decode)
-    plant = with_page_ports(with_channels(project_of(project, gvl, paths), channel_map), decode)
+    plant, ports = plant_of(project, gvl, paths, channel_map, decode)
 
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.progress import watching

@@ -11,9 +11,10 @@ import typer
 
 from nvscope.capture.content import STDIN
 from nvscope.capture.player import LEAST_RATE, MOST_RATE
-from nvscope.cli.decode_as import DecodeOption, port_rules, with_page_ports
-from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, flaws_told_first, project_of
+from nvscope.cli.decode_as import DecodeOption, port_rules
+from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, flaws_told_first
 from nvscope.cli.named_files import named_files
+from nvscope.cli.plant import plant_of
 from nvscope.cli.screen import RING_MIB, SIGNALLED, RingOption, ThemeOption, clock, has_screen
 from nvscope.cli.sending import MapOption, NetworkOption, PortOption, Stop, Target, ToOption, target_of, tell_of_sent
 from nvscope.cli.sources import (
@@ -23,7 +24,6 @@ from nvscope.cli.sources import (
     ReadOption,
     asked_range,
     tell_of_losses,
-    with_channels,
 )
 from nvscope.cli.terminal import ColourOption
 from nvscope.errors import UsageError
@@ -92,9 +92,9 @@ def replay(
         raise UsageError("it is not said where to send", next_step="add --to udp://127.0.0.1")
     files = named_files(sources, read, gvl)
     how.check(LEAST_RATE, MOST_RATE)
-    plant = with_page_ports(with_channels(project_of(project, files.definitions, files.captures), channel_map), decode)
+    plant, ports = plant_of(project, files.definitions, files.captures, channel_map, decode)
     show(
-        files.captures, how, plant, port_rules(decode), wanted=wanted, names=not no_names, ring_mib=ring, theme=theme,
+        files.captures, how, plant, ports, wanted=wanted, names=not no_names, ring_mib=ring, theme=theme,
         utc=utc, colour=colour,
     )  # fmt: skip
 

@@ -10,11 +10,12 @@ import typer
 
 from nvscope.cli.completion import lists
 from nvscope.cli.counts import at_least_one
-from nvscope.cli.decode_as import DecodeOption, port_rules, with_page_ports
-from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, flaws_told_first, project_of, tell_of_lists
+from nvscope.cli.decode_as import DecodeOption
+from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, flaws_told_first, tell_of_lists
 from nvscope.cli.encodings import as_data
 from nvscope.cli.live import LiveOptions, captured, with_live_options
 from nvscope.cli.named_files import named_files
+from nvscope.cli.plant import plant_of
 from nvscope.cli.secrets import SecretsOption, warn_of_secrets
 from nvscope.cli.sources import (
     NOTHING_BETWEEN,
@@ -31,7 +32,6 @@ from nvscope.cli.sources import (
     tell_of_channels,
     tell_of_gaps,
     tell_of_losses,
-    with_channels,
 )
 from nvscope.cli.terminal import ColourOption, WideOption, colour_wanted, echo, echo_all, tables_are_wide, width
 from nvscope.errors import ExitCode, UsageError
@@ -124,7 +124,6 @@ def report(
     """
     files_named = named_files(sources, read, gvl, live.interfaces)
     paths, gvl = files_named.captures, files_named.definitions
-    ports = port_rules(decode)
     timeout_ns = None if timeout is None else duration_ns("--ack-timeout", timeout)
     if as_json and as_markdown:
         raise UsageError("--json and --md exclude each other", next_step="leave one of them out")
@@ -135,7 +134,7 @@ def report(
         )
 
     asked = asked_range(from_time, to_time, utc=utc)
-    plant = with_page_ports(with_channels(project_of(project, gvl, paths), channel_map), decode)
+    plant, ports = plant_of(project, gvl, paths, channel_map, decode)
     plant = replace(plant, buses=plant.buses.overridden(bit_rates or ()))
     if max_streams is not None:
         plant = replace(plant, limits=replace(plant.limits, max_streams=max_streams))

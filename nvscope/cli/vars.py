@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from nvscope.cli.completion import lists
-from nvscope.cli.decode_as import DecodeOption, port_rules, with_page_ports
+from nvscope.cli.decode_as import DecodeOption
 from nvscope.cli.definitions import (
     GvlOption,
     NoNamesOption,
     ProjectOption,
     flaws_told_first,
-    project_of,
     tell_of_lists,
     tell_of_missing,
 )
@@ -23,6 +22,7 @@ from nvscope.cli.drafted_lists import propose
 from nvscope.cli.encodings import as_data
 from nvscope.cli.live import LiveOptions, captured, with_live_options
 from nvscope.cli.named_files import named_files
+from nvscope.cli.plant import plant_of
 from nvscope.cli.read_notes import hidden_in, tell_of_read_ones
 from nvscope.cli.secrets import SecretsOption, warn_of_secrets
 from nvscope.cli.sources import (
@@ -36,7 +36,6 @@ from nvscope.cli.sources import (
     asked_range,
     tell_of_channels,
     tell_of_losses,
-    with_channels,
 )
 from nvscope.cli.terminal import ColourOption, WideOption, colour_wanted, echo, tables_are_wide, width
 from nvscope.cli.undecoded import tell_of_truncated, tell_of_unfitting
@@ -122,9 +121,8 @@ def variables(
     """
     files_named = named_files(sources, read, gvl, live.interfaces)
     paths, gvl = files_named.captures, files_named.definitions
-    ports = port_rules(decode)
     _check(gvl, history, every, at, infer, write, as_json=as_json)
-    plant = with_page_ports(with_channels(project_of(project, gvl, paths), channel_map), decode)
+    plant, ports = plant_of(project, gvl, paths, channel_map, decode)
 
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.progress import watching

@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from nvscope.cli.decode_as import port_rules
-from nvscope.cli.definitions import flaws_told_first, project_of, tell_of_lists
+from nvscope.cli.definitions import flaws_told_first, tell_of_lists
 from nvscope.cli.live import LiveOptions, captured
 from nvscope.cli.named_files import named_files
-from nvscope.cli.sources import tell_of_losses, with_channels
+from nvscope.cli.plant import plant_of
+from nvscope.cli.sources import tell_of_losses
 from nvscope.cli.terminal import echo
 from nvscope.errors import ExitCode, UsageError
 
@@ -116,8 +116,7 @@ def _of_lists(asked: Asked) -> Served:
     from nvscope.units import count_of
 
     named = named_files(asked.sources, (), asked.gvl, asked.live.interfaces)
-    ports = port_rules(asked.decode)
-    plant = with_channels(project_of(asked.project, named.definitions, named.captures), asked.channel_map)
+    plant, ports = plant_of(asked.project, named.definitions, named.captures, asked.channel_map, asked.decode)
     if not plant.files:
         raise UsageError(
             "no definition is given",

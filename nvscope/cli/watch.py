@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nvscope.capture.content import STDIN
-from nvscope.cli.decode_as import DecodeOption, port_rules, with_page_ports
-from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, flaws_told_first, project_of, tell_of_lists
+from nvscope.cli.decode_as import DecodeOption
+from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, flaws_told_first, tell_of_lists
 from nvscope.cli.encodings import as_data
 from nvscope.cli.limits import file_limits
 from nvscope.cli.live import LiveOptions, captured, with_live_options
 from nvscope.cli.named_files import named_files
+from nvscope.cli.plant import plant_of
 from nvscope.cli.scenes import scenes
 from nvscope.cli.screen import RING_MIB, SIGNALLED, RingOption, ThemeOption, clock, has_screen
 from nvscope.cli.sources import (
@@ -29,7 +30,6 @@ from nvscope.cli.sources import (
     asked_range,
     duration_ns,
     tell_of_losses,
-    with_channels,
 )
 from nvscope.cli.terminal import ColourOption, colour_wanted, echo, width
 from nvscope.errors import ExitCode, UsageError
@@ -91,10 +91,9 @@ def watch(
     if plain and as_json:
         raise UsageError("--plain and --json exclude each other", next_step="leave one of them out")
     rule = file_limits(switch or ())
-    ports = port_rules(decode)
     asked = asked_range(from_time, to_time, utc=utc)
     every_ns = _EVERY_NS if every is None else duration_ns("--every", every)
-    plant = with_page_ports(with_channels(project_of(project, gvl, paths), channel_map), decode)
+    plant, ports = plant_of(project, gvl, paths, channel_map, decode)
 
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.analysis.watching import Watching
