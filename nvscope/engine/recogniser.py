@@ -54,7 +54,7 @@ class Recogniser:
         self._followers = {one.name: one.begin() for one in reading.dissectors if one.begin is not None}
         self._frames = 0
         self._has_begun = False
-        self._follows = False
+        self._follows = True
         self._start_ns = self._last_ns = 0
 
     def go_on_behind(self, before: Before) -> None:

@@ -5,6 +5,7 @@ A message may lie in any number of segments and batches, and a segment may hold 
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -22,6 +23,9 @@ from nvscope.tracker.visu.http_runs import Controls, are_short, begin_late_of, r
 from nvscope.tracker.visu.limits import MOST_HELD_BYTES
 from nvscope.tracker.visu.request_heads import EARLIER, ClientRows, RequestHeads
 from nvscope.tracker.visu.waiting_requests import Asked, Missed, Unheard, Waiting, WaitingRequests
+
+_AT_A_TIME = 512
+"""So many pieces are joined at a time."""
 
 _MOST_BEFORE_FIRST = 64
 """So much of what a client shows is looked at to tell whether anything waits for the first response."""
@@ -285,10 +289,6 @@ class HttpStreams:
         size = np.where(is_data, pieces.size, 0)
         start = np.where(is_data, pieces.start, 0)
         stop = np.where(start >= 0, start + size, size)
-        parts: list[bytes | memoryview] = [
-            view[begin:end] if begin >= 0 else brought.kept[~begin]
-            for begin, end in zip(start.tolist(), stop.tolist(), strict=True)
-        ]  # fmt: skip
         run_start, _ = runs_of(pieces.stream)
         readers = map(self._readers.get, pieces.stream[run_start].tolist())
         rests = [
@@ -297,10 +297,20 @@ class HttpStreams:
             if reader is not None and reader.rest
         ]  # fmt: skip
         self._rests = {place: len(rest) for place, rest in rests}
-        for place, rest in reversed(rests):
-            parts.insert(place, rest)
-            size[place] += len(rest)
-        return b"".join(parts), np.cumsum(size)
+        joined: list[bytes] = []
+        # Some at a time: as many views as there are pieces would take more memory than what they show.
+        for first in range(0, len(pieces), _AT_A_TIME):
+            behind = min(first + _AT_A_TIME, len(pieces))
+            parts: list[bytes | memoryview] = [
+                view[begin:end] if begin >= 0 else brought.kept[~begin]
+                for begin, end in zip(start[first:behind].tolist(), stop[first:behind].tolist(), strict=True)
+            ]  # fmt: skip
+            own = slice(bisect_left(rests, (first,)), bisect_left(rests, (behind,)))
+            for place, rest in reversed(rests[own]):
+                parts.insert(place - first, rest)
+                size[place] += len(rest)
+            joined.append(b"".join(parts))
+        return b"".join(joined), np.cumsum(size)
 
     def _follow(
         self, reader: HttpReader, data: bytes, brought: Brought, ends: I64, run: tuple[int, int, int],
