@@ -33,6 +33,9 @@ LEAD_BYTES = 8 * WORDS - PLAIN.itemsize
 _WORD, _HALF = np.dtype("<u8"), np.dtype("<u2")
 _ROW = np.dtype([("lead", f"V{LEAD_BYTES}"), *((name, PLAIN[name]) for name in PLAIN.names or ())])
 
+NO_HEADS: Records = np.empty(0, _ROW)
+"""The headers of no packets."""
+
 BLOCK = 1 << 12
 """So many rows stay in the cache while they are looked at."""
 
@@ -107,12 +110,14 @@ def make_keys(rows: U64, captured: U16) -> None:
     rows.view(_HALF)[:, _CAPTURED_HALF] = captured
 
 
-def make_sender_keys(rows: U64) -> None:
-    """Leave in rows of headers nothing but what tells apart who sent packets that are no telegrams.
+def sender_keys_of(head: Records) -> U64:
+    """Return what tells apart who sent packets that are no telegrams, given their headers; shape (n, ``WORDS``).
 
-    They differ from all that ``make_keys`` makes of telegrams, by what was captured: here, that is nothing.
+    It differs from all that ``make_keys`` makes of telegrams, by what was captured: here, that is nothing.
     """
-    _leave(rows, _SENDING_BITS)
+    keys: U64 = head.view(_WORD).reshape(-1, WORDS).copy()
+    _leave(keys, _SENDING_BITS)
+    return keys
 
 
 def _leave(rows: U64, bits: U64) -> None:
@@ -140,8 +145,11 @@ def have_identity(keys: U64, captured: U16) -> Bool:
 
 
 def heads_of(packets: PacketBatch, rows: I64) -> Records:
-    """Return the headers of some packets, as if they were of the plain shape."""
-    return gather_bytes(packets.data, packets.offset[rows], PLAIN.itemsize).view(PLAIN)
+    """Return the headers of some packets, as if they were of the plain shape: fields of ``PLAIN``, as rows of words.
+
+    In front of each packet, ``LEAD_BYTES`` bytes can be read.
+    """
+    return rows_of(packets.data, packets.offset[rows]).view(_ROW)[:, 0]
 
 
 def is_plain(head: Records) -> Bool:

@@ -21,6 +21,7 @@ from dissectors.plain import (
     BLOCK,
     LEAD_BYTES,
     MOST_CAPTURED,
+    NO_HEADS,
     TELLING_WORDS,
     are_claimed,
     counters_of,
@@ -28,10 +29,10 @@ from dissectors.plain import (
     heads_of,
     is_plain,
     make_keys,
-    make_sender_keys,
     may_hold_telegrams,
     name_telegrams,
     rows_of,
+    sender_keys_of,
     tell_sender,
 )
 from dissectors.transport import NO_DATAGRAMS, DatagramBatch, SegmentBatch
@@ -118,7 +119,7 @@ class Sorter:
             self._renew()
         packets = packets.with_margin(LEAD_BYTES)
         rest: I64 | None = None
-        sent = np.empty(0, np.int64)
+        sent, senders = np.empty(0, np.int64), NO_HEADS
         if self._ports is None and packets.single_link == LinkType.ETHERNET:
             head = heads_of(packets, np.arange(len(packets))) if _are_mostly_others(packets) else None
             header, counter = self._recognise(packets) if head is None else self._recognise_some(packets, head)
@@ -130,7 +131,8 @@ class Sorter:
             variety[rest] = NO_TELEGRAM
             counter[rest] = 0
             head = heads_of(packets, rest) if head is None else take_rows(head, rest)
-            sent = rest[tell_sender(head, packets.captured[rest])]
+            told = tell_sender(head, packets.captured[rest])
+            sent, senders = rest[told], take_rows(head, told)
             rest = self._not_idle(rest, head)
         else:
             header = np.zeros(len(packets), np.int64)
@@ -143,8 +145,9 @@ class Sorter:
             row = telegrams.datagram.row
             variety[row] = self._varieties.numbers(telegrams, packets)
             counter[row] = telegrams.header["counter"]
-        sent = sent[variety[sent] == NO_TELEGRAM]
-        header[sent] = self._senders(packets, sent) + 1
+        if len(sent):
+            none = variety[sent] == NO_TELEGRAM
+            header[sent[none]] = self._senders(take_rows(senders, none)) + 1
         frames = None
         if packets.single_link not in _WITHOUT_CAN and len(found := dissect_can(packets)):
             frames = found
@@ -159,16 +162,14 @@ class Sorter:
             self._claimed(dissection, variety), peeled.tcp, header, frames,
         )  # fmt: skip
 
-    def _senders(self, packets: PacketBatch, rows: I64) -> I64:
+    def _senders(self, head: Records) -> I64:
         """Return the numbers of who sent some packets, ``_UNKNOWN`` of those for which there is no room."""
-        number = np.empty(len(rows), np.int64)
-        for start in range(0, len(rows), BLOCK):
-            part = slice(start, start + BLOCK)
-            keys = rows_of(packets.data, packets.offset[rows[part]])
-            make_sender_keys(keys)
-            if self._usual_senders is None:
-                self._usual_senders = UsualRows(TELLING_WORDS)
-            number[part] = found = self._usual_senders.find(keys)
+        if self._usual_senders is None:
+            self._usual_senders = UsualRows(TELLING_WORDS)
+        number = np.empty(len(head), np.int64)
+        for start in range(0, len(head), BLOCK):
+            keys = sender_keys_of(head[start : start + BLOCK])
+            number[start : start + BLOCK] = found = self._usual_senders.find(keys)
             unknown = np.flatnonzero(found == NOBODY)
             if len(unknown):
                 number[start + unknown] = self._learn_senders(keys[unknown])
