@@ -54,6 +54,7 @@ class Recogniser:
         self._followers = {one.name: one.begin() for one in reading.dissectors if one.begin is not None}
         self._frames = 0
         self._has_begun = False
+        # Whether most packets are segments; of those that come first, that is not known yet.
         self._follows = True
         self._start_ns = self._last_ns = 0
 
