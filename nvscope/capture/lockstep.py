@@ -267,19 +267,23 @@ class LockstepWalker:
 
         ``landings`` are the ends of the lanes, −1 of a lane that was not walked to its end.
         """
-        lane_of = {int(position): lane for lane, position in enumerate(starts)}
-        ends = landings.tolist()
+        lane_of = {position: lane for lane, position in enumerate(starts.tolist())}
         pieces: list[I64] = []
+        # Most lanes prove the next one; those that do not are in front of what has to be walked.
+        open_ends = np.flatnonzero(np.append(landings[:-1] != starts[1:], True))
         lane = 0
         while True:
-            column = path[: counts[lane], lane]
-            end = ends[lane]
+            last = int(open_ends[np.searchsorted(open_ends, lane)])
+            if last > lane:
+                proven = slice(lane, last)
+                pieces.append(path[:, proven].T[inside[:, proven].T])
+            column, end = path[: counts[last], last], int(landings[last])
             if end < 0:
                 column, end = column[:-1], int(column[-1])
-            singly = self._walk_singly(end, stop, lane_of, int(starts[lane]))
+            singly = self._walk_singly(end, stop, lane_of, int(starts[last]))
             pieces.append(column)
-            following = lane_of.get(singly[-1], lane) if singly else lane
-            if following <= lane:
+            following = lane_of.get(singly[-1], last) if singly else last
+            if following <= last:
                 pieces.append(np.array(singly, np.int64))
                 return np.concatenate(pieces)
             pieces.append(np.array(singly[:-1], np.int64))
