@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import repeat
 
 import numpy as np
 
@@ -11,7 +12,8 @@ from dissectors.webvisu import Answer, Request, fields_in_reply, read_reply
 from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.messages import Kind, Outcome
 
-_SEPARATOR = ord("|")
+_SEPARATOR_TEXT = b"|"
+_SEPARATOR = _SEPARATOR_TEXT[0]
 _OUTCOMES = {
     Answer.DONE: Outcome.DONE, Answer.MISCOUNTED: Outcome.MISCOUNTED, Answer.AMBIGUOUS: Outcome.AMBIGUOUS,
     Answer.REFUSED: Outcome.REFUSED,
@@ -47,8 +49,7 @@ def outcomes(
 
 def _fields(data: bytes, start: I64, stop: I64) -> I64:
     """Return how many fields replies have (``dissectors.webvisu.fields_in_reply``)."""
-    count = data.count
-    fields = np.array([count(b"|", *ends) for ends in zip(start.tolist(), stop.tolist(), strict=True)], np.int64)
+    fields = np.fromiter(map(data.count, repeat(_SEPARATOR_TEXT), start.tolist(), stop.tolist()), np.int64, len(start))
     octets = np.frombuffer(data, np.uint8)
     usual = stop - start >= 2  # one in front of all, one behind them
     usual[usual] = (octets[start[usual]] == _SEPARATOR) & (octets[stop[usual] - 1] == _SEPARATOR)
