@@ -19,7 +19,7 @@ from nvscope.capture.datalogger.schema import StoredTable
 from nvscope.capture.datalogger.table_rows import Rows
 from nvscope.datalogger.audit.chunk import Chunk, chunk_of
 from nvscope.datalogger.audit.finding import MOST_FINDINGS, MOST_ROWS, Finding
-from nvscope.datalogger.audit.known import Known
+from nvscope.datalogger.audit.known import Grouping
 from nvscope.datalogger.audit.series import Member, Series, series_of
 from nvscope.datalogger.audit.table_audit import TableAudit
 from nvscope.errors import NvscopeError
@@ -104,12 +104,10 @@ def audited(
     for series in series_of(paths):
         reading = _Reading(series, asked, progress)
         reading.read()
-        # What became known too late is looked at again: tasks, their intervals, and parts of a rhythm of their own.
-        for _ in range(_MOST_LOOKS):
-            found = {key: known for key, one in reading.tables.items() if (known := one.audit.needs_another_look)}
-            if not found:
-                break
-            reading = _Reading(series, asked, progress, reading.known | found)
+        # Where tasks became known too late, rows are looked at again.
+        found = {key: known for key, one in reading.tables.items() if (known := one.audit.needs_another_look)}
+        if found:
+            reading = _Reading(series, asked, progress, found)
             reading.read()
         audit.files += reading.files
         audit.tables += reading.tables.values()
@@ -127,9 +125,6 @@ _BOTH_AGAIN = "Copy the database again together with what lies beside it, while 
 _Key = tuple[str, tuple[str, ...]]
 """A table by its name and columns."""
 
-_MOST_LOOKS = 3
-"""So often a series is read again."""
-
 
 class _Asked(NamedTuple):
     """What was asked for, as far as that is known."""
@@ -142,10 +137,10 @@ class _Reading:
     """Reads one series."""
 
     def __init__(
-        self, series: Series, asked: _Asked, progress: Progress | None, known: dict[_Key, Known] | None = None
+        self, series: Series, asked: _Asked, progress: Progress | None, known: dict[_Key, Grouping] | None = None
     ) -> None:
         self._series, self._asked, self._progress = series, asked, progress
-        self.known = known or {}
+        self._known = known or {}
         self.files: list[AuditedFile] = []
         self.tables: dict[_Key, AuditedTable] = {}
         self._stretches: dict[_Key, int] = {}
@@ -247,7 +242,7 @@ class _Reading:
         key = stored.log.name, stored.columns
         if key not in self.tables:
             asked = self._asked
-            log = TableAudit(stored.log, database.encoding, asked.interval_ns, self.known.get(key), asked.in_cycles)
+            log = TableAudit(stored.log, database.encoding, asked.interval_ns, self._known.get(key), asked.in_cycles)
             self.tables[key] = AuditedTable(self._series.path, [], log)
             self._stretches[key] = 0
         table = self.tables[key]
