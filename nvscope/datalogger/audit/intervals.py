@@ -27,6 +27,11 @@ FEW_ALIKE_SHARE = 8
 LEAST_ALIKE = 5
 """So many have to be alike before one that is not says anything."""
 
+DOUBTFUL_SHARE = 20
+"""Of those that are in doubt, one of so many may be another: some rows of other tasks among them make two lengths."""
+
+NOTHING = -1
+
 
 class Intervals:
     """Intervals by their lengths; it does not matter in which order they come."""
@@ -70,11 +75,25 @@ class Intervals:
         share = FEW_ALIKE_SHARE if count < FEW else ALIKE_SHARE
         alike = telling.near(median_ns, share)
         others = count - alike
-        if not others:
-            return not self._contradict(median_ns)
         most = max(1, 2 * count * count // FEW**2)
-        enough = alike >= LEAST_ALIKE and others <= most and alike * REGULAR_SHARE >= count
-        return enough and not self._contradict(median_ns)
+        if self._are_sure:
+            return not others or (alike >= LEAST_ALIKE and others <= most and alike * REGULAR_SHARE >= count)
+        if self._sure.median_ns is not None and self._sure.median_ns > limit_ns(median_ns):
+            # The few that are no doubt say something else.
+            return False
+        return not others or (alike >= LEAST_ALIKE and others <= min(most, max(1, count // DOUBTFUL_SHARE)))
+
+    @property
+    def others(self) -> int:
+        """How many are not as long as is usual."""
+        telling = self._telling
+        share = FEW_ALIKE_SHARE if telling.count < FEW else ALIKE_SHARE
+        return telling.count - telling.near(telling.median_ns or 0, share)
+
+    @property
+    def sure_ns(self) -> int:
+        """What the few say that are no doubt, where all others are: ``NOTHING`` if none is; 0 where all of them tell."""
+        return 0 if self._are_sure or self.is_regular else self._sure.median_ns or NOTHING
 
     def take(self, length_ns: I64, in_doubt: Bool | None = None) -> None:
         """Take lengths, all of which are longer than nothing, and which of them are ``in_doubt``."""
@@ -116,11 +135,6 @@ class Intervals:
     def _are_sure(self) -> bool:
         """Whether those in doubt are not asked."""
         return not self._in_doubt.count or self._sure.count - self._told_count >= LEAST_ALIKE
-
-    def _contradict(self, median_ns: int) -> bool:
-        """Return whether the few that are no doubt are longer than those that are usual with rows of other tasks."""
-        sure_ns = None if self._are_sure else self._sure.median_ns
-        return sure_ns is not None and sure_ns > limit_ns(median_ns)
 
 
 class _Lengths:

@@ -22,34 +22,39 @@ MOST_SOME = 1 << 20
 
 @dataclass(slots=True)
 class Regularity:
-    """How many parts come at an interval of their own, of those of which that can be told: in all, and of few rows.
+    """How many intervals are in parts that come at one of their own, of those of which that can be told.
 
-    One of many parts seems to be regular by chance, too; so few rows tell something where those of most parts do.
+    Of many parts of few rows, some seem to be regular by chance; so these tell something where most of them are, and
+    all of them together would be as one.
     """
 
     intervals: int = 0
-    regular_intervals: int = 0
-    few: int = 0
-    regular_few: int = 0
+    regular: int = 0
+    few_parts: int = 0
+    regular_few_parts: int = 0
+    of_few: int = 0
+    others_of_few: int = 0
 
     def take(self, rhythms: Rhythms) -> None:
         """Take some parts."""
-        asked = rhythms.count > LEAST_ALIKE
-        regular, few = asked & rhythms.is_regular, asked & (rhythms.count < FEW)
+        few, asked = rhythms.count < FEW, rhythms.count > LEAST_ALIKE
         self.intervals += int(rhythms.count[asked].sum())
-        self.regular_intervals += int(rhythms.count[regular].sum())
-        self.few += int(np.count_nonzero(few))
-        self.regular_few += int(np.count_nonzero(few & regular))
+        self.regular += int(rhythms.count[asked & rhythms.is_regular].sum())
+        self.few_parts += int(np.count_nonzero(asked & few))
+        self.regular_few_parts += int(np.count_nonzero(asked & few & rhythms.is_regular))
+        self.of_few += int(rhythms.count[few].sum())
+        self.others_of_few += int(rhythms.others[few].sum())
 
     @property
     def tells(self) -> bool:
         """Whether parts have intervals of their own at all."""
-        return 0 < 3 * self.intervals <= 4 * self.regular_intervals
+        return 0 < 3 * self.intervals <= 4 * self.regular
 
     @property
     def few_tell(self) -> bool:
         """Whether those of few rows have."""
-        return self.tells and 3 * self.few <= 4 * self.regular_few
+        most = max(1, 2 * self.of_few**2 // FEW**2)
+        return self.tells and 3 * self.few_parts <= 4 * self.regular_few_parts and self.others_of_few <= most
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from nvscope.datalogger.audit.gaps import are_late
-from nvscope.datalogger.audit.intervals import FEW, FEW_ALIKE_SHARE, LEAST_ALIKE, Intervals
+from nvscope.datalogger.audit.intervals import DOUBTFUL_SHARE, FEW, FEW_ALIKE_SHARE, LEAST_ALIKE, NOTHING, Intervals
 from nvscope.tracker.readings.cadence import ALIKE_SHARE, REGULAR_SHARE
 
 _MOST_SOME = 256
@@ -24,12 +24,15 @@ _MOST_SOME = 256
 class Rhythms:
     """The rhythms of some parts: how many intervals, the median of them, and whether they come at that regularly.
 
-    ``some_ns`` are lengths that stand for all of them, those of each part from ``begin`` on.
+    ``others`` are not as long as the median. Where rows of a part may be of other tasks and come at no interval,
+    ``sure_ns`` is that of the few that are not, or ``NOTHING``; else it is 0. ``some_ns`` are lengths that stand for all of them, those of each part from ``begin`` on.
     """
 
     count: I64
     median_ns: I64
     is_regular: Bool
+    others: I64
+    sure_ns: I64
     some_ns: I64
     begin: I64
 
@@ -46,13 +49,16 @@ class Rhythms:
         lengths = np.diff(self.begin, append=len(self.some_ns))
         own = lengths[parts]
         some_ns = self.some_ns[np.repeat(parts, lengths)]
-        return Rhythms(self.count[parts], self.median_ns[parts], self.is_regular[parts], some_ns, np.cumsum(own) - own)
+        begin = np.cumsum(own) - own
+        columns = (getattr(self, name)[parts] for name in _OF_PARTS)
+        return Rhythms(*columns, some_ns, begin)
 
     def are_near(self, interval_ns: int) -> Bool:
         """Return in which parts half of the intervals are about as long."""
         near = np.append(0, np.cumsum(np.abs(self.some_ns - interval_ns) <= interval_ns // ALIKE_SHARE))
         end = np.append(self.begin[1:], len(self.some_ns))
-        found: Bool = 2 * (near[end] - near[self.begin]) >= end - self.begin
+        half = 2 * (near[end] - near[self.begin]) >= end - self.begin
+        found: Bool = half & (self.sure_ns != NOTHING) & ~are_late(self.sure_ns, interval_ns)
         return found
 
     @staticmethod
@@ -62,6 +68,8 @@ class Rhythms:
             np.array([intervals.count], np.int64),
             np.array([intervals.median_ns or 0], np.int64),
             np.array([intervals.is_regular], np.bool_),
+            np.array([intervals.others], np.int64),
+            np.array([intervals.sure_ns], np.int64),
             intervals.some(_MOST_SOME),
             np.zeros(1, np.int64),
         )
@@ -73,32 +81,34 @@ class Rhythms:
         It is as ``Intervals`` has it, where none is told.
         """
         if in_doubt is None or not in_doubt.any():
-            return _of_parts(length_ns, part, parts)
+            return _of_parts(length_ns, part, np.zeros(parts, np.bool_))
         sure = ~in_doubt
         sure_count = np.bincount(part[sure], minlength=parts)
-        tells = sure | (sure_count < LEAST_ALIKE)[part]
-        found = _of_parts(length_ns[tells], part[tells], parts)
-        few = (sure_count > 0) & (sure_count < found.count)
-        few_ns = _of_parts(length_ns[sure], part[sure], parts).median_ns
-        contradict = few & are_late(few_ns, found.median_ns)
-        return replace(found, is_regular=found.is_regular & ~contradict)
+        tells = (sure_count >= LEAST_ALIKE) | (sure_count == np.bincount(part, minlength=parts))
+        asked = sure | ~tells[part]
+        found = _of_parts(length_ns[asked], part[asked], ~tells)
+        sure_ns = _of_parts(length_ns[sure], part[sure], np.zeros(parts, np.bool_)).median_ns
+        regular = found.is_regular & (tells | ~are_late(sure_ns, found.median_ns))
+        told_ns = np.where(tells | regular, 0, np.where(sure_count > 0, sure_ns, NOTHING))
+        return replace(found, is_regular=regular, sure_ns=told_ns)
 
     @staticmethod
     def joined(rhythms: Sequence[Rhythms]) -> Rhythms:
         """Return several as one."""
         if not rhythms:
             none = np.zeros(0, np.int64)
-            return Rhythms(none, none, np.zeros(0, np.bool_), none, none)
+            return Rhythms(none, none, np.zeros(0, np.bool_), none, none, none, none)
         offsets = np.cumsum([0, *(len(one.some_ns) for one in rhythms)]).tolist()
-        names = ("count", "median_ns", "is_regular", "some_ns")
-        count, median_ns, is_regular, some_ns = (
-            np.concatenate([getattr(one, name) for one in rhythms]) for name in names
-        )
+        columns = (np.concatenate([getattr(one, name) for one in rhythms]) for name in (*_OF_PARTS, "some_ns"))
         begin = np.concatenate([one.begin + offset for one, offset in zip(rhythms, offsets, strict=False)])
-        return Rhythms(count, median_ns, is_regular, some_ns, begin)
+        return Rhythms(*columns, begin)
 
 
-def _of_parts(length_ns: I64, part: I64, parts: int) -> Rhythms:
+_OF_PARTS = ("count", "median_ns", "is_regular", "others", "sure_ns")
+
+
+def _of_parts(length_ns: I64, part: I64, in_doubt: Bool) -> Rhythms:
+    parts = len(in_doubt)
     length_ns = length_ns[np.lexsort((length_ns, part))]
     count = np.bincount(part, minlength=parts)
     first = np.cumsum(count) - count
@@ -110,9 +120,11 @@ def _of_parts(length_ns: I64, part: I64, parts: int) -> Rhythms:
     alike = np.bincount(part[near], minlength=parts)
     others = count - alike
     most = np.maximum(1, 2 * count * count // FEW**2)
+    most = np.where(in_doubt, np.minimum(most, np.maximum(1, count // DOUBTFUL_SHARE)), most)
     enough = (alike >= LEAST_ALIKE) & (others <= most) & (alike * REGULAR_SHARE >= count)
     taken = np.minimum(count, _MOST_SOME)
     begin = np.cumsum(taken) - taken
     number = np.arange(int(taken.sum())) - np.repeat(begin, taken)
     places = np.repeat(first, taken) + (2 * number + 1) * np.repeat(count, taken) // np.repeat(2 * taken, taken)
-    return Rhythms(count, median_ns, there & ((others == 0) | enough), length_ns[places], begin)
+    regular = there & ((others == 0) | enough)
+    return Rhythms(count, median_ns, regular, others, np.zeros(parts, np.int64), length_ns[places], begin)
