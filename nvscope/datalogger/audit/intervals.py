@@ -67,21 +67,13 @@ class Intervals:
         The fewer intervals there are, the fewer of them may be others: what comes in bursts seems to be regular, too,
         until there were many. Where the logger says that data was lost, it is no wonder that one is longer.
         """
-        telling = self._telling
-        median_ns = telling.median_ns
-        if median_ns is None:
-            return False
-        count = telling.count - sum(many for length, many in self._told.items() if length > limit_ns(median_ns))
-        share = FEW_ALIKE_SHARE if count < FEW else ALIKE_SHARE
-        alike = telling.near(median_ns, share)
-        others = count - alike
-        most = max(1, 2 * count * count // FEW**2)
         if self._are_sure:
-            return not others or (alike >= LEAST_ALIKE and others <= most and alike * REGULAR_SHARE >= count)
-        if self._sure.median_ns is not None and self._sure.median_ns > limit_ns(median_ns):
+            return self._alike_enough(self._sure)
+        telling = self._telling
+        if self._sure.median_ns is not None and self._sure.median_ns > limit_ns(telling.median_ns or 0):
             # The few that are no doubt say something else.
             return False
-        return not others or (alike >= LEAST_ALIKE and others <= min(most, max(1, count // DOUBTFUL_SHARE)))
+        return self._alike_enough(telling, DOUBTFUL_SHARE)
 
     @property
     def others(self) -> int:
@@ -134,7 +126,20 @@ class Intervals:
     @property
     def _are_sure(self) -> bool:
         """Whether those in doubt are not asked."""
-        return not self._in_doubt.count or self._sure.count - self._told_count >= LEAST_ALIKE
+        if not self._in_doubt.count:
+            return True
+        return self._sure.count - self._told_count >= LEAST_ALIKE and self._alike_enough(self._sure)
+
+    def _alike_enough(self, lengths: _Lengths, least_share: int = 1) -> bool:
+        """Return whether not more than usual are others, and not more than a share."""
+        median_ns = lengths.median_ns
+        if median_ns is None:
+            return False
+        count = lengths.count - sum(many for length, many in self._told.items() if length > limit_ns(median_ns))
+        alike = lengths.near(median_ns, FEW_ALIKE_SHARE if count < FEW else ALIKE_SHARE)
+        others = count - alike
+        most = min(max(1, 2 * count * count // FEW**2), max(1, count // least_share))
+        return not others or (alike >= LEAST_ALIKE and others <= most and alike * REGULAR_SHARE >= count)
 
 
 class _Lengths:

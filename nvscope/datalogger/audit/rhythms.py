@@ -84,12 +84,12 @@ class Rhythms:
             return _of_parts(length_ns, part, np.zeros(parts, np.bool_))
         sure = ~in_doubt
         sure_count = np.bincount(part[sure], minlength=parts)
-        tells = (sure_count >= LEAST_ALIKE) | (sure_count == np.bincount(part, minlength=parts))
+        of_sure = _of_parts(length_ns[sure], part[sure], np.zeros(parts, np.bool_))
+        tells = (sure_count >= LEAST_ALIKE) & of_sure.is_regular | (sure_count == np.bincount(part, minlength=parts))
         asked = sure | ~tells[part]
         found = _of_parts(length_ns[asked], part[asked], ~tells)
-        sure_ns = _of_parts(length_ns[sure], part[sure], np.zeros(parts, np.bool_)).median_ns
-        regular = found.is_regular & (tells | ~are_late(sure_ns, found.median_ns))
-        told_ns = np.where(tells | regular, 0, np.where(sure_count > 0, sure_ns, NOTHING))
+        regular = found.is_regular & (tells | ~are_late(of_sure.median_ns, found.median_ns))
+        told_ns = np.where(tells | regular, 0, np.where(sure_count > 0, of_sure.median_ns, NOTHING))
         return replace(found, is_regular=regular, sure_ns=told_ns)
 
     @staticmethod
