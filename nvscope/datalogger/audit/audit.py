@@ -111,7 +111,7 @@ def audited(
             reading.read()
         audit.files += reading.files
         audit.tables += reading.tables.values()
-        audit.notes += _told_of(series)
+        audit.notes += [*_told_of(series), *reading.limits()]
         for finding in reading.findings():
             if len(audit.findings) < MOST_FINDINGS:
                 audit.findings.append(finding)
@@ -163,6 +163,16 @@ class _Reading:
         yield from self._of_files
         for one in self.tables.values():
             yield from map(self._with_doubt, one.audit.end())
+
+    def limits(self) -> Iterator[str]:
+        """Yield in which tables rows may be missing that are not told, since there were too many to keep."""
+        for one in self.tables.values():
+            if one.audit.may_lack:
+                name = f"{os.path.basename(one.files[0])}, {one.audit.table.name}"
+                yield (
+                    f"{name}: so many rows came later than others that some were judged by those in front of them "
+                    "alone: more may be missing there than is told"
+                )
 
     def _with_doubt(self, finding: Finding) -> Finding:
         """Let what is missing in front of the newest file ask for a closed one: of the last one, no number tells."""

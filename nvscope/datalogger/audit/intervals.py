@@ -31,6 +31,7 @@ DOUBTFUL_SHARE = 20
 """Of those that are in doubt, one of so many may be another: some rows of other tasks among them make two lengths."""
 
 NOTHING = -1
+"""No interval is free of doubt."""
 
 
 class Intervals:
@@ -84,7 +85,7 @@ class Intervals:
 
     @property
     def sure_ns(self) -> int:
-        """What the few say that are no doubt, where all others are: ``NOTHING`` if none is; 0 where all of them tell."""
+        """What those say that are no doubt where others are, ``NOTHING`` if there are none; 0 where none is asked."""
         return 0 if self._are_sure or self.is_regular else self._sure.median_ns or NOTHING
 
     def take(self, length_ns: I64, in_doubt: Bool | None = None) -> None:

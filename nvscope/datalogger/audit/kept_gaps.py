@@ -25,7 +25,7 @@ class Regularity:
     """How many intervals are in parts that come at one of their own, of those of which that can be told.
 
     Of many parts of few rows, some seem to be regular by chance; so these tell something where most of them are, and
-    all of them together would be as one.
+    all of them together would be as one. ``least_ns`` and ``most_ns`` are the shortest and the longest interval.
     """
 
     intervals: int = 0
@@ -34,6 +34,8 @@ class Regularity:
     regular_few_parts: int = 0
     of_few: int = 0
     others_of_few: int = 0
+    least_ns: int | None = None
+    most_ns: int | None = None
 
     def take(self, rhythms: Rhythms) -> None:
         """Take some parts."""
@@ -44,6 +46,11 @@ class Regularity:
         self.regular_few_parts += int(np.count_nonzero(asked & few & rhythms.is_regular))
         self.of_few += int(rhythms.count[few].sum())
         self.others_of_few += int(rhythms.others[few].sum())
+        own_ns = rhythms.median_ns[asked & rhythms.is_regular]
+        if len(own_ns):
+            least_ns, most_ns = int(own_ns.min()), int(own_ns.max())
+            self.least_ns = least_ns if self.least_ns is None else min(least_ns, self.least_ns)
+            self.most_ns = most_ns if self.most_ns is None else max(most_ns, self.most_ns)
 
     @property
     def tells(self) -> bool:
@@ -118,6 +125,8 @@ class KeptGaps:
         self._told_ns: list[I64] = []
         self._first_ns = self._own_ns = 0
         self.count = self._some = 0
+        self.passed = 0
+        """How many were decided when nobody knew what they are to be judged by."""
 
     @property
     def is_full(self) -> bool:
@@ -154,11 +163,13 @@ class KeptGaps:
     def late(self, by: Yardstick, set_back: Sequence[SetBack], unfinished: Rhythms | None = None) -> tuple[Late, Late]:
         """Return which come late, those that nobody tells of and those that are told, and forget all.
 
-        A part that is ``unfinished`` tells as much as those that are over.
+        A part that is ``unfinished`` tells as much as those that are over; it is not the end then.
         """
         regularity = self.regularity if unfinished is None else replace(self.regularity)
         if unfinished is not None:
             regularity.take(unfinished)
+        if unfinished is not None and by.interval_ns is None and not regularity.few_tell:
+            self.passed += self.count
         untold, told = self._late_untold(by, regularity), self._late_told(by, regularity)
         self._gaps, self._part, self._rhythms, self._told, self._told_ns = [], [], [], [], []
         self._parts = self.count = self._some = 0

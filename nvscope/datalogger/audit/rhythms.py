@@ -25,7 +25,8 @@ class Rhythms:
     """The rhythms of some parts: how many intervals, the median of them, and whether they come at that regularly.
 
     ``others`` are not as long as the median. Where rows of a part may be of other tasks and come at no interval,
-    ``sure_ns`` is that of the few that are not, or ``NOTHING``; else it is 0. ``some_ns`` are lengths that stand for all of them, those of each part from ``begin`` on.
+    ``sure_ns`` is that of the few that are not, or ``NOTHING``; else it is 0. ``some_ns`` are lengths that stand for
+    all of them, those of each part from ``begin`` on.
     """
 
     count: I64
@@ -50,8 +51,8 @@ class Rhythms:
         own = lengths[parts]
         some_ns = self.some_ns[np.repeat(parts, lengths)]
         begin = np.cumsum(own) - own
-        columns = (getattr(self, name)[parts] for name in _OF_PARTS)
-        return Rhythms(*columns, some_ns, begin)
+        columns = [*(getattr(self, name)[parts] for name in _OF_PARTS), some_ns, begin]
+        return Rhythms(*columns)
 
     def are_near(self, interval_ns: int) -> Bool:
         """Return in which parts half of the intervals are about as long."""
@@ -99,9 +100,9 @@ class Rhythms:
             none = np.zeros(0, np.int64)
             return Rhythms(none, none, np.zeros(0, np.bool_), none, none, none, none)
         offsets = np.cumsum([0, *(len(one.some_ns) for one in rhythms)]).tolist()
-        columns = (np.concatenate([getattr(one, name) for one in rhythms]) for name in (*_OF_PARTS, "some_ns"))
+        columns = [np.concatenate([getattr(one, name) for one in rhythms]) for name in (*_OF_PARTS, "some_ns")]
         begin = np.concatenate([one.begin + offset for one, offset in zip(rhythms, offsets, strict=False)])
-        return Rhythms(*columns, begin)
+        return Rhythms(*[*columns, begin])
 
 
 _OF_PARTS = ("count", "median_ns", "is_regular", "others", "sure_ns")

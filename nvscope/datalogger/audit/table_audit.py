@@ -51,6 +51,8 @@ class TableAudit:
         self.rows = self.restarts = 0
         self.losses = 0
         """How many rows say that data was lost before them, the first of all aside."""
+        self.may_lack = False
+        """Whether so much came late that what of it is a gap was decided before that could be known."""
         self.coverage = Coverage()
         self._tasks = Tasks(table, known)
         self._ids = RowIds()
@@ -125,7 +127,9 @@ class TableAudit:
         if self._judge is None:
             for number, task in self._of_task.items():
                 task.end()
-                self._note_late(*task.late(task.yardstick(alone=self._beside(number) == 1)))
+                by = task.yardstick(alone=self._beside(number) == 1)
+                self._note_late(*task.late(by))
+                self.may_lack |= task.passes(by)
 
     def end(self) -> list[Finding]:
         """Return what was found, by file, when that is decided."""
@@ -180,6 +184,18 @@ class TableAudit:
             return None
         by = (task.yardstick(alone=self._beside(number) == 1) for number, task in self._of_task.items())
         return min((one.interval_ns for one in by if one.interval_ns is not None), default=None)
+
+    @property
+    def part_intervals_ns(self) -> tuple[int, int] | None:
+        """The shortest and the longest interval that parts are judged by where the table has none."""
+        if self._judge is not None or self.interval_ns is not None:
+            return None
+        of_parts = [task.kept.regularity for task in self._of_task.values() if task.kept.regularity.tells]
+        least, most = (
+            [one.least_ns for one in of_parts if one.least_ns],
+            [one.most_ns for one in of_parts if one.most_ns],
+        )
+        return (min(least), max(most)) if least and most else None
 
     @property
     def usual_ns(self) -> int | None:

@@ -23,6 +23,7 @@ class Task:
 
     ``asked_ns`` is what the configuration says of them. ``intervals`` are those of all parts that are over. ``losses``
     are those that the rows of all tasks had told up to the last one: data that is lost is lost to each of them.
+    ``has_passed``: what turned out to be late was not kept.
     """
 
     asked_ns: int | None
@@ -37,6 +38,7 @@ class Task:
     losses: int = 0
     cycle_ns: int | None = None
     is_blank: bool = False
+    has_passed: bool = False
     set_back: list[SetBack] = field(default_factory=list)
     _open: OpenPart = field(init=False)
 
@@ -107,6 +109,11 @@ class Task:
         """Return the rows that come late of those that were taken, untold and told; they are forgotten then."""
         return self.kept.late(by, self.set_back)
 
+    def passes(self, by: Yardstick) -> bool:
+        """Return whether gaps may have passed, when all is decided."""
+        is_known = by.interval_ns is not None or self.kept.regularity.tells
+        return self.has_passed or (self.kept.passed > 0 and is_known)
+
     def late_so_far(self, tasks: int, *, alone: bool) -> tuple[Late, Late] | None:
         """Return those up to here where so much may be late that it has to be decided now."""
         is_full = self._open.is_full(tasks)
@@ -138,6 +145,7 @@ class Task:
         """Take that the part that is read ends here, and return its rhythm."""
         gaps = self._open.gaps()
         rhythm = Rhythms.of(self._open.intervals)
+        self.has_passed |= bool(rhythm.is_regular[0]) and self._open.has_passed(int(rhythm.median_ns[0]))
         self.intervals.join(self._open.intervals)
         self.kept.regularity.take(rhythm)
         self.kept.take(gaps, np.zeros(len(gaps), np.int64), rhythm)

@@ -51,6 +51,9 @@ def about(table: AuditedTable, names: Names) -> list[str]:
     parts.append("changes only" if audit.table.only_changes else "every value")
     if audit.interval_ns is not None:
         parts.append(f"every {units.duration(audit.interval_ns)}")
+    elif (of_parts := audit.part_intervals_ns) is not None:
+        least, most = map(units.duration, of_parts)
+        parts.append(f"every {least} to {most}, by part" if least != most else f"every {least}")
     elif not audit.table.only_changes and audit.rows - audit.untimed >= _ROWS_OF_NO_INTERVAL:
         parts.append("at no regular interval")
     if audit.task_count > 1:
@@ -73,7 +76,8 @@ def coverage(table: AuditedTable) -> str:
         parts.append(f"{units.duration(missing_ns)} missing in {units.count_of(gaps, 'gap')} ({listed})")
     elif not gaps:
         lost = f"loss is told before {units.count_of(audit.losses, 'row')}" if audit.losses else "no loss is told"
-        parts.append("no gap" if audit.interval_ns is not None else lost)
+        is_judged = audit.interval_ns is not None or audit.part_intervals_ns is not None
+        parts.append("no gap" if is_judged else lost)
     if time.off_ns:
         starts = units.count_of(audit.restarts, "new start")
         parts.append(f"off for up to {units.duration(time.off_ns)} in front of {starts}")
