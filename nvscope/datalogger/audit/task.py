@@ -119,11 +119,13 @@ class Task:
         is_full = self._open.is_full(tasks)
         if not is_full and not self.kept.is_full and self.kept.count <= MOST_KEPT // tasks:
             return None
-        by = self.yardstick(alone=alone)
-        gaps, rhythm = self._open.gaps(), Rhythms.of(self._open.intervals)
-        self.kept.take(gaps, np.zeros(len(gaps), np.int64), rhythm)
-        if is_full and not by.knows(rhythm):
-            self._open.give_up()
+        by, rhythm = self.yardstick(alone=alone), Rhythms.of(self._open.intervals)
+        if is_full:
+            gaps = self._open.gaps()
+            rhythm = Rhythms.of(self._open.intervals)
+            self.kept.take(gaps, np.zeros(len(gaps), np.int64), rhythm)
+            if not by.knows(rhythm):
+                self._open.give_up()
         return self.kept.late(by, self.set_back, rhythm)
 
     def in_doubt(self, blank: Bool | None, rows: int) -> Bool | None:
