@@ -61,7 +61,10 @@ class AuditedTable:
 
 @dataclass(slots=True)
 class Audit:
-    """All that an audit tells; ``left_out`` findings are not kept, ``unfit`` is why the configuration is another's."""
+    """All that an audit tells; ``left_out`` findings are not kept, ``unfit`` is why the configuration is another's.
+
+    ``limits`` say where more may be missing than is told.
+    """
 
     files: list[AuditedFile] = field(default_factory=list)
     tables: list[AuditedTable] = field(default_factory=list)
@@ -69,6 +72,7 @@ class Audit:
     left_out: int = 0
     notes: list[str] = field(default_factory=list)
     unfit: list[str] = field(default_factory=list)
+    limits: list[str] = field(default_factory=list)
 
     def name_of(self, path: str) -> str:
         """Return how a file is called here: by its name alone where no other one has that, else by its path."""
@@ -111,12 +115,14 @@ def audited(
             reading.read()
         audit.files += reading.files
         audit.tables += reading.tables.values()
-        audit.notes += [*_told_of(series), *reading.limits()]
+        audit.notes += _told_of(series)
+        audit.limits += reading.limits()
         for finding in reading.findings():
             if len(audit.findings) < MOST_FINDINGS:
                 audit.findings.append(finding)
             else:
                 audit.left_out += 1
+    audit.notes += audit.limits
     return audit
 
 

@@ -34,8 +34,9 @@ def verdict(audit: Audit) -> tuple[Severity | None, str]:
     listed = f": {', '.join(told)}" if told else ""
     if counts[Severity.ERROR]:
         return Severity.ERROR, f"Not to be trusted as it is{listed}"
-    if counts[Severity.WARNING] or audit.unfit:
-        return Severity.WARNING, f"To be trusted with care{listed or ': the configuration is not that of the tables'}"
+    if counts[Severity.WARNING] or audit.unfit or audit.limits:
+        why = "the configuration is not that of the tables" if audit.unfit else "more may be missing than is told"
+        return Severity.WARNING, f"To be trusted with care{listed or f': {why}'}"
     if not any(table.audit.rows for table in audit.tables):
         return Severity.NOTE, "Empty: no row was written yet"
     return Severity.NOTE, f"To be trusted{listed or ': nothing is missing that is not told'}"

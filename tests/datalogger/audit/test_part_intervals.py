@@ -15,6 +15,7 @@ from nvscope.capture.datalogger import table_rows
 from nvscope.datalogger.audit import open_part, task
 from nvscope.datalogger.audit.audit import Audit, audited
 from nvscope.datalogger.audit.time_strip import Mark
+from nvscope.datalogger.audit.words import verdict
 from tests.datalogger.audit.built import Row, later, write
 from tests.datalogger.audit.test_planted import told
 from tests.datalogger.audit.test_tasks import MS, tasks
@@ -139,6 +140,7 @@ def test_what_was_decided_before_it_could_be_is_told(tmp_path: Path, monkeypatch
     assert missed(audit) == []
     (note,) = audit.notes
     assert note.startswith("x.db, log_1: so many rows came later than others")
+    assert verdict(audit)[1] == "To be trusted with care: more may be missing than is told"
     assert audit_of(tmp_path, [[100.0] * 3_700]).notes == []
 
 
