@@ -12,8 +12,8 @@ from dissectors.batch import I64, Bool
 from nvscope.datalogger.audit.gaps import Gaps, limit_ns
 from nvscope.datalogger.audit.intervals import Intervals
 
-MOST_KEPT = 200_000
-"""So many rows of all tasks may be kept as gaps perhaps."""
+_MOST_KEPT, _LEAST_KEPT = 200_000, 2_000
+"""So many rows of all tasks may be kept as gaps perhaps, and so many of each of very many."""
 
 _MOST_WHOLE = 50_000
 """So many of all tasks are kept whatever they are."""
@@ -50,10 +50,9 @@ class OpenPart:
 
     def is_full(self, tasks: int) -> bool:
         """Whether so much may be a gap that it has to be decided now; the table has so many tasks."""
-        most = MOST_KEPT // tasks
-        if self._kept_count > most:
+        if self._kept_count > most_kept(tasks):
             self._tidy()
-        return self._kept_count > most
+        return self._kept_count > most_kept(tasks)
 
     def gaps(self) -> Gaps:
         """Return what may be gaps, and forget it."""
@@ -93,6 +92,11 @@ class OpenPart:
         found = int(floors_ns(np.array([self.intervals.median_ns or 0]), self._asked_ns)[0])
         self._passed_ns = max(self._passed_ns, found)
         return found
+
+
+def most_kept(tasks: int) -> int:
+    """Return how many rows of each of so many tasks may be kept as gaps perhaps."""
+    return min(_MOST_KEPT, max(_LEAST_KEPT, _MOST_KEPT // tasks))
 
 
 def floors_ns(median_ns: I64, asked_ns: int | None) -> I64:

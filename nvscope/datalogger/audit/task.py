@@ -11,7 +11,7 @@ from nvscope.datalogger.audit.chunk import Chunk
 from nvscope.datalogger.audit.gaps import Gaps, SetBack, limit_ns
 from nvscope.datalogger.audit.intervals import Intervals
 from nvscope.datalogger.audit.kept_gaps import KeptGaps, Late, Yardstick
-from nvscope.datalogger.audit.open_part import MOST_KEPT, OpenPart, floors_ns
+from nvscope.datalogger.audit.open_part import OpenPart, floors_ns, most_kept
 from nvscope.datalogger.audit.rhythms import Rhythms
 from nvscope.datalogger.audit.tasks import TaskRows
 from nvscope.datalogger.audit.unknown_rows import lacking_rows
@@ -72,9 +72,8 @@ class Task:
         self._open.take(*_some(gaps, in_doubt, own & (part < 0)), tasks)
         first = self._close()
         whole, in_doubt_of = _some(gaps, in_doubt, own & (part >= 0) & (part < len(edges) - 1))
-        place = part[own & (part >= 0) & (part < len(edges) - 1)]
         self.intervals.take(whole.length_ns, in_doubt_of)
-        rhythms = Rhythms.of_parts(whole.length_ns, place, len(edges) - 1, in_doubt_of)
+        rhythms = Rhythms.of_parts(whole.length_ns, place, last, in_doubt_of)
         self.kept.regularity.take(rhythms)
         late = whole.length_ns > floors_ns(rhythms.median_ns, self.asked_ns)[place]
         self.kept.take(whole.take(late), place[late], rhythms)
@@ -82,7 +81,7 @@ class Task:
         self.kept.take_told(gaps.take(edges[told]), told, Rhythms.joined([first, rhythms]))
         self.intervals.take_told(gaps.length_ns[edges[told]])
         self._open = OpenPart(self.asked_ns)
-        self._open.take(*_some(gaps, in_doubt, own & (part == len(edges) - 1)), tasks)
+        self._open.take(*_some(gaps, in_doubt, own & (part == last)), tasks)
 
     def end(self) -> None:
         """Take that there are no more rows."""
@@ -112,12 +111,12 @@ class Task:
     def passes(self, by: Yardstick) -> bool:
         """Return whether gaps may have passed, when all is decided."""
         is_known = by.interval_ns is not None or self.kept.regularity.tells
-        return self.has_passed or (self.kept.passed > 0 and is_known)
+        return not by.is_asked and (self.has_passed or (self.kept.passed > 0 and is_known))
 
     def late_so_far(self, tasks: int, *, alone: bool) -> tuple[Late, Late] | None:
         """Return those up to here where so much may be late that it has to be decided now."""
         is_full = self._open.is_full(tasks)
-        if not is_full and not self.kept.is_full and self.kept.count <= MOST_KEPT // tasks:
+        if not is_full and not self.kept.is_full and self.kept.count <= most_kept(tasks):
             return None
         by, rhythm = self.yardstick(alone=alone), Rhythms.of(self._open.intervals)
         if is_full:

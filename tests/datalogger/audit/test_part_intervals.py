@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from nvscope.capture.datalogger import table_rows
-from nvscope.datalogger.audit import open_part, task
+from nvscope.datalogger.audit import open_part
 from nvscope.datalogger.audit.audit import Audit, audited
 from nvscope.datalogger.audit.time_strip import Mark
 from nvscope.datalogger.audit.words import verdict
@@ -122,7 +122,7 @@ def test_gaps_of_many_parts_are_found_in_bounded_memory(tmp_path: Path, monkeypa
     whole = audit_of(tmp_path, parts)
     count = [(one.count, one.rows) for one in whole.findings if one.kind.code == "NV952"]
     assert count == [(60, tuple(41 * number + 22 for number in range(10)))]
-    monkeypatch.setattr(task, "MOST_KEPT", 10)
+    monkeypatch.setattr(open_part, "_MOST_KEPT", 10)
     monkeypatch.setattr(table_rows, "_ROWS", 100)
     cut = audit_of(tmp_path, parts)
     assert [(one.count, one.rows) for one in cut.findings if one.kind.code == "NV952"] == count
