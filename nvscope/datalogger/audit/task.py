@@ -68,10 +68,13 @@ class Task:
             self._open.take(*_some(gaps, in_doubt, forward), tasks)
             return
         part = np.cumsum(begins) - 1
+        last = len(edges) - 1
         own = forward & ~begins
         self._open.take(*_some(gaps, in_doubt, own & (part < 0)), tasks)
         first = self._close()
-        whole, in_doubt_of = _some(gaps, in_doubt, own & (part >= 0) & (part < len(edges) - 1))
+        # Parts that end here, too, are looked at all at once: there may be as many as rows.
+        within = own & (part >= 0) & (part < last)
+        (whole, in_doubt_of), place = _some(gaps, in_doubt, within), part[within]
         self.intervals.take(whole.length_ns, in_doubt_of)
         rhythms = Rhythms.of_parts(whole.length_ns, place, last, in_doubt_of)
         self.kept.regularity.take(rhythms)
