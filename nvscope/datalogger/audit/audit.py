@@ -19,7 +19,7 @@ from nvscope.capture.datalogger.schema import StoredTable
 from nvscope.capture.datalogger.table_rows import Rows
 from nvscope.datalogger.audit.chunk import Chunk, chunk_of
 from nvscope.datalogger.audit.finding import MOST_FINDINGS, MOST_ROWS, Finding
-from nvscope.datalogger.audit.known import Known
+from nvscope.datalogger.audit.known import Grouping
 from nvscope.datalogger.audit.series import Member, Series, series_of
 from nvscope.datalogger.audit.table_audit import TableAudit
 from nvscope.errors import NvscopeError
@@ -61,7 +61,10 @@ class AuditedTable:
 
 @dataclass(slots=True)
 class Audit:
-    """All that an audit tells; ``left_out`` findings are not kept, ``unfit`` is why the configuration is another's."""
+    """All that an audit tells; ``left_out`` findings are not kept, ``unfit`` is why the configuration is another's.
+
+    ``limits`` say where more may be missing than is told.
+    """
 
     files: list[AuditedFile] = field(default_factory=list)
     tables: list[AuditedTable] = field(default_factory=list)
@@ -69,6 +72,7 @@ class Audit:
     left_out: int = 0
     notes: list[str] = field(default_factory=list)
     unfit: list[str] = field(default_factory=list)
+    limits: list[str] = field(default_factory=list)
 
     def name_of(self, path: str) -> str:
         """Return how a file is called here: by its name alone where no other one has that, else by its path."""
@@ -104,21 +108,21 @@ def audited(
     for series in series_of(paths):
         reading = _Reading(series, asked, progress)
         reading.read()
-        # What became known too late is looked at again: tasks, their intervals, and parts of a rhythm of their own.
-        for _ in range(_MOST_LOOKS):
-            found = {key: known for key, one in reading.tables.items() if (known := one.audit.needs_another_look)}
-            if not found:
-                break
-            reading = _Reading(series, asked, progress, reading.known | found)
+        # Where tasks became known too late, rows are looked at again.
+        found = {key: known for key, one in reading.tables.items() if (known := one.audit.needs_another_look)}
+        if found:
+            reading = _Reading(series, asked, progress, found)
             reading.read()
         audit.files += reading.files
         audit.tables += reading.tables.values()
         audit.notes += _told_of(series)
+        audit.limits += reading.limits()
         for finding in reading.findings():
             if len(audit.findings) < MOST_FINDINGS:
                 audit.findings.append(finding)
             else:
                 audit.left_out += 1
+    audit.notes += audit.limits
     return audit
 
 
@@ -126,9 +130,6 @@ _BOTH_AGAIN = "Copy the database again together with what lies beside it, while 
 
 _Key = tuple[str, tuple[str, ...]]
 """A table by its name and columns."""
-
-_MOST_LOOKS = 3
-"""So often a series is read again."""
 
 
 class _Asked(NamedTuple):
@@ -142,10 +143,10 @@ class _Reading:
     """Reads one series."""
 
     def __init__(
-        self, series: Series, asked: _Asked, progress: Progress | None, known: dict[_Key, Known] | None = None
+        self, series: Series, asked: _Asked, progress: Progress | None, known: dict[_Key, Grouping] | None = None
     ) -> None:
         self._series, self._asked, self._progress = series, asked, progress
-        self.known = known or {}
+        self._known = known or {}
         self.files: list[AuditedFile] = []
         self.tables: dict[_Key, AuditedTable] = {}
         self._stretches: dict[_Key, int] = {}
@@ -168,6 +169,16 @@ class _Reading:
         yield from self._of_files
         for one in self.tables.values():
             yield from map(self._with_doubt, one.audit.end())
+
+    def limits(self) -> Iterator[str]:
+        """Yield in which tables rows may be missing that are not told, since there were too many to keep."""
+        for one in self.tables.values():
+            if one.audit.may_lack:
+                name = f"{os.path.basename(one.files[0])}, {one.audit.table.name}"
+                yield (
+                    f"{name}: so many rows came later than others that some were judged by those in front of them "
+                    "alone: more may be missing there than is told"
+                )
 
     def _with_doubt(self, finding: Finding) -> Finding:
         """Let what is missing in front of the newest file ask for a closed one: of the last one, no number tells."""
@@ -247,7 +258,7 @@ class _Reading:
         key = stored.log.name, stored.columns
         if key not in self.tables:
             asked = self._asked
-            log = TableAudit(stored.log, database.encoding, asked.interval_ns, self.known.get(key), asked.in_cycles)
+            log = TableAudit(stored.log, database.encoding, asked.interval_ns, self._known.get(key), asked.in_cycles)
             self.tables[key] = AuditedTable(self._series.path, [], log)
             self._stretches[key] = 0
         table = self.tables[key]

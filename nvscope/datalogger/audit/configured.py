@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from nvscope import units
 from nvscope.datalogger.audit.audit import Audit
-from nvscope.datalogger.audit.intervals import limit_ns
+from nvscope.datalogger.audit.gaps import limit_ns
 from nvscope.datalogger.configuration import Session
 from nvscope.enumeration import first_few
 

@@ -58,7 +58,7 @@ class Coverage:
             return 0
         return max(self.last_ns - self.first_ns, 0)
 
-    def miss(self, mark: Mark, first_ns: I64, last_ns: I64, interval_ns: int = 0) -> None:
+    def miss(self, mark: Mark, first_ns: I64, last_ns: I64, interval_ns: I64 | int = 0) -> None:
         """Count gaps of one kind, of each of which an interval is no loss."""
         self.gaps[mark] += len(first_ns)
         self._missing.add(first_ns + interval_ns, last_ns)

@@ -1,4 +1,4 @@
-"""What one reading of a table found out that its rows have to be judged by, so that they are read again."""
+"""Tasks of a table as one reading found them out, so that its rows are read again."""
 
 from __future__ import annotations
 
@@ -27,15 +27,3 @@ class Grouping:
     def place_of(self, part: int) -> int:
         """Return which of all holds in a part."""
         return self.apart.get(part, -1) + 1
-
-
-@dataclass(frozen=True, slots=True)
-class Known:
-    """What is known of a table; by task, its interval, and which of its parts may have a rhythm of their own.
-
-    None: nobody has looked for that yet.
-    """
-
-    grouping: Grouping
-    interval_ns: Mapping[int, int] | None = None
-    in_doubt: Mapping[int, I64] | None = None

@@ -1,102 +1,131 @@
-"""Rhythms: parts of a table in which rows do not come as they mostly do, since somebody configured it so.
+"""Rhythms: how often rows come in each part of a table, between two places where data was lost and it is told.
 
 Loggers go on with a table whatever interval their configuration says by then. Where they do, they say that data was
-lost; so what stands between two rows that say this may have a rhythm of its own, and is judged by that. Where rows seem
-to be missing, all intervals of the part have to be known for it, so the rows are read again.
+lost; so what stands between two rows that say this may have a rhythm of its own, and is judged by that.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from itertools import pairwise
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dissectors.batch import I64, Bool
-from nvscope.datalogger.audit.intervals import Gaps, Intervals
-from nvscope.tracker.readings.cadence import ALIKE_SHARE
+from nvscope.datalogger.audit.gaps import are_late
+from nvscope.datalogger.audit.intervals import DOUBTFUL_SHARE, FEW, FEW_ALIKE_SHARE, LEAST_ALIKE, NOTHING, Intervals
+from nvscope.tracker.readings.cadence import ALIKE_SHARE, REGULAR_SHARE
 
-_MOST_PARTS = 1 << 20
-_MOST_IN_DOUBT = 10_000
-"""So many parts are judged by themselves."""
-
-OF_TABLE = -1
-"""The rows of a part come as those of the table do."""
-
-_NONE = 0
-"""They come at no interval that is known."""
+_MOST_SOME = 256
+"""So many lengths of a part stand for all, where it is asked whether they are those of the table."""
 
 
-class Parts:
-    """The parts of the rows of one task, by the numbers of the rows that begin them, which rise."""
+@dataclass(frozen=True, slots=True)
+class Rhythms:
+    """The rhythms of some parts: how many intervals, the median of them, and whether they come at that regularly.
 
-    def __init__(self) -> None:
-        self._begins: list[I64] = []
-        self.count = 0
-        self._in_doubt: set[int] = set()
+    ``others`` are not as long as the median. Where rows of a part may be of other tasks and come at no interval,
+    ``sure_ns`` is that of the few that are not, or ``NOTHING``; else it is 0. ``some_ns`` are lengths that stand for
+    all of them, those of each part from ``begin`` on.
+    """
+
+    count: I64
+    median_ns: I64
+    is_regular: Bool
+    others: I64
+    sure_ns: I64
+    some_ns: I64
+    begin: I64
+
+    def __len__(self) -> int:
+        return len(self.count)
 
     @property
-    def in_doubt(self) -> I64:
-        """The parts that may have a rhythm of their own, in their order."""
-        return np.array(sorted(self._in_doubt), np.int64)
+    def own_ns(self) -> I64:
+        """The interval of each part, 0 where none is known."""
+        return np.where(self.is_regular, self.median_ns, 0)
 
-    def begin(self, number: I64) -> None:
-        """Note rows with which parts begin."""
-        self.count += len(number)
-        if len(number) and self.count <= _MOST_PARTS:
-            self._begins.append(number)
+    def take(self, parts: Bool) -> Rhythms:
+        """Return those of some parts."""
+        lengths = np.diff(self.begin, append=len(self.some_ns))
+        own = lengths[parts]
+        some_ns = self.some_ns[np.repeat(parts, lengths)]
+        begin = np.cumsum(own) - own
+        columns = [*(getattr(self, name)[parts] for name in _OF_PARTS), some_ns, begin]
+        return Rhythms(*columns)
 
-    def of(self, gaps: Gaps) -> I64:
-        """Return the part that each gap is in."""
-        begins = np.concatenate(self._begins) if self._begins else np.zeros(0, np.int64)
-        return np.searchsorted(begins, gaps.number, "right") - 1
-
-    def doubt(self, gaps: Gaps, *, though_it_is_one: bool) -> None:
-        """Note that rows of some parts seem to be missing; where there is one part only, its rhythm is the table's."""
-        if not len(gaps) or self.count > _MOST_PARTS or (self.count < 2 and not though_it_is_one):
-            return
-        left = max(_MOST_IN_DOUBT - len(self._in_doubt), 0)
-        self._in_doubt.update(np.unique(self.of(gaps))[:left].tolist())
-
-
-class Rhythms:
-    """The intervals of some ``parts`` of a task, of which rows come every ``interval_ns`` mostly."""
-
-    def __init__(self, parts: Iterable[int], interval_ns: int) -> None:
-        self._parts = np.fromiter(parts, np.int64)
-        self._interval_ns = interval_ns
-        self._usual = np.zeros(len(self._parts), np.int64)
-        self._intervals: dict[int, Intervals] = {}
-
-    def take(self, gaps: Gaps, part: I64, judged: Bool) -> None:
-        """Take rows as what may be gaps in front of them, the part of each, and which of these are intervals of it."""
-        if not len(self._parts) or int(part[-1]) < self._parts[0] or int(part[0]) > self._parts[-1]:
-            return
-        rows = np.flatnonzero(judged)
-        place = np.minimum(np.searchsorted(self._parts, part[rows]), len(self._parts) - 1)
-        in_doubt = self._parts[place] == part[rows]
-        rows, place = rows[in_doubt], place[in_doubt]
-        length_ns = gaps.length_ns[rows]
-        usual = np.abs(length_ns - self._interval_ns) * ALIKE_SHARE <= self._interval_ns
-        self._usual += np.bincount(place[usual], minlength=len(self._parts))
-        edges = np.flatnonzero(np.diff(place, prepend=-1)).tolist()
-        for start, stop in pairwise([*edges, len(rows)]):
-            own = self._intervals.setdefault(int(place[start]), Intervals.counted())
-            own.take(gaps.take(rows[start:stop]))
-
-    def own_ns(self, part: I64, *, least: int = 1) -> I64:
-        """Return the interval that rows of some parts come at by themselves: ``OF_TABLE``, or 0 where none is known.
-
-        Parts of fewer than ``least`` intervals are not asked.
-        """
-        parts, which = np.unique(part, return_inverse=True)
-        own_ns = np.array([self._own_ns(one, least) for one in parts.tolist()], np.int64)
-        found: I64 = own_ns[which]
+    def are_near(self, interval_ns: int) -> Bool:
+        """Return in which parts half of the intervals are about as long."""
+        near = np.append(0, np.cumsum(np.abs(self.some_ns - interval_ns) <= interval_ns // ALIKE_SHARE))
+        end = np.append(self.begin[1:], len(self.some_ns))
+        half = 2 * (near[end] - near[self.begin]) >= end - self.begin
+        found: Bool = half & (self.sure_ns != NOTHING) & ~are_late(self.sure_ns, interval_ns)
         return found
 
-    def _own_ns(self, part: int, least: int) -> int:
-        place = int(np.searchsorted(self._parts, part))
-        own = self._intervals.get(place) if part in self._parts else None
-        if own is None or own.count < least or 2 * int(self._usual[place]) >= own.count:
-            return OF_TABLE
-        return own.median_ns or _NONE if own.is_regular else _NONE
+    @staticmethod
+    def of(intervals: Intervals) -> Rhythms:
+        """Return the rhythm of one part."""
+        return Rhythms(
+            np.array([intervals.count], np.int64),
+            np.array([intervals.median_ns or 0], np.int64),
+            np.array([intervals.is_regular], np.bool_),
+            np.array([intervals.others], np.int64),
+            np.array([intervals.sure_ns], np.int64),
+            intervals.some(_MOST_SOME),
+            np.zeros(1, np.int64),
+        )
+
+    @staticmethod
+    def of_parts(length_ns: I64, part: I64, parts: int, in_doubt: Bool | None) -> Rhythms:
+        """Return the rhythms of so many parts; ``part``, which rises, tells of each length which one it is of.
+
+        It is as ``Intervals`` has it, where none is told.
+        """
+        if in_doubt is None or not in_doubt.any():
+            return _of_parts(length_ns, part, np.zeros(parts, np.bool_))
+        sure = ~in_doubt
+        sure_count = np.bincount(part[sure], minlength=parts)
+        of_sure = _of_parts(length_ns[sure], part[sure], np.zeros(parts, np.bool_))
+        tells = (sure_count >= LEAST_ALIKE) & of_sure.is_regular | (sure_count == np.bincount(part, minlength=parts))
+        asked = sure | ~tells[part]
+        found = _of_parts(length_ns[asked], part[asked], ~tells)
+        regular = found.is_regular & (tells | ~are_late(of_sure.median_ns, found.median_ns))
+        told_ns = np.where(tells | regular, 0, np.where(sure_count > 0, of_sure.median_ns, NOTHING))
+        return replace(found, is_regular=regular, sure_ns=told_ns)
+
+    @staticmethod
+    def joined(rhythms: Sequence[Rhythms]) -> Rhythms:
+        """Return several as one."""
+        if not rhythms:
+            none = np.zeros(0, np.int64)
+            return Rhythms(none, none, np.zeros(0, np.bool_), none, none, none, none)
+        offsets = np.cumsum([0, *(len(one.some_ns) for one in rhythms)]).tolist()
+        columns = [np.concatenate([getattr(one, name) for one in rhythms]) for name in (*_OF_PARTS, "some_ns")]
+        begin = np.concatenate([one.begin + offset for one, offset in zip(rhythms, offsets, strict=False)])
+        return Rhythms(*[*columns, begin])
+
+
+_OF_PARTS = ("count", "median_ns", "is_regular", "others", "sure_ns")
+
+
+def _of_parts(length_ns: I64, part: I64, in_doubt: Bool) -> Rhythms:
+    parts = len(in_doubt)
+    length_ns = length_ns[np.lexsort((length_ns, part))]
+    count = np.bincount(part, minlength=parts)
+    first = np.cumsum(count) - count
+    median_ns = np.zeros(parts, np.int64)
+    there = count > 0
+    median_ns[there] = length_ns[first[there] + (count[there] - 1) // 2]
+    own_ns = np.repeat(median_ns, count)
+    near = np.abs(length_ns - own_ns) <= own_ns // np.where(np.repeat(count, count) < FEW, FEW_ALIKE_SHARE, ALIKE_SHARE)
+    alike = np.bincount(part[near], minlength=parts)
+    others = count - alike
+    most = np.maximum(1, 2 * count * count // FEW**2)
+    most = np.where(in_doubt, np.minimum(most, np.maximum(1, count // DOUBTFUL_SHARE)), most)
+    enough = (alike >= LEAST_ALIKE) & (others <= most) & (alike * REGULAR_SHARE >= count)
+    taken = np.minimum(count, _MOST_SOME)
+    begin = np.cumsum(taken) - taken
+    number = np.arange(int(taken.sum())) - np.repeat(begin, taken)
+    places = np.repeat(first, taken) + (2 * number + 1) * np.repeat(count, taken) // np.repeat(2 * taken, taken)
+    regular = there & ((others == 0) | enough)
+    return Rhythms(count, median_ns, regular, others, np.zeros(parts, np.int64), length_ns[places], begin)

@@ -15,9 +15,9 @@ from nvscope.datalogger.audit.change_judge import ChangeJudge
 from nvscope.datalogger.audit.chunk import Chunk
 from nvscope.datalogger.audit.coverage import Coverage
 from nvscope.datalogger.audit.finding import Finding, Notes, Topic
-from nvscope.datalogger.audit.intervals import Gaps, Intervals, SetBack, without_clock_sets
-from nvscope.datalogger.audit.known import Known
-from nvscope.datalogger.audit.rhythms import Rhythms
+from nvscope.datalogger.audit.gaps import Gaps, SetBack
+from nvscope.datalogger.audit.kept_gaps import Late
+from nvscope.datalogger.audit.known import Grouping
 from nvscope.datalogger.audit.row_ids import RowIds
 from nvscope.datalogger.audit.stamps import Stamps
 from nvscope.datalogger.audit.task import Task
@@ -39,11 +39,11 @@ class TableAudit:
     """Audits the rows of one table, of one file of a series after the other.
 
     ``asked_ns`` is the interval by the configuration, which says nothing of variables that are taken ``in_cycles`` of
-    lists; ``known`` is what an audit of the same rows found out.
+    lists; ``known`` are the tasks that an audit of the same rows found out.
     """
 
     def __init__(
-        self, table: LogTable, encoding: str, asked_ns: int | None, known: Known | None = None,
+        self, table: LogTable, encoding: str, asked_ns: int | None, known: Grouping | None = None,
         in_cycles: Callable[[str], bool] | None = None,
     ) -> None:  # fmt: skip
         self.table = table
@@ -51,8 +51,10 @@ class TableAudit:
         self.rows = self.restarts = 0
         self.losses = 0
         """How many rows say that data was lost before them, the first of all aside."""
+        self.may_lack = False
+        """Whether so much came late that what of it is a gap was decided before that could be known."""
         self.coverage = Coverage()
-        self._tasks = Tasks(table, known.grouping if known is not None else None)
+        self._tasks = Tasks(table, known)
         self._ids = RowIds()
         self._values = Values(len(table.variables), encoding)
         self._judge = ChangeJudge(table, self._values) if table.only_changes else None
@@ -124,7 +126,10 @@ class TableAudit:
         """Say that all rows were taken: whether they have to be looked at again is known then."""
         if self._judge is None:
             for number, task in self._of_task.items():
-                self._decide(number, task)
+                task.end()
+                by = task.yardstick(alone=self._beside(number) == 1)
+                self._note_late(*task.late(by))
+                self.may_lack |= task.passes(by)
 
     def end(self) -> list[Finding]:
         """Return what was found, by file, when that is decided."""
@@ -177,7 +182,20 @@ class TableAudit:
         """The interval that rows are judged by: of several tasks, the shortest. None of a table of changes."""
         if self._judge is not None:
             return None
-        return min(self._intervals_ns().values(), default=None)
+        by = (task.yardstick(alone=self._beside(number) == 1) for number, task in self._of_task.items())
+        return min((one.interval_ns for one in by if one.interval_ns is not None), default=None)
+
+    @property
+    def part_intervals_ns(self) -> tuple[int, int] | None:
+        """The shortest and the longest interval that parts are judged by where the table has none."""
+        if self._judge is not None or self.interval_ns is not None:
+            return None
+        of_parts = [task.kept.regularity for task in self._of_task.values() if task.kept.regularity.tells]
+        least, most = (
+            [one.least_ns for one in of_parts if one.least_ns],
+            [one.most_ns for one in of_parts if one.most_ns],
+        )
+        return (min(least), max(most)) if least and most else None
 
     @property
     def usual_ns(self) -> int | None:
@@ -191,23 +209,12 @@ class TableAudit:
         return task.intervals.median_ns if task.intervals.is_regular else None
 
     @property
-    def needs_another_look(self) -> Known | None:
-        """What to audit the same rows by again, where something became known too late; None where all is well.
-
-        Tasks are known first, then their intervals, then which of their parts may have a rhythm of their own.
-        """
-        if self._judge is not None:
+    def needs_another_look(self) -> Grouping | None:
+        """The tasks to audit the same rows by again, where they became known too late; None where all is well."""
+        if self._judge is not None or self._known is not None:
             return None
-        known, grouping, found = self._known, self._tasks.grouping, self._intervals_ns()
-        if known is None and (self._have_joined or grouping.apart):
-            return Known(grouping)
-        if known is None or known.interval_ns is None:
-            if any(self._of_task[number].intervals.is_incomplete(interval_ns) for number, interval_ns in found.items()):
-                return Known(grouping, found)
-        elif known.in_doubt is not None:
-            return None
-        in_doubt = {number: task.parts.in_doubt for number, task in self._of_task.items()}
-        return Known(grouping, found, in_doubt) if any(map(len, in_doubt.values())) else None
+        grouping = self._tasks.grouping
+        return grouping if self._have_joined or grouping.apart else None
 
     @property
     def overlaps_now(self) -> bool:
@@ -241,9 +248,10 @@ class TableAudit:
             if len(own):
                 if self._judge is None and task.stretch < 0 and chunk.lost[own[0]]:
                     self._note_late_task(chunk, int(own[0]), timed)
-                self._look_at_task(task, chunk, own, stretch, None if losses is None else losses[own], notes)
-            if task.intervals.is_full:
-                self._decide(one.task, task, fix=True)
+                self._look_at_task(task, chunk, one, own, stretch, None if losses is None else losses[own], notes)
+            late = task.late_so_far(len(self._of_task), alone=self._beside(one.task) == 1)
+            if late is not None:
+                self._note_late(*late)
 
     def _task_of(self, one: TaskRows) -> Task:
         """Return the task of some rows; what is known of the last row is that of the tasks that it goes on with."""
@@ -263,7 +271,7 @@ class TableAudit:
             self.coverage.miss(Mark.TOLD, np.array([before_ns]), chunk.time_ns[[row]])
 
     def _look_at_task(
-        self, task: Task, chunk: Chunk, rows: I64, stretch: I64, losses: I64 | None, notes: Notes
+        self, task: Task, chunk: Chunk, of_task: TaskRows, rows: I64, stretch: I64, losses: I64 | None, notes: Notes
     ) -> None:  # fmt: skip
         time_ns, of_stretch = chunk.time_ns[rows], stretch[rows]
         before_ns = np.concatenate([[task.time_ns], time_ns[:-1]])
@@ -299,7 +307,8 @@ class TableAudit:
             else:
                 told = np.diff(losses, prepend=task.losses) > 0
             gaps = Gaps(length_ns, before_ns, chunk.rowid[rows], number, np.full(len(rows), current), told)
-            task.take(gaps, forward, told | ~follows)
+            in_doubt = task.in_doubt(None if of_task.blank is None else of_task.blank[rows], len(rows))
+            task.take(gaps, forward, told | ~follows, in_doubt, len(self._of_task))
         else:
             places = np.flatnonzero(chunk.lost[rows] & follows & (length_ns > 0))
             if len(places):
@@ -325,46 +334,24 @@ class TableAudit:
         self._uncovered.clear()
 
     def _new_task(self, number: int) -> Task:
-        groupings = self._known.grouping.all if self._known is not None else ()
+        groupings = self._known.all if self._known is not None else ()
         variables = {number, *(at for tasks in groupings for at in np.flatnonzero(tasks == number).tolist())}
-        task = Task(Intervals(None if variables & self._in_cycles else self._asked_ns))
-        found = None if self._known is None else self._known.interval_ns
-        if self._known is not None and found is not None and number in found:
-            task.intervals.fix(found[number])
-            if self._known.in_doubt is not None:
-                task.rhythms = Rhythms(self._known.in_doubt[number], found[number])
-        return task
+        return Task(None if variables & self._in_cycles else self._asked_ns)
 
     def _beside(self, number: int) -> int:
         """Return how many tasks there are rows of while there are of one, with that one."""
-        groupings = self._known.grouping.all if self._known is not None else ()
+        groupings = self._known.all if self._known is not None else ()
         beside = [self._of_task.keys() & set(tasks.tolist()) for tasks in groupings if number in tasks]
         return max(map(len, beside), default=len(self._of_task))
 
-    def _intervals_ns(self) -> dict[int, int]:
-        """Return the interval of each task that has one."""
-        found = {number: self._interval_ns(number, task) for number, task in self._of_task.items()}
-        return {number: interval_ns for number, interval_ns in found.items() if interval_ns is not None}
-
-    def _interval_ns(self, number: int, task: Task) -> int | None:
-        return task.intervals.interval_ns(alone=self._beside(number) == 1)
-
-    def _decide(self, number: int, task: Task, *, fix: bool = False) -> None:
-        """Note what turned out to be a gap."""
-        interval_ns = self._interval_ns(number, task)
-        if interval_ns is None:
-            task.intervals.give_up()
-            return
-        if fix:
-            task.intervals.fix(interval_ns)
-        gaps = without_clock_sets(task.intervals.gaps(interval_ns), task.set_back, interval_ns)
-        untold = []
-        is_asked = interval_ns == task.intervals.asked_ns
-        for topic, own, amount in task.judged(gaps.take(~gaps.told), interval_ns, is_asked=is_asked):
-            self._note_gaps(topic, own, amount)
-            untold.append(own)
-        for mark, some in ((Mark.TOLD, gaps.take(gaps.told)), (Mark.GAP, Gaps.joined(untold))):
-            self.coverage.miss(mark, some.before_ns, some.before_ns + some.length_ns, interval_ns)
+    def _note_late(self, untold: Late, told: Late) -> None:
+        """Note what turned out to be late."""
+        slower = untold.slower_ns > 0
+        self._note_gaps(topics.GAP, untold.gaps.take(~slower), untold.gaps.length_ns[~slower])
+        self._note_gaps(topics.SLOWER, untold.gaps.take(slower), untold.slower_ns[slower])
+        for mark, late in ((Mark.TOLD, told), (Mark.GAP, untold)):
+            gaps = late.gaps
+            self.coverage.miss(mark, gaps.before_ns, gaps.before_ns + gaps.length_ns, late.interval_ns)
 
     def _note_gaps(self, topic: Topic, gaps: Gaps, amount: I64) -> None:
         for file in dict.fromkeys(gaps.file.tolist()):

@@ -34,8 +34,9 @@ def verdict(audit: Audit) -> tuple[Severity | None, str]:
     listed = f": {', '.join(told)}" if told else ""
     if counts[Severity.ERROR]:
         return Severity.ERROR, f"Not to be trusted as it is{listed}"
-    if counts[Severity.WARNING] or audit.unfit:
-        return Severity.WARNING, f"To be trusted with care{listed or ': the configuration is not that of the tables'}"
+    if counts[Severity.WARNING] or audit.unfit or audit.limits:
+        why = "the configuration is not that of the tables" if audit.unfit else "more may be missing than is told"
+        return Severity.WARNING, f"To be trusted with care{listed or f': {why}'}"
     if not any(table.audit.rows for table in audit.tables):
         return Severity.NOTE, "Empty: no row was written yet"
     return Severity.NOTE, f"To be trusted{listed or ': nothing is missing that is not told'}"
@@ -51,6 +52,9 @@ def about(table: AuditedTable, names: Names) -> list[str]:
     parts.append("changes only" if audit.table.only_changes else "every value")
     if audit.interval_ns is not None:
         parts.append(f"every {units.duration(audit.interval_ns)}")
+    elif (of_parts := audit.part_intervals_ns) is not None:
+        least, most = map(units.duration, of_parts)
+        parts.append(f"every {least} to {most}, by part" if least != most else f"every {least}")
     elif not audit.table.only_changes and audit.rows - audit.untimed >= _ROWS_OF_NO_INTERVAL:
         parts.append("at no regular interval")
     if audit.task_count > 1:
@@ -73,7 +77,8 @@ def coverage(table: AuditedTable) -> str:
         parts.append(f"{units.duration(missing_ns)} missing in {units.count_of(gaps, 'gap')} ({listed})")
     elif not gaps:
         lost = f"loss is told before {units.count_of(audit.losses, 'row')}" if audit.losses else "no loss is told"
-        parts.append("no gap" if audit.interval_ns is not None else lost)
+        is_judged = audit.interval_ns is not None or audit.part_intervals_ns is not None
+        parts.append("no gap" if is_judged else lost)
     if time.off_ns:
         starts = units.count_of(audit.restarts, "new start")
         parts.append(f"off for up to {units.duration(time.off_ns)} in front of {starts}")

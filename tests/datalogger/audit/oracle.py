@@ -57,33 +57,59 @@ def _times(rows: list[tuple[Any, ...]], found: dict[Key, list[int]], *, changes:
     forward = [step for _, _, step in steps if step > 0]
     if not changes and forward:
         median = median_low(forward)
-        limit = median * 3 // 2
         # Where a loss is told, it is no wonder that a step is longer.
-        if not _is_regular([step for _, told, step in steps if step > 0 and (told != 0 or step <= limit)], median):
-            return
+        usual = [step for _, told, step in steps if step > 0 and (told != 0 or step <= median * 3 // 2)]
+        late = _late(steps, median if _is_regular(usual, median) else None)
         times = [_ns(row[1]) for row in rows]
-        for number, (rowid, told, step) in enumerate(steps, 1):
-            if step <= limit or told == 0 or _is_clock(number, times, limit, median):
-                continue
-            if _is_late(step, _part_of(number, steps), steps, median):
+        for number, interval in late.items():
+            rowid, told, _ = steps[number - 1]
+            if told != 0 and not _is_clock(number, times, sorted(late), interval):
                 found["NV952", "error", None].append(rowid)
 
 
-def _part_of(number: int, steps: list[tuple[int, int, int]]) -> list[int]:
-    """Return the steps between two rows that say that data was lost, around one of them."""
-    begin = max((at for at in range(1, number) if steps[at - 1][1] == 0), default=0)
-    end = min((at for at in range(number + 1, len(steps) + 1) if steps[at - 1][1] == 0), default=len(steps) + 1)
-    return [step for _, _, step in steps[begin : end - 1] if step > 0]
+def _late(steps: list[tuple[int, int, int]], usual: int | None) -> dict[int, int]:
+    """Return the numbers of steps that are too long, told or not, each with the interval that it is judged by.
+
+    ``usual`` is that of the table, if it has one.
+    """
+    begins = [at for at, (_, told, _) in enumerate(steps) if told == 0]
+    parts = [
+        [step for _, _, step in steps[begin + 1 : end] if step > 0]
+        for begin, end in pairwise([-1, *begins, len(steps)])
+    ]  # fmt: skip
+    own = [median_low(part) if part and _is_regular(part, median_low(part)) else None for part in parts]
+    tells, few_tell = _tell(parts, own)
+    found: dict[int, int] = {}
+    place, before = 0, None
+    first = next((one for one in own if one is not None), None)
+    for at, (_, told, step) in enumerate(steps):
+        if told == 0:
+            before = own[place] or before
+            place += 1
+            interval = usual or ((before or first) if tells else None)
+        else:
+            part, interval = parts[place], own[place]
+            if usual and 2 * sum(abs(one - usual) * 4 <= usual for one in part) >= len(part):
+                interval = usual
+            elif not (few_tell if len(part) < 36 else tells) and not (usual and step > usual * 3 // 2):
+                interval = None
+        if interval and step > interval * 3 // 2:
+            found[at + 1] = interval
+    return found
 
 
-def _is_late(step: int, part: list[int], steps: list[tuple[int, int, int]], median: int) -> bool:
-    """Return whether a step is too long for a part of the table, which may have an interval of its own."""
-    if all(told != 0 for _, told, _ in steps):
-        return True
-    if 2 * sum(abs(one - median) * 4 <= median for one in part) >= len(part):
-        return True
-    own = median_low(part)
-    return _is_regular(part, own) and step > own * 3 // 2
+def _tell(parts: list[list[int]], own: list[int | None]) -> tuple[bool, bool]:
+    """Return whether parts have intervals of their own: those of three of four steps, of those of five or more alike.
+
+    Those of few steps, if three of four of them do, and as many of all their steps are alike as of one part have to be.
+    """
+    judged = [(len(part), one is not None) for part, one in zip(parts, own, strict=True) if len(part) > 5]
+    tells = bool(judged) and 4 * sum(n for n, regular in judged if regular) >= 3 * sum(n for n, _ in judged)
+    few = [regular for n, regular in judged if n < 36]
+    short = [part for part in parts if 0 < len(part) < 36]
+    others = sum(abs(step - median_low(part)) * 8 > median_low(part) for part in short for step in part)
+    most = max(1, 2 * sum(map(len, short)) ** 2 // 36**2)
+    return tells, tells and 4 * sum(few) >= 3 * len(few) and others <= most
 
 
 def _is_regular(steps: list[int], median: int) -> bool:
@@ -97,18 +123,17 @@ def _is_regular(steps: list[int], median: int) -> bool:
     return others * 36 * 36 <= 2 * len(steps) ** 2 and 3 * alike >= len(steps)
 
 
-def _is_clock(number: int, times: list[int], limit: int, median: int) -> bool:
+def _is_clock(number: int, times: list[int], late: list[int], interval: int) -> bool:
     """Return whether the clock was set, if not before this row, then back again: no row is missing between the two."""
-    gaps = [at for at in range(1, len(times)) if times[at] - times[at - 1] > limit]
     for back in (at for at in range(1, len(times)) if times[at] < times[at - 1]):
         pairs = []
-        if [at for at in gaps if at < back][-1:] == [number]:
+        if [at for at in late if at < back][-1:] == [number]:
             pairs.append((number, back))
-        if [at for at in gaps if at > back][:1] == [number]:
+        if [at for at in late if at > back][:1] == [number]:
             pairs.append((back, number))
         for first, last in pairs:
             length, count = times[last] - times[first - 1], last - first + 1
-            if 0 < length <= count * median * 21 // 20 + median // 2:
+            if 0 < length <= count * interval * 21 // 20 + interval // 2:
                 return True
     return False
 

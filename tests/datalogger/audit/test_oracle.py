@@ -28,6 +28,11 @@ def spoiled(draw: st.DrawFn, changes: bool) -> Rows:
     rows = only_changes(count) if changes else every_value(count)
     if draw(st.booleans()):
         rows += later((only_changes if changes else every_value)(draw(st.integers(1, 20))), rows[-1].at_ms + 5_000)
+    while not changes and draw(st.booleans()):
+        # Somebody configured another interval, and the logger goes on.
+        factor, own = draw(st.sampled_from([0.2, 1, 1, 2, 10])), every_value(draw(st.integers(1, 50)))
+        behind = [replace(row, at_ms=row.at_ms * factor, consistent=int(row is not own[0])) for row in own]
+        rows += later(behind, rows[-1].at_ms + 5_000)
     if draw(st.booleans()):
         rows = rows[draw(st.integers(0, len(rows) - 1)) :]
     for _ in range(draw(st.integers(0, 6))):

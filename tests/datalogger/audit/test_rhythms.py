@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from nvscope.datalogger.audit import intervals
+from nvscope.datalogger.audit import open_part
 from nvscope.datalogger.audit.audit import audited
 from tests.datalogger.audit.built import Row, write
 from tests.datalogger.audit.test_planted import told
@@ -96,7 +96,7 @@ def test_every_second_row_that_lacks_is_no_rhythm_of_a_part(tmp_path: Path) -> N
 
 def test_parts_that_are_decided_piece_by_piece_are_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where much may be a gap, it is decided before all rows were read."""
-    monkeypatch.setattr(intervals, "_MOST_KEPT", 100)
+    monkeypatch.setattr(open_part, "_MOST_KEPT", 100)
     assert codes(tmp_path, STEADY, (500, 5_000), STEADY) == [TOLD]
     assert codes(tmp_path, STEADY, ([500, 500, 500, 1_500], 5_000), STEADY) == [TOLD, GAPS]
 
