@@ -158,7 +158,8 @@ def datalog(
 
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.progress import watching
-    from nvscope.datalogger.plan import Targets, check_files, plan, set_aside
+    from nvscope.datalogger.claims import Claims
+    from nvscope.datalogger.plan import Targets, check_leave, check_names, plan, set_aside
     from nvscope.view.escape import visible
     from nvscope.whole_files import identity_of
 
@@ -184,15 +185,17 @@ def datalog(
     # Of a directory, these are the captures in it.
     read_from = (*paths, *(info.path for info in source.infos), *plant.inputs, *config)
     inputs = {identity for path in read_from if (identity := identity_of(path))}
-    check_files(planned, lambda path: identity_of(path) in inputs, append=append, force=force)
+    check_names(planned, lambda path: identity_of(path) in inputs)
     _check_ending(write)
-    aside = set_aside(planned if force else ())
-    try:
-        log = _logged(inquiry, source, planned, quiet=quiet, append=append, document_style=document_style)
-    finally:
-        stays, troubles = aside.settle()
-        for told in troubles:
-            echo(f"nvscope: {visible(told)}.", err=True)
+    with Claims([one.path for one in planned if one.path]):
+        check_leave(planned, append=append, force=force)
+        aside = set_aside(planned if force else ())
+        try:
+            log = _logged(inquiry, source, planned, quiet=quiet, append=append, document_style=document_style)
+        finally:
+            stays, troubles = aside.settle()
+            for told in troubles:
+                echo(f"nvscope: {visible(told)}.", err=True)
     if not quiet:
         _tell(log)
     for path in stays:
