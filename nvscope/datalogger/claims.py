@@ -26,7 +26,7 @@ if sys.platform == "win32":
 else:
     import fcntl
 
-_OURS = re.compile(rb"nvscope datalog: process ([0-9]+) on ([^\n]*)\n")
+_OURS = re.compile(rb"logged by nvscope: process ([0-9]+) on ([^\n]*)\n")
 _LONGEST = 400
 _IS_HELD = frozenset({errno.EACCES, errno.EAGAIN, errno.EDEADLK})
 _NO_LOCKS = frozenset({errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP, errno.EINVAL})
@@ -175,7 +175,7 @@ def _sign(file: int) -> None:
         if _is_ours(file):
             os.ftruncate(file, 0)
             os.lseek(file, 0, os.SEEK_SET)
-            os.write(file, f"nvscope datalog: process {os.getpid()} on {socket.gethostname()}\n".encode())
+            os.write(file, f"logged by nvscope: process {os.getpid()} on {socket.gethostname()}\n".encode())
 
 
 if sys.platform == "win32":
