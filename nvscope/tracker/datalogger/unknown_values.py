@@ -52,8 +52,9 @@ class CountedUnknown:
                 self._take(place, records, np.array([last]))
         return found
 
-    def has_step(self, records: Records, row: int) -> bool:
-        """Return whether a counter has gone on by more than 1 up to a row; to be asked before ``of`` takes it."""
+    def step(self, records: Records, row: int) -> int:
+        """Return by how much a counter has gone on up to a row, at most; to be asked before ``of`` takes it."""
+        step = 0
         for variable, before in zip(self._variables, self._counts, strict=True):
             assert variable.counter is not None
             cells = records.cells(variable.counter, np.arange(row + 1))
@@ -61,9 +62,9 @@ class CountedUnknown:
                 continue
             counts = cells.integers[cells.form == Form.INTEGER]
             known = int(counts[-2]) if len(counts) > 1 else before
-            if known is not None and int(counts[-1]) - known > 1:
-                return True
-        return False
+            if known is not None:
+                step = max(step, int(counts[-1]) - known)
+        return step
 
     def _rows(self, place: int, records: Records, counted: Bool, half: Bool, restarts: Bool) -> I64:
         rows, counts = self._take(place, records, np.flatnonzero(counted))
