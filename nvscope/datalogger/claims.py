@@ -137,7 +137,7 @@ def _cannot_be_made(lock: str, database: str, error: OSError) -> CaptureError:
         return CaptureError(
             "its folder does not exist, and none is made", where=database, next_step="make it, or name a file with -w"
         )
-    what = f"nothing can be written beside it: {error.strerror}"
+    what = f"nothing can be written in its folder: {error.strerror}"
     return CaptureError(what, where=database, next_step=f"check the folder, {folder}, or log elsewhere")
 
 
