@@ -31,6 +31,7 @@ from nvscope.datalogger.configuration import Session
 from nvscope.datalogger.existing import NO_DATABASE, tables_in, told_against
 from nvscope.datalogger.logged import Logged
 from nvscope.datalogger.oldest_rows import Deleted, OldestRows
+from nvscope.datalogger.set_aside import without_leftovers
 from nvscope.errors import CaptureError, UsageError
 
 _PAGES_AT, _IMAGE = 28, "image"
@@ -100,6 +101,7 @@ class Database:
             if not in_memory:
                 take_away(self.path + BEGUN)
                 if not os.path.lexists(self.path):
+                    without_leftovers(self.path)
                     os.rename(made_beside(self.path, self._table, durable=self._durable), self.path)
             self._connect()
             if exists:
@@ -345,6 +347,7 @@ class Database:
 
 def _rename(path: str, target: str, begun: str) -> None:
     """Let a file that was begun take the place of another, which gets the name of a closed one; or do nothing."""
+    without_leftovers(target)
     os.rename(path, target)
     try:
         os.rename(begun, path)

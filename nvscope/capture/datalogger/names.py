@@ -28,7 +28,10 @@ BEGUN = ".begun"
 LOCK = ".lock"
 """Behind the name of a database, of the file that keeps its loggers apart."""
 
-BESIDE = (BEGUN, LOCK, "-journal", "-wal", "-shm")
+UNFINISHED = ("-journal", "-wal", "-shm")
+"""Behind the name of a database, of what SQLite takes for a part of it, whichever database has that name."""
+
+BESIDE = (BEGUN, LOCK, *UNFINISHED)
 """Behind the name of a database, of what else its writer may make; of begun files there may be several."""
 
 _BESIDE = re.compile(rf"(?P<base>.+)(?:{'|'.join(map(re.escape, BESIDE))})(?:-[0-9]+)?", re.DOTALL)
