@@ -27,7 +27,7 @@ from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
-    from nvscope.capture.source import Source
+    from nvscope.capture.source import Source, SourceInfo
     from nvscope.datalogger.configuration import Session
     from nvscope.datalogger.datalog import DataLog
     from nvscope.datalogger.plan import Planned
@@ -151,13 +151,17 @@ def datalog(
         raise UsageError("-w and --folder exclude each other", next_step="leave one of them out")
     if write is not None and len(config) > 1:
         raise UsageError("-w names one file, and there are several sessions", next_step="use --folder DIR")
+    for option, text in (("-w", write), ("--folder", folder)):
+        if text == "":
+            raise UsageError(f"{option} is empty", next_step="write a name behind it, or leave it out")
     if append and force:
         raise UsageError("--append and --force exclude each other", next_step="leave one of them out")
     plant, ports = plant_of(project, gvl, paths, channel_map, decode)
 
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.progress import watching
-    from nvscope.datalogger.plan import Targets, check_files, plan, set_aside
+    from nvscope.datalogger.claims import Claims
+    from nvscope.datalogger.plan import Targets, check_leave, check_names, plan, set_aside
     from nvscope.view.escape import visible
     from nvscope.whole_files import identity_of
 
@@ -167,31 +171,44 @@ def datalog(
     inquiry = Inquiry(captured(paths, live, plant, ports), plant, ports, watch=watching(quiet=quiet), asked=between)
     planned = plan(sessions, inquiry.defined_layouts(), plant.datalogger, Targets(write, folder), partly=partly)
     _tell_of_plan(planned, append=append)
+    infos: Sequence[SourceInfo] = ()
+    source = None
+    if not dry_run or not inquiry.read_once:
+        source = inquiry.open()
+        _refuse_databases(source)
+        infos = source.infos
+    # Of a directory, these are the captures in it.
+    read_from = (*paths, *(info.path for info in infos), *plant.inputs, *config)
+    inputs = {identity for path in read_from if (identity := identity_of(path))}
+
+    def is_input(path: str) -> bool:
+        return identity_of(path) in inputs
+
     if dry_run:
-        if not inquiry.read_once:
-            source = inquiry.open()
-            _refuse_databases(source)
+        if source is not None:
             source.stop()
         _check_ending(write)
         from nvscope.datalogger.forecast import forecast
+        from nvscope.datalogger.refusals import refusal
 
-        for line in forecast(planned, plant.definition.nominal_intervals_ns(), append=append):
+        def refused(one: Planned) -> str:
+            return refusal(one, is_input, append=append, force=force)
+
+        for line in forecast(planned, plant.definition.nominal_intervals_ns(), refused, append=append):
             echo(line)
         return
-    source = inquiry.open()
-    _refuse_databases(source)
-    # Of a directory, these are the captures in it.
-    read_from = (*paths, *(info.path for info in source.infos), *plant.inputs, *config)
-    inputs = {identity for path in read_from if (identity := identity_of(path))}
-    check_files(planned, lambda path: identity_of(path) in inputs, append=append, force=force)
+    assert source is not None
+    check_names(planned, is_input)
     _check_ending(write)
-    aside = set_aside(planned if force else ())
-    try:
-        log = _logged(inquiry, source, planned, quiet=quiet, append=append, document_style=document_style)
-    finally:
-        stays, troubles = aside.settle()
-        for told in troubles:
-            echo(f"nvscope: {visible(told)}.", err=True)
+    with Claims([one.path for one in planned if one.path]):
+        check_leave(planned, append=append, force=force)
+        aside = set_aside(planned if force else ())
+        try:
+            log = _logged(inquiry, source, planned, quiet=quiet, append=append, document_style=document_style)
+        finally:
+            stays, troubles = aside.settle()
+            for told in troubles:
+                echo(f"nvscope: {visible(told)}.", err=True)
     if not quiet:
         _tell(log)
     for path in stays:
@@ -211,6 +228,8 @@ def _check_ending(write: str | None) -> None:
 
     if write is None:
         return
+    if write == "-":
+        raise UsageError("a database is a file, and cannot be written to stdout", next_step="name one behind -w")
     ending = os.path.splitext(write)[1].lower()
     next_step = "name it .db; `nvscope export FILE.db -w` writes its rows as a table"
     try:

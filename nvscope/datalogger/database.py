@@ -28,9 +28,10 @@ from nvscope.capture.can.sqlite_file import left_beside
 from nvscope.capture.datalogger.names import BEGUN, closed_files, to_close
 from nvscope.datalogger.begun_files import begin_file, made_beside, take_away
 from nvscope.datalogger.configuration import Session
-from nvscope.datalogger.existing import tables_in, unlike
+from nvscope.datalogger.existing import NO_DATABASE, tables_in, told_against
 from nvscope.datalogger.logged import Logged
 from nvscope.datalogger.oldest_rows import Deleted, OldestRows
+from nvscope.datalogger.set_aside import without_leftovers
 from nvscope.errors import CaptureError, UsageError
 
 _PAGES_AT, _IMAGE = 28, "image"
@@ -100,6 +101,7 @@ class Database:
             if not in_memory:
                 take_away(self.path + BEGUN)
                 if not os.path.lexists(self.path):
+                    without_leftovers(self.path)
                     os.rename(made_beside(self.path, self._table, durable=self._durable), self.path)
             self._connect()
             if exists:
@@ -237,7 +239,7 @@ class Database:
         execute = self._connection.execute
         found = tables_in(self._connection)
         own = self._table.name
-        reason = unlike(found, self._table)
+        reason = told_against(self._connection, self._table)
         # What a program was at that did not end is undone by now; SQLite takes what is missing of a page for zeros.
         if reason is None and os.path.getsize(self.path) % execute("PRAGMA main.page_size").fetchone()[0]:
             reason = (
@@ -337,7 +339,7 @@ class Database:
                 next_step="make it, or name a file with -w",
             )
         if code == sqlite3.SQLITE_NOTADB:
-            return CaptureError("the file is no SQLite database", where=self.path, next_step="log to another file")
+            return CaptureError(NO_DATABASE[0], where=self.path, next_step=NO_DATABASE[1])
         return CaptureError(
             f"cannot be written: {error}; {told}", where=self.path, next_step="check the file and its folder"
         )
@@ -345,6 +347,7 @@ class Database:
 
 def _rename(path: str, target: str, begun: str) -> None:
     """Let a file that was begun take the place of another, which gets the name of a closed one; or do nothing."""
+    without_leftovers(target)
     os.rename(path, target)
     try:
         os.rename(begun, path)

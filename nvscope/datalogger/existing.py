@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Mapping
+from contextlib import closing
+from pathlib import Path
 
 from dissectors.datalogger.tables import LogTable, quoted, recognise
 from nvscope.capture.datalogger.database import opened
 from nvscope.errors import UnreadableInput
 
 _SHOWN = 60
+
+NO_DATABASE = "the file is no SQLite database", "log to another file"
+"""What is told of other files, and what to do."""
 
 
 def unlike_logger(path: str) -> str:
@@ -45,8 +50,27 @@ def tables_in(connection: sqlite3.Connection) -> dict[str, LogTable | None]:
     return found
 
 
-def unlike(found: Mapping[str, LogTable | None], own: LogTable) -> tuple[str, str] | None:
-    """Return why a file with some tables cannot be gone on with, and what to do; None where it can."""
+def told_against(connection: sqlite3.Connection, own: LogTable) -> tuple[str, str] | None:
+    """Return why a database cannot be gone on with, and what to do; None where it can."""
+    trigger = connection.execute("SELECT name FROM main.sqlite_master WHERE type = 'trigger'").fetchone()
+    if trigger is not None:
+        # It may do anything to rows as they come.
+        return f"the file holds what is no DataLogger's: the trigger {str(trigger[0])[:_SHOWN]}", "log to another file"
+    return _unlike(tables_in(connection), own)
+
+
+def told_beforehand(path: str, own: LogTable) -> tuple[str, str] | None:
+    """Return the same of a file that stays as it is; None also where only who writes to it finds out."""
+    try:
+        with closing(sqlite3.connect(f"{Path(path).absolute().as_uri()}?mode=ro", uri=True)) as connection:
+            return told_against(connection, own)
+    except sqlite3.Error as error:
+        is_none = getattr(error, "sqlite_errorcode", 0) & 0xFF == sqlite3.SQLITE_NOTADB
+        return NO_DATABASE if is_none else None
+
+
+def _unlike(found: Mapping[str, LogTable | None], own: LogTable) -> tuple[str, str] | None:
+    """Return why a file with some tables cannot be gone on with, and what to do."""
     foreign = next((name for name, table in found.items() if table is None), None)
     if foreign is not None:
         return f"the file holds what is no DataLogger's: the table {foreign[:_SHOWN]}", "log to another file"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from nvscope.datalogger.growth import Growth, growth
 from nvscope.datalogger.plan import Planned
@@ -15,26 +15,32 @@ from nvscope.view.escape import visible
 _DAY_NS = 86_400_000_000_000
 
 
-def forecast(planned: Sequence[Planned], intervals_ns: dict[ListKey, int], *, append: bool = False) -> Iterator[str]:
+def forecast(
+    planned: Sequence[Planned], intervals_ns: dict[ListKey, int], refused: Callable[[Planned], str], *,
+    append: bool = False,
+) -> Iterator[str]:  # fmt: skip
     """Yield lines that say of each session which rows it would write, where, and how large they are.
 
-    ``intervals_ns`` are those of lists, as far as they are defined; 0 where a list has none. ``append``: what there is
-    of a file takes a part of its room.
+    ``intervals_ns`` are those of lists, as far as they are defined; 0 where a list has none. ``refused`` says why a
+    session would not begin, '' where it would. ``append``: what there is of a file takes a part of its room.
     """
     for number, one in enumerate(planned):
         if number:
             yield ""
-        yield from _of_session(one, intervals_ns, _size_of(one.path) if append else 0)
+        why = refused(one)
+        yield from _of_session(one, intervals_ns, _size_of(one.path) if append and not why else 0, why)
 
 
 def _size_of(path: str) -> int:
     return os.path.getsize(path) if path and os.path.isfile(path) else 0
 
 
-def _of_session(planned: Planned, intervals_ns: dict[ListKey, int], there_bytes: int) -> Iterator[str]:
+def _of_session(planned: Planned, intervals_ns: dict[ListKey, int], there_bytes: int, why: str) -> Iterator[str]:
     session = planned.session
     into = visible(planned.path or "memory")
     yield f"{visible(session.name)}: {count_of(len(planned.logged), 'variable')} into {into}"
+    if why:
+        yield f"  It would be refused as it is: {visible(why)}"
     told = ["times as numbers" if session.raw else "times as texts", *["changes only"] * session.only_changes]
     grows = growth(planned)
     a_day = rows_a_day(planned, intervals_ns)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Hashable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dissectors.batch import Bool
-from nvscope.capture.datalogger.names import BEGUN, closed_files, closed_names
+from nvscope.capture.datalogger.names import BESIDE, closed_files, closed_names
 from nvscope.datalogger.column_names import next_step_of, taken_names
 from nvscope.datalogger.configuration import Session
 from nvscope.datalogger.database import IN_MEMORY, Database, table_of
@@ -27,6 +27,7 @@ from nvscope.definition.selection import names_of_lists
 from nvscope.errors import ConfigurationError, UsageError
 from nvscope.list_key import ListKey
 from nvscope.view.rows.defined import DefinedTelegrams
+from nvscope.whole_files import identity_of
 
 _APART_NS = 10_000_000
 """So far apart telegrams of one cycle may be where no interval of their list is known."""
@@ -99,14 +100,17 @@ def plan(
     _check_different(planned, "name", [one.session.name for one in planned])
     files = [os.path.realpath(one.path) if one.path else "" for one in planned]
     _check_different(planned, "file", files)
+    # Two links to one file, whose writers would not know of each other.
+    links = [identity_of(file) if file else None for file in files]
+    _check_different(planned, "file", files, links)
     for one, file in zip(planned, files, strict=True):
-        taken = {f"{file}{BEGUN}"} if one.path else set()
+        taken = {f"{file}{suffix}" for suffix in BESIDE} if one.path else set()
         if one.session.files != 1:
             taken |= {path for _, path in closed_names(file, files)}
         for other, path in zip(planned, files, strict=True):
             if path in taken:
                 raise UsageError(
-                    f"a full file of the session {one.session.name} may have the name {path}",
+                    f"a file of the session {one.session.name} may have the name {path}",
                     where=str(other.session.position), next_step="write this one to a file of another name",
                 )  # fmt: skip
     return planned
@@ -124,13 +128,15 @@ def _check_columns(session: Session, logged: Sequence[Logged]) -> None:
             )  # fmt: skip
 
 
-def _check_different(planned: Sequence[Planned], what: str, told: Sequence[str]) -> None:
-    """Raise UsageError where two sessions have the same."""
-    seen: dict[str, Session] = {}
-    for one, own in zip(planned, told, strict=True):
+def _check_different(
+    planned: Sequence[Planned], what: str, told: Sequence[str], known: Sequence[Hashable] | None = None
+) -> None:  # fmt: skip
+    """Raise UsageError where two sessions have the same, by what is told of it, or is known to be it."""
+    seen: dict[Hashable, Session] = {}
+    for one, text, own in zip(planned, told, told if known is None else known, strict=True):
         if own and own in seen:
             raise UsageError(
-                f"two sessions have the {what} {own}", where=str(one.session.position),
+                f"two sessions have the {what} {text}", where=str(one.session.position),
                 next_step=f"the other one is configured in {seen[own].position.file}",
             )  # fmt: skip
         seen[own] = one.session
@@ -170,20 +176,21 @@ def _with_tasks(planned: Planned, layouts: Layouts, settings: DataLoggerSettings
     return replace(planned, tasks=tuple(found), rest=rest if rest.any() else None)
 
 
-def check_files(planned: Sequence[Planned], is_input: Callable[[str], bool], *, append: bool, force: bool) -> None:
-    """Raise UsageError where there is something that may not be written: an input, a device, a file without leave."""
+def check_names(planned: Sequence[Planned], is_input: Callable[[str], bool]) -> None:
+    """Raise UsageError where one of the files to be written is an input, or there is something else than a file."""
+    for path in _existing(planned):
+        if is_input(path):
+            raise UsageError("the file is an input, and is not written to", where=path, next_step="name another one")
+        if os.path.isdir(path):
+            raise UsageError("is a directory", where=path, next_step="name a file in it, or the directory by --folder")
+        if os.path.exists(path) and not os.path.isfile(path):
+            raise UsageError("is no file", where=path, next_step="name one")
+
+
+def check_leave(planned: Sequence[Planned], *, append: bool, force: bool) -> None:
+    """Raise UsageError where there is a file without leave to write it; nobody else must be about to make one."""
     for one in planned:
         for path in _existing([one]):
-            if is_input(path):
-                raise UsageError(
-                    "the file is an input, and is not written to", where=path, next_step="name another one"
-                )
-            if os.path.isdir(path):
-                raise UsageError(
-                    "is a directory", where=path, next_step="name a file in it, or the directory by --folder"
-                )
-            if os.path.exists(path) and not os.path.isfile(path):
-                raise UsageError("is no file", where=path, next_step="name one")
             if not append and not force:
                 raise UsageError(
                     "the file exists", where=path,
@@ -200,7 +207,7 @@ def check_files(planned: Sequence[Planned], is_input: Callable[[str], bool], *, 
 
 
 def set_aside(planned: Sequence[Planned]) -> SetAside:
-    """Set aside the files that others take the place of, at which ``check_files`` has looked."""
+    """Set aside the files that others take the place of, at which ``check_leave`` has looked."""
     return SetAside([one.path for one in planned if one.path], _files_of)
 
 

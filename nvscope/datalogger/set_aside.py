@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from itertools import count
 from typing import NamedTuple
 
+from nvscope.capture.datalogger.names import UNFINISHED
 from nvscope.errors import CaptureError
 
 _SUFFIX = ".replaced"
@@ -35,16 +36,18 @@ class SetAside:
         for database in databases:
             moved = self._aside[database] = []
             for path in files_of(database):
-                try:
-                    kept = _free_name(path)
-                    os.rename(path, kept)
-                except OSError as error:
-                    # The others of its series are in their place still: nothing has taken that.
-                    next_step = "; ".join(["check its folder", *self._put_all_back()])
-                    raise CaptureError(
-                        f"the file cannot be replaced: {error.strerror}", where=path, next_step=next_step
-                    ) from None
-                moved.append((path, kept))
+                kept = _free_name(path)
+                # What its writer was at when it was killed would become a part of the next one of that name.
+                for suffix in ("", *(one for one in UNFINISHED if os.path.lexists(path + one))):
+                    try:
+                        os.rename(path + suffix, kept + suffix)
+                    except OSError as error:
+                        # The others of its series are in their place still: nothing has taken that.
+                        next_step = "; ".join(["check its folder", *self._put_all_back()])
+                        raise CaptureError(
+                            f"the file cannot be replaced: {error.strerror}", where=path + suffix, next_step=next_step
+                        ) from None
+                    moved.append((path + suffix, kept + suffix))
 
     def _put_all_back(self) -> list[str]:
         """Put all back that was set aside; return why some stays where it is."""
@@ -70,6 +73,16 @@ class SetAside:
                 settled.stays.append(database)
         self._aside.clear()
         return settled
+
+
+def without_leftovers(path: str) -> None:
+    """Give what lies beside a database that is not there another name: SQLite would take it for a part of a new one.
+
+    Raises OSError where that cannot be done.
+    """
+    for suffix in UNFINISHED:
+        if os.path.lexists(path + suffix):
+            os.rename(path + suffix, _free_name(path + suffix))
 
 
 def _removed(kept: str) -> str:

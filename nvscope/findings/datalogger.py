@@ -41,6 +41,8 @@ LOSS_NOT_TOLD = FindingKind(
         "rows were deleted, or several databases put together, by hand",
         "the clock of the controller was set forward",
         "samples were dropped where the logger does not notice it",
+        "where nvscope logged: a cycle of a list without a Counter, as on CAN, did not come or could not be decoded; "
+        "that its row is missing is true, whether it was lost nobody knows",
         "in the first row of x.db: the newest closed file was not copied, and no number tells that it is missing",
     ),
     next_steps=(

@@ -6,6 +6,7 @@
     x.db.0 …       those that were closed when they were full, in the order of their numbers
     x.db.0.gz …    closed ones that somebody compressed
     x.db.begun     without a row: what gets the name x.db when that is closed
+    x.db.lock      whose lock a logger holds as long as it writes to the series
 
 A number is written as controllers count: digits alone, however many, and no zero in front of others. What is called
 otherwise, ``x.db.007`` or ``x.db.-1``, is a file of its own, which nobody takes along, goes on from, or removes.
@@ -24,6 +25,16 @@ _NUMBERED = re.compile(r"(?P<base>.+)\.(?P<number>0|[1-9][0-9]*)", re.DOTALL)
 BEGUN = ".begun"
 """Behind the name of a database, while it is made."""
 
+LOCK = ".lock"
+"""Behind the name of a database, of the file that keeps its loggers apart."""
+
+UNFINISHED = ("-journal", "-wal", "-shm")
+"""Behind the name of a database, of what SQLite takes for a part of it, whichever database has that name."""
+
+BESIDE = (BEGUN, LOCK, *UNFINISHED)
+"""Behind the name of a database, of what else its writer may make; of begun files there may be several."""
+
+_BESIDE = re.compile(rf"(?P<base>.+)(?:{'|'.join(map(re.escape, BESIDE))})(?:-[0-9]+)?", re.DOTALL)
 _COMPRESSED = (".gz", ".zst", ".lz4")
 _ENDING = ".db"
 
@@ -34,6 +45,17 @@ def parted(path: str) -> tuple[str, int | None]:
     if found is None or not os.path.basename(found["base"]):
         return path, None
     return found["base"], int(found["number"])
+
+
+def owners_of(path: str) -> list[str]:
+    """Return the paths of databases whose loggers may give a file this name, or remove what has it."""
+    found: list[str] = []
+    while True:
+        besides = _BESIDE.fullmatch(path)
+        base = parted(path)[0] if besides is None else besides["base"]
+        if base == path or not os.path.basename(base):
+            return found
+        found.append(path := base)
 
 
 def series_of(path: str) -> str:

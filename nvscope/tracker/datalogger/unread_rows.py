@@ -3,8 +3,10 @@
 Loggers number rows one by one, and each file anew; they delete the oldest alone. So ids tell of rows that lack within a
 file and at its beginning, and the numbers of files of one that lacks between two others. Whether there was another one
 behind the closed file with the highest number, or rows at its end, they do not tell: a time between two files that is
-longer than any usual one speaks for that, or counters of changes that have gone on, where the logger says nothing. That
-is a doubt: nobody can say that the logger has missed anything there, nor that it has not.
+longer than any usual one speaks for that, or counters of changes that have gone on, where the logger says nothing. One
+that has gone on by 1 may have done so in the first row of the new file; there the time has its say, too. That is a
+doubt: nobody can say that the logger has missed anything there, nor that it has not. Where each file has a row alone,
+nothing is usual but the times between files.
 """
 
 from __future__ import annotations
@@ -21,15 +23,15 @@ from nvscope.tracker.datalogger.late_rows import LATE_PERCENT
 from nvscope.tracker.datalogger.unknown_values import CountedUnknown
 from nvscope.tracker.readings.readings import Holes
 
-_USUAL, _FEWEST = 16, 4
-"""So many times between rows tell what is usual, and not fewer."""
+_USUAL = 16
+"""So many times between rows tell what is usual; without any, nobody knows whether one is longer."""
 
 
 @dataclass(slots=True)
 class _Last:
     """The last rows of a table: the times of two, the id of the last one, and whether that has unread ones before it.
 
-    ``between_ns`` are the last times between rows of one file that follow each other.
+    ``between_ns`` are the last times between rows that follow each other, as far as that is known.
     """
 
     times_ns: I64
@@ -66,14 +68,15 @@ class UnreadRows:
         doubted = unread.copy()
         follows = ~unread & ~begins_file
         follows[0] &= first > 0
-        between_ns = np.append(last.between_ns, np.diff(times_ns[-1 - len(time_ns) :])[follows[int(not first) :]])
+        step_ns = np.diff(times_ns[-1 - len(time_ns) :], prepend=time_ns[: int(not first)])
         for row in np.flatnonzero(begins_file & ~unread & ~told).tolist():
-            if counted is not None:
-                doubted[row] = counted.has_step(records, row)
-            else:
-                stop = len(last.between_ns) + int(np.count_nonzero(follows[:row]))
-                usual = between_ns[max(stop - _USUAL, 0) : stop]
-                doubted[row] = _is_late(int(times_ns[first + row] - times_ns[first + row - 1]), usual)
+            usual = np.append(last.between_ns, step_ns[:row][follows[:row]])[-_USUAL:]
+            is_late = not len(usual) or int(step_ns[row]) * 100 > LATE_PERCENT * int(usual.max())
+            goes_on = 1 if counted is None else counted.step(records, row)
+            doubted[row] = goes_on > 1 or (goes_on == 1 and is_late)
+            # Where nothing was usual before, this is.
+            follows[row] = not doubted[row] or (counted is None and not len(usual))
+        between_ns = np.append(last.between_ns, step_ns[follows])
         rows = np.flatnonzero(doubted)
         before = first + rows - 1
         behind = np.append(last.is_behind, doubted[:-1])[rows]
@@ -83,8 +86,3 @@ class UnreadRows:
             times_ns[-2:], between_ns[-_USUAL:], int(rowid[-1]), table.part, bool(doubted[-1])
         )
         return unread, Holes(np.empty(0, np.int64), rows, times_ns[before], times_ns[since])
-
-
-def _is_late(length_ns: int, usual_ns: I64) -> bool:
-    """Return whether a row comes later behind the one before it than is usual."""
-    return len(usual_ns) >= _FEWEST and length_ns * 100 > LATE_PERCENT * int(usual_ns.max())
