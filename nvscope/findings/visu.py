@@ -15,6 +15,7 @@ from nvscope.findings.visu_refusals import (
     refused_reads,
     refused_unread,
     refused_writes,
+    together,
 )
 from nvscope.units import count, count_of, duration
 
@@ -188,6 +189,7 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
 
     kinds = {
         VisuEvent.WRITTEN: VISU_WRITE, VisuEvent.REFUSED: VISU_ERROR, VisuEvent.STATUS: VISU_ERROR,
+        VisuEvent.PART_STATUS: VISU_ERROR,
         VisuEvent.PASSWORD_SEEN: VISU_PASSWORD_IN_CLEAR, VisuEvent.MISCOUNTED: VISU_COUNT_MISMATCH,
         VisuEvent.AMBIGUOUS: VISU_COUNT_MISMATCH,
         VisuEvent.SLOW: VISU_SLOW, VisuEvent.UNANSWERED: VISU_SLOW, VisuEvent.LATE: VISU_SLOW,
@@ -220,24 +222,24 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
     }  # fmt: skip
     messages = counts.messages() if any(kind is VISU_NOT_CAPTURED for kind, _ in found) else {}
     for (kind, subject), parts in found.items():
-        together = parts[VisuEvent.LATE] if kind is VISU_SLOW else _together(parts.values())
+        events = parts[VisuEvent.LATE] if kind is VISU_SLOW else _together(parts.values())
         variable = f"visu/{subject.server}/{subject.variable}" if subject.variable else f"visu/{subject.server}"
-        refused = tuple(sorted(statuses[subject])) if kind is VISU_ERROR else ()
+        refused = together([statuses[subject]]) if kind is VISU_ERROR else ()
         if kind is VISU_NOT_CAPTURED:
             every = messages[subject.client, subject.server]
-            if 100 * together.count < _MANY_PERCENT * every:
+            if 100 * events.count < _MANY_PERCENT * every:
                 continue
-            message = _not_captured(subject, together.count, every)
+            message = _not_captured(subject, events.count, every)
         elif kind is VISU_ERROR:
             message = f"{_refused(subject, refused, parts)}."
         elif kind is VISU_OTHER_NAMES:
-            message = _contradicted(subject.server, together.count, counts.other_names[subject])
+            message = _contradicted(subject.server, events.count, counts.other_names[subject])
         elif kind is VISU_UNREAD_LIST:
-            message = _unread(subject.server, together.count, counts.unread_lists[subject])
+            message = _unread(subject.server, events.count, counts.unread_lists[subject])
         else:
             message = _sentence(kind, subject, parts, last.get(subject), given_up.get(subject))
         yield Finding(
-            kind, message, together.count, together.first_ns, together.last_ns, together.frames,
+            kind, message, events.count, events.first_ns, events.last_ns, events.frames,
             node=nodes.get(subject.client), variable=variable,
             hint=next_step(refused) if refused else _next_step(kind, parts), statuses=refused,
         )  # fmt: skip
@@ -249,8 +251,8 @@ def _refused(subject: Subject, statuses: Statuses, parts: Mapping[VisuEvent, Eve
     client, server, variable = subject
     if variable:
         return refused_writes(client, server, [variable], statuses)
-    if VisuEvent.REFUSED in parts:
-        return refused_unread(client, server, statuses, writes=VisuEvent.STATUS not in parts)
+    if VisuEvent.REFUSED in parts or VisuEvent.PART_STATUS in parts:
+        return refused_unread(client, server, statuses, of_writes=VisuEvent.REFUSED in parts, alone=len(parts) == 1)
     return refused_reads(client, server, statuses)
 
 

@@ -32,7 +32,7 @@ SLOW_NS = 10**9
 
 _WRONG: Mapping[int, VisuEvent] = {Outcome.MISCOUNTED: VisuEvent.MISCOUNTED, Outcome.AMBIGUOUS: VisuEvent.AMBIGUOUS}
 _LATE = (VisuEvent.SLOW, VisuEvent.UNANSWERED, VisuEvent.GIVEN_UP, VisuEvent.RESET)
-_WITH_STATUS = (VisuEvent.REFUSED, VisuEvent.STATUS)
+_WITH_STATUS = (VisuEvent.REFUSED, VisuEvent.STATUS, VisuEvent.PART_STATUS)
 _MOST_REMEMBERED = 1 << 14
 _MINUTE_NS = 60 * 10**9
 
@@ -236,7 +236,7 @@ class VisuCounts:
             elif one.kind == Kind.CUT:
                 found.append((VisuEvent.CUT, whole))
             elif one.kind == Kind.REFUSED:
-                found.append((VisuEvent.REFUSED if request.writes else VisuEvent.STATUS, whole))
+                found.append((VisuEvent.REFUSED if request.writes else VisuEvent.PART_STATUS, whole))
             elif one.kind == Kind.REPLY:
                 if one.latency_ns > SLOW_NS:
                     found.append((VisuEvent.SLOW, whole))
