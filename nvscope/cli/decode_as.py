@@ -61,7 +61,8 @@ def _ports(options: Sequence[str] | None) -> dict[tuple[str, str], list[int]]:
         if what not in ports or not (what == _PAGES) <= first <= last <= _MAX_PORT:
             raise UsageError(
                 f"-d {option}: expected udp.port==PORT,nvl or udp.port==PORT,data or tcp.port==PORT,http",
-                next_step="for example -d udp.port==1300,nvl, or -d tcp.port==8081,http, or a range: -d udp.port==1300-1310,data",
+                next_step="for example -d udp.port==1300,nvl, or -d tcp.port==8081,http, or a range: "
+                "-d udp.port==1300-1310,data",
             )
         ports[what] += range(first, last + 1)
     return ports

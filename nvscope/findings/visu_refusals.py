@@ -70,7 +70,7 @@ def _step_of(status: int) -> str:
     return NEXT_OF_THE_LIST if status == OK else NEXT_OF_THE_SERVER
 
 
-def together(several: Sequence[Statuses]) -> Statuses:
+def together(several: Sequence[Statuses]) -> tuple[tuple[int, int], ...]:
     """Return the statuses of several findings as those of one, the lowest first."""
     found: dict[int, int] = {}
     for statuses in several:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from dissectors.http import Side
 from dissectors.webvisu import Likeness
 from nvscope.tracker.pieces import ORDER_BITS
-from nvscope.tracker.visu.asking import NOTHING, Ask
+from nvscope.tracker.visu.asking import NOTHING, Ask, fits
 from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.going_on import Closed
 from nvscope.tracker.visu.http_forms import Form, What
@@ -155,6 +155,8 @@ class Conversation:
             is_interim = form.head is not None and form.head.is_interim
             if is_interim or form.answers_nobody:
                 return
+            if form.is_late and self.waiting and not fits(self.waiting[0].asked, form):
+                self._doubt(order, tell)
             if self.waiting:
                 asked = self.waiting.popleft()
                 if form.what is What.CUT:
@@ -178,6 +180,13 @@ class Conversation:
             self._tell_unanswered(order, arrival_ns, tell, by_client=form.broken_by is Side.CLIENT)
         elif form.what is not What.ANEW:
             self._take_other(form, order, tell)
+
+    def _doubt(self, order: int, tell: Callable[[Happened], None]) -> None:
+        """Take that a response may answer a request from before the capture: so may those that follow."""
+        for place, one in enumerate(self.waiting):
+            if one.asked.request is not None:
+                self._tell_answer(Kind.UNCLEAR, one, order, 0, -1, tell)
+                self.waiting[place] = one._replace(asked=NOTHING)
 
     def answer_early(self, order: int, message: int, tell: Callable[[Happened], None]) -> None:
         """Take that the request is whole, with an order, that was answered before; the response is a message now."""

@@ -24,8 +24,8 @@ Readings, where the rules leave a choice:
   ends where it is answered: with its content where chunks are whole, one of chunks that end within one has none; and
   where the connection is reset, with what came before that
 - who sends Expect: 100-continue may send no body: where a whole start line stands in its place, the request is a part,
-  and so is an open one that is answered before anything of its body. The first final response of a direction that began
-  before the capture may be one to HEAD: the same tells where no request waits, or has begun, when its head is whole.
+  and so is an open one that is answered before anything of its body. Where a direction began before the capture, its
+  final responses are late up to the first one that has a body: those may be ones to HEAD, of which the same tells.
   While what is there may become a start line, it is none of a body of known length, or of such a response
 """
 
@@ -56,7 +56,7 @@ class Message:
     came of it before the first missing byte, as it came. ``whole`` tells whether it came to its end, cut or not;
     ``broken_off``: that its end is the reset of the connection, and nobody knows whether more should have come;
     ``part``: that it is a request of which the client sent no more than a part; ``unasked``: that it is a response to
-    HEAD, which was not captured.
+    HEAD, which was not captured; ``late``: that it may be one to a request from before the capture.
     """
 
     method: bytes = b""
@@ -70,6 +70,7 @@ class Message:
     broken_off: bool = False
     part: bool = False
     unasked: bool = False
+    late: bool = False
 
 
 @dataclass
@@ -173,12 +174,11 @@ class Reader:
         in_step: bool,
         first_is_head: Callable[[], bool],
         happened: Counter[str] | None = None,
-        nobody_waits: Callable[[], bool] = bool,
     ) -> None:
         self.response = response
         self.in_step = in_step
-        self.first_is_head, self.nobody_waits = first_is_head, nobody_waits
-        self.first_is_late = response and not in_step
+        self.first_is_head = first_is_head
+        self.is_late = response and not in_step
         self.may_lack_body = False
         self.happened: Counter[str] = Counter() if happened is None else happened
         self.buffer = b""
@@ -316,7 +316,7 @@ class Reader:
             if self.head is None:
                 return None
             self.framing = framing(self.head, self.response, self.response and self.first_is_head())
-            self.may_lack_body = self.expects if not self.response else self.first_is_late and self.nobody_waits()
+            self.may_lack_body = self.expects if not self.response else self.is_late
         begin = self.head.end
         if self.may_lack_body and self.framing not in (NO_BODY, 0):
             other = self.other_begins(begin)
@@ -356,7 +356,9 @@ class Reader:
         """Take the message for one without a body, though its head says that there is one."""
         assert self.head is not None
         self.happened["response to HEAD that was not captured" if self.response else "body that was not sent"] += 1
+        is_late = self.is_late
         message = self.whole(self.head.end, None)
+        self.is_late = is_late
         message.part, message.unasked = not self.response, self.response
         return message
 
@@ -373,7 +375,8 @@ class Reader:
             self.happened["body not known"] += message.body is None
             self.happened["body decoded"] += message.body not in (None, message.seen)
         message.arrival = self.latest or 0
-        self.first_is_late &= 100 <= message.status < 200
+        message.late = self.is_late and not 100 <= message.status < 200
+        self.is_late &= self.framing in (NO_BODY, 0)
         self.next_message(self.buffer[end:])
         return message
 

@@ -18,7 +18,7 @@ RESET = "reset"
 def read(
     *parts: bytes | int | str, response: bool = False, in_step: bool = True, to_head: bool = False
 ) -> list[Message | Lost]:  # fmt: skip
-    reader = Reader(response, in_step, lambda: to_head, nobody_waits=lambda: True)
+    reader = Reader(response, in_step, lambda: to_head)
     found: list[Message | Lost] = []
     for time, part in enumerate(parts):
         if isinstance(part, bytes):

@@ -44,6 +44,7 @@ from tests.oracle.rules.keys import node_order
 from tests.oracle.rules.streams import Connection, Delivery, Ending, Event, Streams
 from tests.oracle.rules.visu_body import Answered, Asked
 from tests.oracle.rules.visu_figures import Row, lacks_many, percentiles
+from tests.oracle.rules.visu_late import doubt
 from tests.oracle.rules.visu_leaving import given_up
 from tests.oracle.rules.visu_one_way import OneWay
 from tests.oracle.rules.visu_part import ask_in_part, writes
@@ -177,9 +178,8 @@ class Visu:
             self.happened["other request"] += 1
             return
         talk.had_request = True
-        connection = talk.connection
-        kind = "request" if not asked.query else "query"
-        self.messages.append(Told(self.number, connection.client, connection.server, kind, message.body))
+        kind = "query" if asked.query else "request"
+        self.messages.append(Told(self.number, talk.connection.client, talk.connection.server, kind, message.body))
         row = self.known[talk.pair]
         row.counts["writes" if asked.write else "reads"] += 1
         row.counts["entries"] += len(asked.entries)
@@ -264,9 +264,10 @@ class Visu:
         if forgotten or not talk.waiting:
             self.happened["response to a forgotten request" if forgotten else "response to nobody"] += 1
             return
+        self.happened["may answer what was not captured"] += doubt(talk, message)
         waiting = talk.waiting.pop(0)
-        page = visu_body.is_page(waiting.message.method, waiting.message.target)
-        if page and message.body is not None and message.status == 200:
+        is_page = visu_body.is_page(waiting.message.method, waiting.message.target)
+        if is_page and message.body is not None and message.status == 200:
             self.learn_names(talk, visu_body.listed_in(message.body))
         if waiting.asked is None and not waiting.part:
             return
@@ -282,12 +283,11 @@ class Visu:
                 row.counts["refused"] += writes(waiting.message)
                 self.find("NV802", talk)
             return
-        connection, body = talk.connection, message.body or b""
-        self.messages.append(Told(self.number, connection.server, connection.client, "reply", body))
+        body = message.body or b""
+        self.messages.append(Told(self.number, talk.connection.server, talk.connection.client, "reply", body))
         row.counts["replies"] += 1
-        latency = message.arrival - waiting.message.arrival
-        row.latencies.append(latency)
-        if latency > SECOND:
+        row.latencies.append(message.arrival - waiting.message.arrival)
+        if row.latencies[-1] > SECOND:
             self.happened["slow"] += 1
             self.find("NV805", talk)
         if message.body is None and message.status == 200 and not waiting.asked.query:

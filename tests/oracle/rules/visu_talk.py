@@ -80,14 +80,8 @@ class Talk:
         """Return the reader of a direction; it is there from the first that the direction delivers."""
         if from_client not in self.readers:
             in_step = self.connection.directions[from_client].began_with_syn
-            self.readers[from_client] = Reader(
-                not from_client, in_step, self.first_is_head, self.happened, self.nobody_waits
-            )
+            self.readers[from_client] = Reader(not from_client, in_step, self.first_is_head, self.happened)
         return self.readers[from_client]
-
-    def nobody_waits(self) -> bool:
-        client = self.readers.get(True)
-        return not (self.waiting or (client is not None and (client.open or client.begun)))
 
     def first_is_head(self) -> bool:
         return bool(self.waiting) and not self.forgotten and self.waiting[0].message.method == b"HEAD"
