@@ -86,12 +86,14 @@ VISU_COUNT_MISMATCH = FindingKind(
     Severity.WARNING,
     meaning=(
         "The number of values differs from what was declared or asked for. Values are assigned by position, so all "
-        "behind the first missing one may belong to another variable."
+        "behind the first missing one may belong to another variable. Or the head of a message says no one number of "
+        "bytes, and nobody knows where it ends: server and capture may read different requests in it."
     ),
     causes=(
         "a client that declares another number of entries than it sends",
         "a STRING with the separator '|' in it, which looks like one more field",
         "a reply that was cut off",
+        "a client or gateway that sends a wrong Content-Length, or somebody who hides requests that way",
     ),
     next_steps=("Look at request and reply; ask for STRINGs one at a time.",),
     protocol="visu",
@@ -191,7 +193,7 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
         VisuEvent.WRITTEN: VISU_WRITE, VisuEvent.REFUSED: VISU_ERROR, VisuEvent.STATUS: VISU_ERROR,
         VisuEvent.PART_STATUS: VISU_ERROR,
         VisuEvent.PASSWORD_SEEN: VISU_PASSWORD_IN_CLEAR, VisuEvent.MISCOUNTED: VISU_COUNT_MISMATCH,
-        VisuEvent.AMBIGUOUS: VISU_COUNT_MISMATCH,
+        VisuEvent.AMBIGUOUS: VISU_COUNT_MISMATCH, VisuEvent.UNBOUNDED: VISU_COUNT_MISMATCH,
         VisuEvent.SLOW: VISU_SLOW, VisuEvent.UNANSWERED: VISU_SLOW, VisuEvent.LATE: VISU_SLOW,
         VisuEvent.OTHER_NAMES: VISU_OTHER_NAMES, VisuEvent.UNREAD_LIST: VISU_UNREAD_LIST,
         VisuEvent.CUT: VISU_NOT_CAPTURED, VisuEvent.GIVEN_UP: VISU_SLOW, VisuEvent.RESET: VISU_SLOW,
@@ -282,7 +284,7 @@ def _sentence(
         )
         return f"{client} and {server} transmitted {what} in clear {_times(total)}{place}."
     if kind is VISU_COUNT_MISMATCH:
-        return _miscounted(client, server, counts.get(VisuEvent.MISCOUNTED, 0), counts.get(VisuEvent.AMBIGUOUS, 0))
+        return _miscounted(client, server, counts)
     slow, unanswered = counts.get(VisuEvent.SLOW, 0), counts.get(VisuEvent.UNANSWERED, 0)
     told = []
     if slow:
@@ -323,13 +325,20 @@ def _not_captured(subject: Subject, cut: int, every: int) -> str:
     return f"The capture lacks bytes of {count(cut)} of {messages} between {subject.client} and {subject.server}."
 
 
-def _miscounted(client: str, server: str, miscounted: int, ambiguous: int) -> str:
+def _miscounted(client: str, server: str, counts: Mapping[VisuEvent, int]) -> str:
     """Return what is said of messages with wrong numbers of values, and of those that may be divided otherwise."""
-    several = "texts with | in them, of which nobody knows how far they go and what else is there"
-    told = "more or fewer values than declared or asked for" if miscounted else several
-    more = f"; {count(ambiguous)} of them have {several}" if miscounted and ambiguous else ""
-    messages = count_of(miscounted + ambiguous, "request or reply", "requests and replies")
-    return f"{messages} between {client} and {server}: {told}{more}."
+    from nvscope.tracker.visu.events import VisuEvent
+
+    what = {
+        VisuEvent.MISCOUNTED: "more or fewer values than declared or asked for",
+        VisuEvent.AMBIGUOUS: "several texts with | in them, of which nobody knows how far they go and what else is "
+        "there",
+        VisuEvent.UNBOUNDED: "no one number as Content-Length, nobody knows where they end",
+    }
+    first, *others = [(counts[event], text) for event, text in what.items() if counts.get(event)]
+    more = "".join(f"; {count(times)} of them have {text}" for times, text in others)
+    messages = count_of(sum(counts.values()), "request or reply", "requests and replies")
+    return f"{messages} between {client} and {server}: {first[1]}{more}."
 
 
 def _contradicted(server: str, times: int, other: OtherNames) -> str:

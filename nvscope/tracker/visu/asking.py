@@ -44,9 +44,8 @@ def part_of(body: bytes) -> Ask:
     return _PARTS[body.lstrip(b"\r\n").startswith(_WRITES)]
 
 
-def asks_whole(ask: Ask, body: bytes) -> bool:
+def asks_whole(request: Request | None, body: bytes) -> bool:
     """Tell whether a body, of which more might have come, is whole by what it says: so many variables, and a bar."""
-    request = ask.request
     if request is None or request.is_miscounted or request.ambiguous:
         return False
     return body.rstrip(b"\r\n").endswith(b"|")

@@ -87,12 +87,14 @@ class Conversation:
             if self._is_of_page(form) or asked.request is not None:
                 kind = Kind.CUT if form.what is What.CUT else Kind.READ
                 self._tell_request(kind, asked, order, message, tell)
+                self._tell_unbounded(form, order, tell)
             is_head = form.head is not None and form.head.method == "HEAD"
             self._wait(Waiting(NOTHING if form.what is What.CUT else asked, order, arrival_ns, is_head))
         elif form.what is What.PART:
             of_page = self._is_of_page(form)
             if of_page:
                 self._tell_request(Kind.PART, asked, order, message, tell)
+                self._tell_unbounded(form, order, tell)
             # Who breaks off its own request waits for nothing, but for what has come before.
             if form.broken_by is not Side.CLIENT or self.early is not None:
                 self._wait(Waiting(asked if of_page else NOTHING, order, arrival_ns))
@@ -168,6 +170,8 @@ class Conversation:
                     self._tell_answer(kind, asked, order, arrival_ns, message, tell)
                 elif asked.asked.request is not None or not form.is_unread:
                     self._tell_answer(Kind.REPLY, asked, order, arrival_ns, message, tell)
+                if asked.asked.request is not None:
+                    self._tell_unbounded(form, order, tell)
             elif self.beyond:
                 self.beyond -= 1
         elif form.what is What.BROKEN:
@@ -213,6 +217,10 @@ class Conversation:
 
     def _miss(self, order: int, size: int, tell: Callable[[Happened], None]) -> None:
         self._take_other(Form(What.GAP, missing_bytes=size), order, tell)
+
+    def _tell_unbounded(self, form: Form, order: int, tell: Callable[[Happened], None]) -> None:
+        if form.head is not None and form.head.is_unbounded:
+            tell(Happened(Kind.UNBOUNDED, self.connection, order, -1, NOTHING, 0, 0, 0, False))
 
     def _tell_leaving(self, kind: Kind, order: int, tell: Callable[[Happened], None]) -> None:
         """Tell what waits while its client is leaving: it has closed its side."""

@@ -14,7 +14,7 @@ class VisuEvent(IntEnum):
     connection off. ``PART_STATUS`` is the ``STATUS`` of a request that was never sent whole, and is not known to write.
     ``OTHER_NAMES``: a list of variables contradicts those known before, ``UNREAD_LIST``: nobody can read one. ``CUT``:
     bytes of a request or a reply are missing. ``AMBIGUOUS``: texts have separators in them, and nobody knows what
-    belongs to which.
+    belongs to which. ``UNBOUNDED``: nobody knows where a request or reply ends.
     """
 
     WRITTEN = 1
@@ -32,6 +32,7 @@ class VisuEvent(IntEnum):
     UNREAD_LIST = 13
     RESET = 14
     PART_STATUS = 15
+    UNBOUNDED = 16
 
 
 OK = 200

@@ -172,7 +172,7 @@ class Exchanges:
                 continue
             if body != last:
                 last, number = body, asked_for.number(asking.by_body(body))
-            if form.is_broken_off and not asks_whole(asked_for.asks[number], body):
+            if form.is_broken_off and not asks_whole(asked_for.asks[number].request, body):
                 last, number = b"", 0
             last_place = -1 if form.is_coded else place
             numbers.append(number)
@@ -347,7 +347,8 @@ def _contents(http: HttpMessages, said: Said) -> tuple[bytes, I64, I64]:
         one = http.forms[int(form[place])]
         content = one.content or b""
         if one.is_unread and one.head is not None:
-            content = one.head.coding[:_MOST_OF_CODING].encode("latin-1")
+            why = f"Content-Encoding {one.head.coding[:_MOST_OF_CODING]}" if one.head.coding else ""
+            content = b"nobody knows where it ends" if one.head.is_unbounded else why.encode("latin-1")
         start[place], stop[place] = begin, begin + len(content)
         contents.append(content)
         begin += len(content)

@@ -13,6 +13,7 @@ from dissectors.http import MOST_BODY_BYTES, MOST_HEAD_BYTES, Body, Head, Side
 from dissectors.web_protocols import protocol_of_bytes
 from dissectors.webvisu import Likeness
 from nvscope.tracker.visu.http_forms import NOT_BEGUN, Form, Forms, What
+from nvscope.tracker.visu.open_requests import open_form, unbounded_form
 from nvscope.tracker.visu.part_requests import OpenRequest, behind_body, bodiless, end_form, likeness_of, part_form
 from nvscope.tracker.visu.same_messages import count_same
 
@@ -165,10 +166,19 @@ class HttpReader:
                 return -1
         if head.body is Body.LENGTH:
             return self._read_length(data, start, head_end, end, head, found)
+        if head.is_unbounded and self.side is Side.SERVER:
+            late, nobody = self.is_late, self._answered(head_end, head)
+            found.tell(head_end, Form(What.WHOLE, head, 0, is_coded=True, answers_nobody=nobody, is_late=late))
+            self._seeks = True
+            return head_end
         if self.side is Side.CLIENT:
             self.open = OpenRequest(head, head_end - start)
             if self.pauses:
                 return -1
+            if head.is_unbounded and (behind := http.start_of_message(data, head_end, end, self.side)) >= 0:
+                self.open, found.late[len(found.at)] = None, data.find(b"\n", behind) + 1
+                found.tell(head_end, unbounded_form(data[start:behind], head_end - start, head))
+                return behind
         if head.body is Body.CHUNKS:
             return self._read_chunks(data, start, head_end, end, head, found)
         if end - head_end <= MOST_BODY_BYTES:
@@ -270,6 +280,8 @@ class HttpReader:
         body = begin + self.open.head_bytes
         if self._passes:
             return True
+        if self.open.head.is_unbounded and http.start_of_message(data, body, end, self.side) >= 0:
+            return False
         if self.open.head.body is Body.END:
             return end - body <= MOST_BODY_BYTES
         self._chunks = self._chunks or http.Chunks()
@@ -284,11 +296,10 @@ class HttpReader:
         assert self.open is not None
         head = self.open.head
         body = begin + self.open.head_bytes
-        if head.expects and body >= end and not self._passes:
-            found.tell(at, part_form(data[begin:body], body - begin, head))
+        if self._passes:
+            found.tell(at, Form(What.WHOLE, head, 0, is_coded=True))
         else:
-            content = None if self._passes else http.content_up_to(data, body, end, head, self._chunks)
-            found.tell(at, Form(What.WHOLE, head, 0, content, is_coded=True))
+            found.tell(at, open_form(data[begin:end], body - begin, head, self._chunks))
         self.begin(in_step=True)
         self._is_first = False
 
@@ -363,8 +374,9 @@ class HttpReader:
             if dropped:
                 if head is not None and head.body is not Body.LENGTH:
                     found.arrived_ns[len(found.at)] = self.arrived_ns
-                    content = http.content_up_to(rest, head_end, len(rest), head, self._chunks)
-                    found.tell(at, Form(What.WHOLE, head, 0, content, is_coded=True, is_broken_off=True))
+                    found.tell(at, open_form(rest, head_end, head, self._chunks, found.forms[ended]))
+            elif head is not None and head.is_unbounded:
+                found.tell(at, unbounded_form(rest, head_end, head))
             elif head is not None and head.body is Body.END:
                 content = http.decoded(rest[head_end:], head.coding)
                 late, nobody = self.is_late, self._answered(at, head)

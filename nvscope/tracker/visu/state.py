@@ -170,8 +170,8 @@ class VisuCounts:
         replies = kind == Kind.REPLY
         for name, where in (
             ("connections", messages.opens), ("reads", kind == Kind.READ), ("writes", kind == Kind.WRITE),
-            ("replies", replies), ("unanswered", kind == Kind.UNANSWERED), ("cut", kind == Kind.CUT),
-            ("ambiguous", outcome == Outcome.AMBIGUOUS), ("miscounted", outcome == Outcome.MISCOUNTED),
+            ("unanswered", kind == Kind.UNANSWERED), ("cut", kind == Kind.CUT), ("ambiguous", kind == Kind.UNBOUNDED),
+            ("miscounted", outcome == Outcome.MISCOUNTED), ("ambiguous", outcome == Outcome.AMBIGUOUS), ("replies", replies),
         ):  # fmt: skip
             np.add.at(getattr(columns, name), pair[where], 1)
         asked = messages.asked
@@ -233,8 +233,8 @@ class VisuCounts:
                 else:
                     reset = part.is_reset_by_server(one.row, one.pair)
                     found.append((VisuEvent.RESET if reset else VisuEvent.UNANSWERED, whole))
-            elif one.kind == Kind.CUT:
-                found.append((VisuEvent.CUT, whole))
+            elif one.kind in (Kind.CUT, Kind.UNBOUNDED):
+                found.append((VisuEvent.CUT if one.kind == Kind.CUT else VisuEvent.UNBOUNDED, whole))
             elif one.kind == Kind.REFUSED:
                 found.append((VisuEvent.REFUSED if request.writes else VisuEvent.PART_STATUS, whole))
             elif one.kind == Kind.REPLY:
@@ -287,7 +287,7 @@ class VisuCounts:
         """Return the messages of which something may be said beside that they are there."""
         kind, asked, outcome = messages.kind, messages.asked, messages.outcome
         peculiar = np.array([one.writes or one.is_miscounted for one in part.requests], np.bool_)
-        wanted = (kind == Kind.UNANSWERED) | (kind == Kind.WRITE) | (kind == Kind.CUT)
+        wanted = (kind == Kind.UNANSWERED) | np.isin(kind, (Kind.WRITE, Kind.CUT, Kind.UNBOUNDED))
         wanted |= messages.latency_ns > SLOW_NS
         wanted |= (outcome != Outcome.NONE) & (outcome != Outcome.DONE)
         wanted &= ~np.isin(kind, (Kind.LEFT, Kind.UNCLEAR, Kind.PART))

@@ -47,8 +47,8 @@ from tests.oracle.rules.visu_figures import Row, lacks_many, percentiles
 from tests.oracle.rules.visu_late import doubt
 from tests.oracle.rules.visu_leaving import given_up
 from tests.oracle.rules.visu_one_way import OneWay
-from tests.oracle.rules.visu_part import ask_in_part, writes
-from tests.oracle.rules.visu_talk import Home, Pair, Talk, Told, Waiting, Written
+from tests.oracle.rules.visu_part import ask_in_part, settle, writes
+from tests.oracle.rules.visu_talk import Home, Pair, Talk, Told, Waiting, Written, known_value
 
 SECOND = 1_000_000_000
 FRAMES_KEPT = 10
@@ -151,9 +151,11 @@ class Visu:
 
     def request(self, talk: Talk, message: Message) -> None:
         """Take a request that is whole, or dropped as cut; it may have been answered before."""
+        settle(message)
         if message.part:
             if ask_in_part(talk, message, self.number, self.one_way.told_by(talk.connection, client=True)):
                 self.known[talk.pair].counts["part"] += 1
+                self.note_unbounded(talk, message)
         else:
             self.ask(talk, message)
         if talk.early is not None:
@@ -184,6 +186,7 @@ class Visu:
         row.counts["writes" if asked.write else "reads"] += 1
         row.counts["entries"] += len(asked.entries)
         row.variables |= {entry.address for entry in asked.entries}
+        self.note_unbounded(talk, message)
         if asked.miscounted:
             row.counts["miscounted"] += 1
             self.find("NV804", talk)
@@ -210,21 +213,11 @@ class Visu:
         found = [
             Written(
                 self.now, self.number, talk.pair, self.called(talk.home, entry.address),
-                self.known_value(talk.home, entry.address), asked.text(entry),
+                known_value(self.confirmed, self.read, talk.home, entry.address), asked.text(entry),
             )
             for entry in asked.entries
         ]  # fmt: skip
         self.writes += found
-        return found
-
-    def known_value(self, home: Home, address: visu_body.Address) -> str | None:
-        """Return the value that a variable was read, or written, as last."""
-        since, value = self.confirmed.get((home, address), (0, None))
-        found: str | None = value
-        for (node, asked), (at, values) in self.read.items():
-            for entry, one in zip(asked.entries, values, strict=False):
-                if node == home and entry.address == address and at >= since:
-                    since, found = at, None if one is None else one.decode("latin-1")
         return found
 
     def learn(self, talk: Talk, waiting: Waiting, asked: Asked, status: int, answer: Answered) -> None:
@@ -272,6 +265,7 @@ class Visu:
         if waiting.asked is None and not waiting.part:
             return
         row = self.known[talk.pair]
+        self.note_unbounded(talk, message)
         if message.cut:
             self.happened["cut reply"] += 1
             row.counts["cut"] += 1
@@ -295,6 +289,11 @@ class Visu:
         answer = visu_body.answered(waiting.asked, message.status, body)
         self.learn(talk, waiting, waiting.asked, message.status, answer)
         self.judge(talk, row, waiting.asked, message, answer)
+
+    def note_unbounded(self, talk: Talk, message: Message) -> None:
+        if message.unbounded:
+            self.known[talk.pair].counts["ambiguous"] += 1
+            self.find("NV804", talk)
 
     def end_open_request(self, talk: Talk) -> None:
         """Take a request that does not say where it ends for whole, where one is being received."""
