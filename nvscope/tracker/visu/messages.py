@@ -35,7 +35,8 @@ class Kind(IntEnum):
     then nobody knows any more what answers it, or what the reply to a part says of it. ``GIVEN_UP``: what is unanswered
     since the client waits no more; batches have that as ``UNANSWERED``, by its outcome. ``PART``: a request ends of
     which the client sent no more than a part; ``REFUSED``: the reply to such a one, of another status than 200.
-    ``UNBOUNDED``: nobody knows where the request or reply ends that comes with it: its Content-Length is not one number.
+    ``UNBOUNDED``: nobody knows where the message ends that comes with it: its Content-Length is not one number.
+    ``OTHER_BYTES``: bytes of a connection came again, and so many (``fields``) were others than those that came first.
     """
 
     READ = 0
@@ -52,6 +53,7 @@ class Kind(IntEnum):
     PART = 11
     REFUSED = 12
     UNBOUNDED = 13
+    OTHER_BYTES = 14
 
 
 class Outcome(IntEnum):

@@ -69,6 +69,9 @@ def message_words(part: VisuBatch, message: int, *, secrets: bool = False) -> st
         return f"{units.count_of(int(messages.gap_bytes[message]), 'byte')} missing"
     if kind is Kind.CUT:
         return "cut: bytes are missing"
+    if kind is Kind.OTHER_BYTES:
+        differ = units.count_of(int(messages.fields[message]), "byte")
+        return f"sent again with other bytes ({differ}): what came first is shown, the receiver may have the others"
     if kind is Kind.UNBOUNDED:
         return "its Content-Length is not one number, nobody knows where it ends"
     if kind is Kind.OTHER:

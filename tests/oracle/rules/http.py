@@ -9,8 +9,8 @@ Readings, where the rules leave a choice:
   have come without an end
 - behind three digits of a status comes the line's end, or a space and anything
 - a search goes on behind the first byte of what is foreign: what was taken for its head may be that of the next one
-- header lines without a colon mean nothing, and the rest of a line that begins with a blank goes on with the one before,
-  if there is any; a name ends where its colon stands
+- header lines without a colon mean nothing, and a line that begins with a blank goes on with the one before, if
+  there is any; a name ends where its colon stands
 - where Content-Length is needed, and is not one number of at most 2^30, nobody knows where a message ends: a request
   does so in front of the next start line, if it is not answered before, as one without a length; a response is there
   with its head, and the next one is searched for

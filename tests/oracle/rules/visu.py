@@ -41,7 +41,7 @@ from tests.oracle.frame import Frame
 from tests.oracle.rules import visu_body
 from tests.oracle.rules.http import Lost, Message
 from tests.oracle.rules.keys import node_order
-from tests.oracle.rules.streams import Connection, Delivery, Ending, Event, Streams
+from tests.oracle.rules.streams import Connection, Delivery, Ending, Event, Others, Streams
 from tests.oracle.rules.visu_body import Answered, Asked
 from tests.oracle.rules.visu_figures import Row, lacks_many, percentiles
 from tests.oracle.rules.visu_late import doubt
@@ -66,6 +66,7 @@ class Visu:
         self.talks: dict[Connection, Talk] = {}
         self.one_way = OneWay()
         self.known: dict[Pair, Row] = defaultdict(Row)
+        self.known_others: Counter[Pair] = Counter()
         self.found: dict[tuple[str, Node, str], list[tuple[int, int]]] = defaultdict(list)
         self.lists: dict[Home, list[visu_body.Listed]] = defaultdict(list)
         self.names: dict[Home, dict[visu_body.Address, str]] = defaultdict(dict)
@@ -73,9 +74,7 @@ class Visu:
         self.read: dict[tuple[Home, Asked], tuple[int, tuple[bytes | None, ...]]] = {}
         """The last reply to each request of each server: when, by count, and its values."""
         self.confirmed: dict[tuple[Home, visu_body.Address], tuple[int, str | None]] = {}
-        self.replies = 0
-        self.number = 0
-        self.now = 0
+        self.replies = self.number = self.now = 0
 
     def observe(self, frame: Frame) -> None:
         self.number += 1
@@ -95,6 +94,9 @@ class Visu:
             if event.connection not in self.talks:
                 self.talks[event.connection] = Talk(event.connection, self.happened)
             talk = self.talks[event.connection]
+            if isinstance(event, Others):
+                self.known_others[talk.pair] += event.size
+                continue
             reader = talk.reader(event.from_client)
             talk.broken_off = isinstance(event, Ending) and event.reset and event.by_client
             if isinstance(event, Delivery):
@@ -346,9 +348,7 @@ class Visu:
 
     def find(self, code: str, talk: Talk, address: visu_body.Address | None = None, frame: int | None = None) -> None:
         client, server, _ = talk.pair
-        variable = f"visu/{server}"
-        if address is not None:
-            variable += "/" + self.called(talk.home, address)
+        variable = f"visu/{server}" + ("" if address is None else f"/{self.called(talk.home, address)}")
         self.found[code, client, variable].append((self.now, self.number if frame is None else frame))
 
     def called(self, home: Home, address: visu_body.Address) -> str:
@@ -379,6 +379,7 @@ class Visu:
                 "client": str(pair[0]), "server": str(pair[1]), "port": pair[2], "connections": len(own),
                 **{name: known.counts[name] for name in COUNTED},
                 "variables": len(known.variables), "gap_bytes": sum(talk.gap_bytes for talk in own),
+                "other_bytes": self.known_others[pair],
                 "latency_ns": {"count": len(latencies), **percentiles(latencies),
                                "max": latencies[-1] if latencies else None},
                 "polling_ns": percentiles(pollings),

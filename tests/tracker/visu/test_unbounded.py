@@ -67,7 +67,8 @@ def test_a_write_of_unknown_length_is_told_and_so_is_its_reply(says: bytes, toge
     assert became(line) == ["confirmed", "confirmed"]
     assert said(line.frames)[1] == UNKNOWN
     assert mismatch(line) == (
-        "1 request or reply between 10.0.0.1 and 10.0.0.5: no one number as Content-Length, nobody knows where they end."
+        "1 request or reply between 10.0.0.1 and 10.0.0.5: no one number as Content-Length, "
+        "nobody knows where they end."
     )
 
 
