@@ -25,7 +25,7 @@ PORTS = (80, 8080, 8888)
 HAPPENINGS = {
     # TCP
     "began with SYN", "began before the capture", "both ports claimed", "new connection in place of another",
-    "cut by the snap length", "in part late", "kept behind a hole", "late", "too far away", "wrapped",
+    "cut by the snap length", "in part late", "kept behind a hole", "late", "other bytes", "too far away", "wrapped",
     "hole final by acknowledgement", "hole final by reset", "hole final by time", "hole final by what is kept",
     # HTTP
     "1xx", "body decoded", "body not known", "body to the end", "chunked", "foreign", "found by searching",

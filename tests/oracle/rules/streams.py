@@ -84,9 +84,13 @@ class Direction:
         """Return how many bytes of a segment, which lies at a place, differ from those that came before."""
         if segment.length == 1 and begin == self.next - 1:
             return 0
-        before = {place: byte for place, byte in self.delivered.items() if place >= self.next - 4096}
-        before |= {place: one.byte for place, one in self.kept.items() if one.byte is not None}
-        return sum(before.get(place, byte) != byte for place, byte in enumerate(segment.payload, begin))
+        found = 0
+        for place, byte in enumerate(segment.payload, begin):
+            before = self.kept[place].byte if place in self.kept else None
+            if self.next - 4096 <= place < self.next:
+                before = self.delivered.get(place)
+            found += before is not None and before != byte
+        return found
 
     def first_kept(self) -> int | None:
         return min([*self.kept, *self.fins], default=None)
