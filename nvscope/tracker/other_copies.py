@@ -39,23 +39,46 @@ class OtherCopies:
         """Take what a batch brings; ``buffer`` is that of its packets."""
         pieces = brought.pieces
         start, stop = runs_of(pieces.stream)
-        streams = pieces.stream[start].tolist()
-        runs = dict(zip(streams, zip(start.tolist(), stop.tolist(), strict=True), strict=True))
+        streams = pieces.stream[start]
         found = list(brought.others)
-        for again in brought.again:
-            size = self._differing(buffer, brought, again, runs.get(again.stream, (0, 0)))
+        for again in self._not_plainly_same(buffer, brought):
+            run = slice(*np.searchsorted(pieces.stream, (again.stream, again.stream + 1)).tolist())
+            size = self._differing(buffer, brought, again, run)
             if size:
                 found.append(OtherBytes(again.stream, again.frame << ORDER_BITS | int(Order.OWN), size))
         ended = pieces.kind[stop - 1] == int(PieceKind.END)
-        for stream, is_over in zip(streams, ended.tolist(), strict=True):
-            if is_over:
+        if self._last:
+            for stream in streams[ended].tolist():
                 self._last.pop(stream, None)
-            else:
-                self._last[stream] = self._up_to(buffer, brought, stream, *runs[stream])
+        columns = streams[~ended], start[~ended], stop[~ended]
+        for stream, begin, end in zip(*(column.tolist() for column in columns), strict=True):
+            self._last[stream] = self._up_to(buffer, brought, stream, begin, end)
         return found
 
-    def _differing(self, buffer: U8, brought: Brought, again: Again, run: tuple[int, int]) -> int:
-        start, stop = run
+    @staticmethod
+    def _not_plainly_same(buffer: U8, brought: Brought) -> list[Again]:
+        """Return what comes again, but for what is the same as the end of the piece before: that is most of it."""
+        if not brought.again or not len(brought.pieces):
+            return list(brought.again)
+        pieces = brought.pieces
+        stream, frame, back, payload, size = np.array(brought.again, np.int64).T
+        first = min(int(pieces.order.min()), int(frame.min()) << ORDER_BITS)
+        order = (frame << ORDER_BITS | int(Order.OWN)) - first
+        bits = max(int(pieces.order.max()) - first, int(order.max())).bit_length()
+        place = np.searchsorted(pieces.stream << bits | pieces.order - first, stream << bits | order) - 1
+        behind = pieces.start[place] + pieces.size[place]
+        is_plain = (place >= 0) & (pieces.stream[place] == stream) & (pieces.kind[place] == int(PieceKind.DATA))
+        is_plain &= (pieces.start[place] >= 0) & (back <= pieces.size[place]) & (back <= REACH_BYTES)
+        data = memoryview(buffer.data)
+        columns = is_plain, behind - back, payload, size
+        rest = []
+        for number, (plain, one, other, count) in enumerate(zip(*(each.tolist() for each in columns), strict=True)):
+            if not plain or bytes(data[one : one + count]) != bytes(data[other : other + count]):
+                rest.append(brought.again[number])
+        return rest
+
+    def _differing(self, buffer: U8, brought: Brought, again: Again, run: slice) -> int:
+        start, stop = run.start, run.stop
         order = again.frame << ORDER_BITS | int(Order.OWN)
         stop = start + int(np.searchsorted(brought.pieces.order[start:stop], order))
         first = self._up_to(buffer, brought, again.stream, start, stop, again.back)

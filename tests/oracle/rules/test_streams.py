@@ -249,7 +249,8 @@ def test_bytes_are_told_by_the_frame_that_brought_them(link: int) -> None:
     line = Line(link=link).open().segment(True, b"b", seq=1002).segment(True, b"a", seq=1001)
     streams = Streams((80,))
     events = [event for number, frame in enumerate(line.frames, 1) for event in streams.observe(number, frame)]
-    assert [event.time for event in events if not isinstance(event, Others)] == [line.frames[4].ts_ns, line.frames[3].ts_ns]
+    times = [event.time for event in events if not isinstance(event, Others)]
+    assert times == [line.frames[4].ts_ns, line.frames[3].ts_ns]
 
 
 def test_bytes_that_come_again_as_others_are_told() -> None:
