@@ -48,8 +48,9 @@ class OtherCopies:
                 found.append(OtherBytes(again.stream, again.frame << ORDER_BITS | int(Order.OWN), size))
         ended = pieces.kind[stop - 1] == int(PieceKind.END)
         if self._last:
-            for stream in streams[ended].tolist():
-                self._last.pop(stream, None)
+            known = np.array(list(self._last), np.int64)
+            for stream in known[np.isin(known, streams[ended])].tolist():
+                del self._last[stream]
         columns = streams[~ended], start[~ended], stop[~ended]
         for stream, begin, end in zip(*(column.tolist() for column in columns), strict=True):
             self._last[stream] = self._up_to(buffer, brought, stream, begin, end)
@@ -58,10 +59,10 @@ class OtherCopies:
     @staticmethod
     def _not_plainly_same(buffer: U8, brought: Brought) -> list[Again]:
         """Return what comes again, but for what is the same as the end of the piece before: that is most of it."""
-        if not brought.again or not len(brought.pieces):
-            return list(brought.again)
+        if not len(brought.again) or not len(brought.pieces):
+            return [Again(*row) for row in brought.again.tolist()]
         pieces = brought.pieces
-        stream, frame, back, payload, size = np.array(brought.again, np.int64).T
+        stream, frame, back, payload, size = brought.again.T
         first = min(int(pieces.order.min()), int(frame.min()) << ORDER_BITS)
         order = (frame << ORDER_BITS | int(Order.OWN)) - first
         bits = max(int(pieces.order.max()) - first, int(order.max())).bit_length()
@@ -74,7 +75,7 @@ class OtherCopies:
         rest = []
         for number, (plain, one, other, count) in enumerate(zip(*(each.tolist() for each in columns), strict=True)):
             if not plain or bytes(data[one : one + count]) != bytes(data[other : other + count]):
-                rest.append(brought.again[number])
+                rest.append(Again(*brought.again[number].tolist()))
         return rest
 
     def _differing(self, buffer: U8, brought: Brought, again: Again, run: slice) -> int:

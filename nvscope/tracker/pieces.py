@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -93,12 +93,13 @@ class OtherBytes(NamedTuple):
 class Brought:
     """Pieces, and the bytes of those that were kept from earlier batches.
 
-    ``again`` are bytes that had been passed on before, ``others`` those that differ from what is kept.
+    ``again`` are bytes that had been passed on before, a row each with the columns of ``Again``, ``others`` those that
+    differ from what is kept.
     """
 
     pieces: Pieces
     kept: Sequence[bytes] = ()
-    again: Sequence[Again] = ()
+    again: I64 = field(default_factory=lambda: np.empty((0, 5), np.int64))
     others: Sequence[OtherBytes] = ()
 
 

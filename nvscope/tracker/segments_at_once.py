@@ -11,7 +11,7 @@ import numpy as np
 from dissectors.batch import I64, Bool
 from dissectors.headers import ACK, FIN, RST, SYN
 from nvscope.engine.runs import runs_of
-from nvscope.tracker.pieces import ANEW, IN_STEP, NEVER, ORDER_BITS, Again, Order, PieceKind, Pieces
+from nvscope.tracker.pieces import ANEW, IN_STEP, NEVER, ORDER_BITS, Order, PieceKind, Pieces
 from nvscope.tracker.segments import FAR, HALF, WRAP, Segments, StreamColumns
 from nvscope.tracker.segments_in_turn import FORGOTTEN_NS
 
@@ -224,17 +224,15 @@ class SegmentsAtOnce:
             made(PieceKind.END, ends, nothing[: len(ends)], nothing[: len(ends)]),
         ])  # fmt: skip
 
-    def again(self) -> list[Again]:
-        """Return what comes again in segments that were taken."""
+    def again(self) -> I64:
+        """Return what comes again in segments that were taken: a row each, with the columns of ``Again``."""
         whole = self._whole
         back = self._before - self._along - self._syn
         asks = (back == 1) & (whole.payload_bytes == 1)
         late = np.flatnonzero(self._own & (back > 0) & (whole.payload_bytes > 0) & ~asks)
-        if not len(late):
-            return []
-        size = np.minimum(whole.payload_bytes, back)
-        columns = whole.stream, whole.frame, back, whole.payload, size
-        return [Again(*row) for row in zip(*(column[late].tolist() for column in columns), strict=True)]
+        size = np.minimum(whole.payload_bytes[late], back[late])
+        columns = whole.stream[late], whole.frame[late], back[late], whole.payload[late], size
+        return np.stack(columns, axis=1)
 
     def _note_acknowledged(self, stream: I64, told: I64) -> None:
         """Note what the receivers of streams have acknowledged, all of one stream together."""

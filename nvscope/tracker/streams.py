@@ -18,7 +18,7 @@ from dissectors.headers import FIN, RST, SYN
 from dissectors.transport import SegmentBatch
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.tracker.connections import Connections
-from nvscope.tracker.pieces import NEVER, ORDER_BITS, Again, Brought, Pieces, no_pieces
+from nvscope.tracker.pieces import NEVER, ORDER_BITS, Brought, Pieces, no_pieces
 from nvscope.tracker.segments import Segments, StreamColumns
 from nvscope.tracker.segments_at_once import SegmentsAtOnce
 from nvscope.tracker.segments_in_turn import (
@@ -61,7 +61,7 @@ class Streams:
         self._streams = StreamColumns()
         self._in_turn = SegmentsInTurn(self._streams)
         self._latest_ns = 0
-        self._again: list[Again] = []
+        self._again: list[I64] = []
         self._enough = self._least = enough
         self._most = most
 
@@ -115,7 +115,8 @@ class Streams:
         # Of one stream, and with one frame, what was found first comes first.
         orders = pieces.order - (first_frame << ORDER_BITS)
         place = pieces.stream << (len(packets) << ORDER_BITS).bit_length() | orders
-        again, others = [*self._again, *self._in_turn.again], self._in_turn.others
+        again = np.concatenate([*self._again, np.array(self._in_turn.again, np.int64).reshape(-1, 5)])
+        others = self._in_turn.others
         return Brought(pieces.take(np.argsort(place, kind="stable")), self._in_turn.kept, again, others)
 
     def _is_room(self, rows: Segments) -> bool:
@@ -135,7 +136,7 @@ class Streams:
             if not is_plain.all():
                 anew = self._take_turns(data, rows, np.flatnonzero(~is_plain), at_once, least)
             found.append(at_once.told())
-            self._again += at_once.again()
+            self._again.append(at_once.again())
             rows, carrying = rows.take(anew), carrying[anew]
             least *= 2
         self._in_turn.observe(data, rows)
@@ -188,7 +189,7 @@ class Streams:
         at_once = SegmentsAtOnce(rows, carrying, self._streams)
         is_plain = at_once.take_up_to(np.where(at_once.since == NEVER, NEVER, -1))
         found.append(at_once.told())
-        self._again += at_once.again()
+        self._again.append(at_once.again())
         if is_plain.all():
             return
         rest, carrying = rows.take(~is_plain), carrying[~is_plain]
