@@ -41,7 +41,7 @@ HAPPENINGS = {
 }  # fmt: skip
 FIGURES = {
     "connections", "reads", "writes", "entries", "variables", "replies", "refused", "unanswered", "cut", "gap_bytes",
-    "miscounted", "ambiguous", "latency_ns.count", "latency_ns.p50", "latency_ns.p99", "latency_ns.max",
+    "miscounted", "ambiguous", "other_bytes", "latency_ns.count", "latency_ns.p50", "latency_ns.p99", "latency_ns.max",
     "polling_ns.p50", "polling_ns.p99",
 }  # fmt: skip
 
