@@ -25,6 +25,8 @@ _END_OF_HEAD = re.compile(rb"\n\r?\n")
 _BLANKS = re.compile(rb"[\r\n]*")
 _CHUNK = re.compile(rb"[ \t]*([0-9a-fA-F]{1,8})[ \t]*(?:;[^\n]*)?\r?\n")
 _NO_BODY = (204, 304)
+_FOLD = re.compile(rb"\r?\n[ \t]+")
+_FOLDED_FIRST = re.compile(rb"(?:[ \t][^\n]*\n)+")
 
 
 class Side(IntEnum):
@@ -61,6 +63,7 @@ class Head:
 
     ``length`` is that of the body in bytes, where ``body`` is ``LENGTH``. ``coding`` is '' where the content is as it
     is. ``expects``: the client may wait for an interim response, and send no body without one (RFC 9110, 10.1.1).
+    ``is_unbounded``: its Content-Length is not one number, and nobody knows where it ends (RFC 9112, 6.3).
     """
 
     body: Body
@@ -70,6 +73,7 @@ class Head:
     status: int = 0
     coding: str = ""
     expects: bool = False
+    is_unbounded: bool = False
 
     @property
     def has_body(self) -> bool:
@@ -133,16 +137,16 @@ def target_of(head: bytes) -> str:
 
 
 def read_head(head: bytes, side: Side, *, answers_head: bool = False) -> Head | None:
-    """Read a head with its empty line; None where it is none, or says of the body's length what cannot be.
+    """Read a head with its empty line; None where it is none.
 
-    A response that ``answers_head``, an interim one, and one of 204 or 304 has no body whatever it says (RFC 9112,
-    section 6.3).
+    Lines that begin with a blank go on with the one before. A response that ``answers_head``, an interim one, and one
+    of 204 or 304 has no body whatever it says (RFC 9112, section 5.2 and 6.3).
     """
     line = _LINES[side].match(head)
     if line is None:
         return None
     headers: dict[bytes, list[bytes]] = {}
-    for text in head[line.end() :].split(b"\n"):
+    for text in _unfolded(head[line.end() :]).split(b"\n"):
         name, colon, value = text.removesuffix(b"\r").partition(b":")
         if colon:
             headers.setdefault(name.lower(), []).append(value.strip(b" \t"))
@@ -153,17 +157,24 @@ def read_head(head: bytes, side: Side, *, answers_head: bool = False) -> Head | 
     chunked = headers.get(b"transfer-encoding", [b""])[-1].rpartition(b",")[2].strip().lower() == b"chunked"
     coding = b",".join(headers.get(b"content-encoding", [])).lower().decode("latin-1")
     length = _length(headers.get(b"content-length", []))
-    if length is None and not chunked:
-        return None
+    is_unbounded = length is None and not chunked
     if side is Side.CLIENT:
         method = line["method"].decode("ascii")
-        nothing = Body.END if method in ("POST", "PUT") else Body.LENGTH
-        body = Body.CHUNKS if chunked else nothing if length == _UNTOLD else Body.LENGTH
+        nothing = Body.END if is_unbounded or method in ("POST", "PUT") else Body.LENGTH
+        body = Body.CHUNKS if chunked else nothing if is_unbounded or length == _UNTOLD else Body.LENGTH
         target = line["target"].decode("latin-1")
         expects = headers.get(b"expect", [b""])[-1].lower() == b"100-continue"
-        return Head(body, max(length or 0, 0), method, target, coding=_coding(coding), expects=expects)
-    body = Body.CHUNKS if chunked else Body.END if length == _UNTOLD else Body.LENGTH
-    return Head(body, max(length or 0, 0), status=status, coding=_coding(coding))
+        size = max(length or 0, 0)
+        return Head(body, size, method, target, 0, _coding(coding), expects=expects, is_unbounded=is_unbounded)
+    body = Body.CHUNKS if chunked else Body.END if is_unbounded or length == _UNTOLD else Body.LENGTH
+    return Head(body, max(length or 0, 0), status=status, coding=_coding(coding), is_unbounded=is_unbounded)
+
+
+def _unfolded(lines: bytes) -> bytes:
+    """Return header lines, each as a whole; there is none with which the first one could go on."""
+    if b"\n " not in lines and b"\n\t" not in lines and lines[:1] not in (b" ", b"\t"):
+        return lines
+    return _FOLD.sub(b" ", _FOLDED_FIRST.sub(b"", lines, count=1) if lines[:1] in (b" ", b"\t") else lines)
 
 
 _UNTOLD = -1

@@ -104,7 +104,9 @@ class WrittenWhile:
         judged = self._judged(frame, time_ns)
         cut = ((messages.kind == Kind.CUT) | (messages.gap_bytes > 0)) & judged
         more = np.array([one.may_write_more for one in part.requests] + [False], np.bool_)[messages.asked]
-        unclear = (messages.kind == Kind.WRITE) & more & judged
+        behind_part = np.append(False, messages.kind[:-1] == Kind.PART)
+        unclear = ((messages.kind == Kind.WRITE) & more) | ((messages.kind == Kind.UNBOUNDED) & behind_part)
+        unclear = (unclear | (messages.kind == Kind.OTHER_BYTES)) & judged
         for rows, pairs in ((cut, self.cut), (unclear, self.unclear)):
             for number in distinct(messages.pair[rows]).tolist():
                 if len(pairs) < MOST_PLACES:

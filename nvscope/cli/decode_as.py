@@ -23,9 +23,9 @@ DecodeOption = Annotated[
     list[str] | None,
     typer.Option(
         "-d",
-        metavar="udp.port==PORT,WHAT",
-        help="Decide what is on a UDP port, or on ports FIRST-LAST: nvl (telegrams, whatever their identity) or data "
-        "(no telegrams). With tcp.port==PORT,http, WebVisu is looked for on that port, too.",
+        metavar="(udp|tcp).port==PORT,WHAT",
+        help="Decide what is on a port, or on ports FIRST-LAST. udp.port==PORT,nvl: telegrams, whatever their "
+        "identity. udp.port==PORT,data: no telegrams. tcp.port==PORT,http: WebVisu is looked for there, too.",
         show_default=False,
     ),
 ]
@@ -61,7 +61,8 @@ def _ports(options: Sequence[str] | None) -> dict[tuple[str, str], list[int]]:
         if what not in ports or not (what == _PAGES) <= first <= last <= _MAX_PORT:
             raise UsageError(
                 f"-d {option}: expected udp.port==PORT,nvl or udp.port==PORT,data or tcp.port==PORT,http",
-                next_step="for example -d udp.port==1300,nvl, or a range: -d udp.port==1300-1310,data",
+                next_step="for example -d udp.port==1300,nvl, or -d tcp.port==8081,http, or a range: "
+                "-d udp.port==1300-1310,data",
             )
         ports[what] += range(first, last + 1)
     return ports

@@ -15,6 +15,7 @@ from nvscope.findings.visu_refusals import (
     refused_reads,
     refused_unread,
     refused_writes,
+    together,
 )
 from nvscope.units import count, count_of, duration
 
@@ -85,12 +86,14 @@ VISU_COUNT_MISMATCH = FindingKind(
     Severity.WARNING,
     meaning=(
         "The number of values differs from what was declared or asked for. Values are assigned by position, so all "
-        "behind the first missing one may belong to another variable."
+        "behind the first missing one may belong to another variable. Or the head of a message says no one number of "
+        "bytes, and nobody knows where it ends: server and capture may read different requests in it."
     ),
     causes=(
         "a client that declares another number of entries than it sends",
         "a STRING with the separator '|' in it, which looks like one more field",
         "a reply that was cut off",
+        "a client or gateway that sends a wrong Content-Length, or somebody who hides requests that way",
     ),
     next_steps=("Look at request and reply; ask for STRINGs one at a time.",),
     protocol="visu",
@@ -188,8 +191,9 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
 
     kinds = {
         VisuEvent.WRITTEN: VISU_WRITE, VisuEvent.REFUSED: VISU_ERROR, VisuEvent.STATUS: VISU_ERROR,
+        VisuEvent.PART_STATUS: VISU_ERROR,
         VisuEvent.PASSWORD_SEEN: VISU_PASSWORD_IN_CLEAR, VisuEvent.MISCOUNTED: VISU_COUNT_MISMATCH,
-        VisuEvent.AMBIGUOUS: VISU_COUNT_MISMATCH,
+        VisuEvent.AMBIGUOUS: VISU_COUNT_MISMATCH, VisuEvent.UNBOUNDED: VISU_COUNT_MISMATCH,
         VisuEvent.SLOW: VISU_SLOW, VisuEvent.UNANSWERED: VISU_SLOW, VisuEvent.LATE: VISU_SLOW,
         VisuEvent.OTHER_NAMES: VISU_OTHER_NAMES, VisuEvent.UNREAD_LIST: VISU_UNREAD_LIST,
         VisuEvent.CUT: VISU_NOT_CAPTURED, VisuEvent.GIVEN_UP: VISU_SLOW, VisuEvent.RESET: VISU_SLOW,
@@ -220,24 +224,24 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
     }  # fmt: skip
     messages = counts.messages() if any(kind is VISU_NOT_CAPTURED for kind, _ in found) else {}
     for (kind, subject), parts in found.items():
-        together = parts[VisuEvent.LATE] if kind is VISU_SLOW else _together(parts.values())
+        events = parts[VisuEvent.LATE] if kind is VISU_SLOW else _together(parts.values())
         variable = f"visu/{subject.server}/{subject.variable}" if subject.variable else f"visu/{subject.server}"
-        refused = tuple(sorted(statuses[subject])) if kind is VISU_ERROR else ()
+        refused = together([statuses[subject]]) if kind is VISU_ERROR else ()
         if kind is VISU_NOT_CAPTURED:
             every = messages[subject.client, subject.server]
-            if 100 * together.count < _MANY_PERCENT * every:
+            if 100 * events.count < _MANY_PERCENT * every:
                 continue
-            message = _not_captured(subject, together.count, every)
+            message = _not_captured(subject, events.count, every)
         elif kind is VISU_ERROR:
             message = f"{_refused(subject, refused, parts)}."
         elif kind is VISU_OTHER_NAMES:
-            message = _contradicted(subject.server, together.count, counts.other_names[subject])
+            message = _contradicted(subject.server, events.count, counts.other_names[subject])
         elif kind is VISU_UNREAD_LIST:
-            message = _unread(subject.server, together.count, counts.unread_lists[subject])
+            message = _unread(subject.server, events.count, counts.unread_lists[subject])
         else:
             message = _sentence(kind, subject, parts, last.get(subject), given_up.get(subject))
         yield Finding(
-            kind, message, together.count, together.first_ns, together.last_ns, together.frames,
+            kind, message, events.count, events.first_ns, events.last_ns, events.frames,
             node=nodes.get(subject.client), variable=variable,
             hint=next_step(refused) if refused else _next_step(kind, parts), statuses=refused,
         )  # fmt: skip
@@ -249,8 +253,8 @@ def _refused(subject: Subject, statuses: Statuses, parts: Mapping[VisuEvent, Eve
     client, server, variable = subject
     if variable:
         return refused_writes(client, server, [variable], statuses)
-    if VisuEvent.REFUSED in parts:
-        return refused_unread(client, server, statuses, writes=VisuEvent.STATUS not in parts)
+    if VisuEvent.REFUSED in parts or VisuEvent.PART_STATUS in parts:
+        return refused_unread(client, server, statuses, of_writes=VisuEvent.REFUSED in parts, alone=len(parts) == 1)
     return refused_reads(client, server, statuses)
 
 
@@ -280,7 +284,7 @@ def _sentence(
         )
         return f"{client} and {server} transmitted {what} in clear {_times(total)}{place}."
     if kind is VISU_COUNT_MISMATCH:
-        return _miscounted(client, server, counts.get(VisuEvent.MISCOUNTED, 0), counts.get(VisuEvent.AMBIGUOUS, 0))
+        return _miscounted(client, server, counts)
     slow, unanswered = counts.get(VisuEvent.SLOW, 0), counts.get(VisuEvent.UNANSWERED, 0)
     told = []
     if slow:
@@ -321,13 +325,20 @@ def _not_captured(subject: Subject, cut: int, every: int) -> str:
     return f"The capture lacks bytes of {count(cut)} of {messages} between {subject.client} and {subject.server}."
 
 
-def _miscounted(client: str, server: str, miscounted: int, ambiguous: int) -> str:
+def _miscounted(client: str, server: str, counts: Mapping[VisuEvent, int]) -> str:
     """Return what is said of messages with wrong numbers of values, and of those that may be divided otherwise."""
-    several = "texts with | in them, of which nobody knows how far they go and what else is there"
-    told = "more or fewer values than declared or asked for" if miscounted else several
-    more = f"; {count(ambiguous)} of them have {several}" if miscounted and ambiguous else ""
-    messages = count_of(miscounted + ambiguous, "request or reply", "requests and replies")
-    return f"{messages} between {client} and {server}: {told}{more}."
+    from nvscope.tracker.visu.events import VisuEvent
+
+    what = {
+        VisuEvent.MISCOUNTED: "more or fewer values than declared or asked for",
+        VisuEvent.AMBIGUOUS: "several texts with | in them, of which nobody knows how far they go and what else is "
+        "there",
+        VisuEvent.UNBOUNDED: "no one number as Content-Length, nobody knows where they end",
+    }
+    first, *others = [(counts[event], text) for event, text in what.items() if counts.get(event)]
+    more = "".join(f"; {count(times)} of them have {text}" for times, text in others)
+    messages = count_of(sum(counts.values()), "request or reply", "requests and replies")
+    return f"{messages} between {client} and {server}: {first[1]}{more}."
 
 
 def _contradicted(server: str, times: int, other: OtherNames) -> str:

@@ -29,12 +29,18 @@ def refused_reads(client: str, server: str, statuses: Statuses) -> str:
     return f"{server} answered {count_of(times, 'read')} of {client} with HTTP status {_listed(statuses)}"
 
 
-def refused_unread(client: str, server: str, statuses: Statuses, *, writes: bool) -> str:
-    """Return that a server refused requests, some of them writes, that it did not wait for; or ``writes`` alone."""
+def refused_unread(client: str, server: str, statuses: Statuses, *, of_writes: bool, alone: bool) -> str:
+    """Return that a server refused requests that it did not wait for, beside others where these are not ``alone``.
+
+    ``of_writes``: some of them are known to write; of others nobody knows what they ask for.
+    """
     times = sum(number for _, number in statuses)
-    what = f"{count_of(times, 'write')} that {'was' if times == 1 else 'were'} never sent whole"
-    refused = f"refused {what}" if writes else f"refused {count_of(times, 'request')}, writes among them,"
-    return f"{server} {refused} by {client}: HTTP status {_listed(statuses)}"
+    if alone:
+        what = count_of(times, "write" if of_writes else "request")
+        what += f" that {'was' if times == 1 else 'were'} never sent whole"
+    else:
+        what = f"{count_of(times, 'request')}, {'writes' if of_writes else 'reads'} among them,"
+    return f"{server} refused {what} by {client}: HTTP status {_listed(statuses)}"
 
 
 def refused_writes(client: str, server: str, variables: Sequence[str], statuses: Statuses) -> str:
@@ -64,7 +70,7 @@ def _step_of(status: int) -> str:
     return NEXT_OF_THE_LIST if status == OK else NEXT_OF_THE_SERVER
 
 
-def together(several: Sequence[Statuses]) -> Statuses:
+def together(several: Sequence[Statuses]) -> tuple[tuple[int, int], ...]:
     """Return the statuses of several findings as those of one, the lowest first."""
     found: dict[int, int] = {}
     for statuses in several:

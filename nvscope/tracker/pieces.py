@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -66,12 +67,40 @@ class Pieces(Columns):
     arrival_ns: I64
 
 
+class Again(NamedTuple):
+    """Bytes that come again: of which stream, in which frame, how far behind the place where that was.
+
+    ``payload`` is where they begin in the batch's buffer. A single byte, the last one, is none: it may be garbage that
+    asks whether the other end is still there (RFC 9293, section 3.8.4).
+    """
+
+    stream: int
+    frame: int
+    back: int
+    payload: int
+    size: int
+
+
+class OtherBytes(NamedTuple):
+    """So many bytes of a stream came again, with an order, and were others."""
+
+    stream: int
+    order: int
+    size: int
+
+
 @dataclass(frozen=True, slots=True)
 class Brought:
-    """Pieces, and the bytes of those that were kept from earlier batches."""
+    """Pieces, and the bytes of those that were kept from earlier batches.
+
+    ``again`` are bytes that had been passed on before, a row each with the columns of ``Again``, ``others`` those that
+    differ from what is kept.
+    """
 
     pieces: Pieces
     kept: Sequence[bytes] = ()
+    again: I64 = field(default_factory=lambda: np.empty((0, 5), np.int64))
+    others: Sequence[OtherBytes] = ()
 
 
 def no_pieces() -> Pieces:

@@ -224,6 +224,16 @@ class SegmentsAtOnce:
             made(PieceKind.END, ends, nothing[: len(ends)], nothing[: len(ends)]),
         ])  # fmt: skip
 
+    def again(self) -> I64:
+        """Return what comes again in segments that were taken: a row each, with the columns of ``Again``."""
+        whole = self._whole
+        back = self._before - self._along - self._syn
+        asks = (back == 1) & (whole.payload_bytes == 1)
+        late = np.flatnonzero(self._own & (back > 0) & (whole.payload_bytes > 0) & ~asks)
+        size = np.minimum(whole.payload_bytes[late], back[late])
+        columns = whole.stream[late], whole.frame[late], back[late], whole.payload[late], size
+        return np.stack(columns, axis=1)
+
     def _note_acknowledged(self, stream: I64, told: I64) -> None:
         """Note what the receivers of streams have acknowledged, all of one stream together."""
         streams = self._streams

@@ -20,7 +20,19 @@ import numpy as np
 
 from dissectors.batch import U8
 from dissectors.headers import ACK, FIN, RST, SYN
-from nvscope.tracker.pieces import ANEW, BROKEN_OFF, BY_CLIENT, IN_STEP, ORDER_BITS, Order, PieceKind, Pieces
+from nvscope.tracker.other_copies import differing
+from nvscope.tracker.pieces import (
+    ANEW,
+    BROKEN_OFF,
+    BY_CLIENT,
+    IN_STEP,
+    ORDER_BITS,
+    Again,
+    Order,
+    OtherBytes,
+    PieceKind,
+    Pieces,
+)
 from nvscope.tracker.segments import FAR, HALF, WRAP, Segments, StreamColumns
 
 MOST_KEPT_BYTES = 1 << 18
@@ -112,6 +124,9 @@ class SegmentsInTurn:
         self._kept_bytes = 0
         self._made: list[tuple[int, int, int, int, int, int]] = []
         self.kept: list[bytes] = []
+        self.again: list[Again] = []
+        self.others: list[OtherBytes] = []
+        self._data: U8 = np.empty(0, np.uint8)
 
     def forget(self) -> None:
         """Forget what is kept."""
@@ -131,7 +146,7 @@ class SegmentsInTurn:
 
     def begin(self) -> None:
         """Begin a batch, whose buffer is another one."""
-        self.kept = []
+        self.kept, self.again, self.others = [], [], []
 
     @property
     def kept_bytes(self) -> int:
@@ -143,6 +158,7 @@ class SegmentsInTurn:
 
         ``data`` is the batch's buffer; ``kept`` is the data of what had been kept before.
         """
+        self._data = data
         connection = segments.stream >> 1
         by_frame = segments.take(np.lexsort((segments.frame, connection)))
         last, ends = -1, None
@@ -162,6 +178,7 @@ class SegmentsInTurn:
 
         Return the place behind them, which is ``stop`` at most.
         """
+        self._data = data
         connection = int(segments.stream[place]) >> 1
         ends = self._taken(2 * connection), self._taken(2 * connection + 1)
         while place < stop:
@@ -250,6 +267,8 @@ class SegmentsInTurn:
             (1 if flags & SYN else 0, PieceKind.BEGIN, None), (captured_bytes, PieceKind.DATA, payload),
             (payload_bytes - captured_bytes, PieceKind.HOLE, None), (flags & FIN, PieceKind.END, None),
         ):  # fmt: skip
+            if kind is PieceKind.DATA and size and begin < own.at and (begin + 1 < own.at or payload_bytes > 1):
+                self.again.append(Again(own.number, frame, own.at - begin, payload, min(size, own.at - begin)))
             if size and begin + size > own.at:
                 part = _Kept(begin, size, kind, source, frame, time_ns)
                 parts.append(part.part(own.at, part.end) if begin < own.at else part)
@@ -271,10 +290,25 @@ class SegmentsInTurn:
 
     def _keep(self, stream: _Stream, part: _Kept) -> None:
         """Keep of a part what is not kept already."""
+        if part.kind is PieceKind.DATA and stream.kept and (size := self._others(stream, part)):
+            self.others.append(OtherBytes(stream.number, part.frame << ORDER_BITS | int(Order.OWN), size))
         for one in list(_missing(stream.kept, part)):
             stream.kept.insert(bisect_right(stream.kept, one.begin, key=_BEGIN), one)
             stream.kept_bytes += one.size
             self._kept_bytes += one.size
+
+    def _others(self, stream: _Stream, part: _Kept) -> int:
+        """Return how many bytes of a part differ from what is kept."""
+        found = 0
+        for one in stream.kept:
+            begin, end = max(one.begin, part.begin), min(one.end, part.end)
+            if begin < end and one.kind is PieceKind.DATA:
+                found += differing(self._bytes(one.part(begin, end)), self._bytes(part.part(begin, end)))
+        return found
+
+    def _bytes(self, part: _Kept) -> bytes:
+        source = part.source
+        return self._data[source : source + part.size].tobytes() if isinstance(source, int) else source or b""
 
     def _pass_on_kept(self, stream: _Stream, frame: int, order: Order) -> None:
         """Pass on what is kept up to the next hole."""

@@ -61,6 +61,7 @@ class Streams:
         self._streams = StreamColumns()
         self._in_turn = SegmentsInTurn(self._streams)
         self._latest_ns = 0
+        self._again: list[I64] = []
         self._enough = self._least = enough
         self._most = most
 
@@ -106,6 +107,7 @@ class Streams:
         self._streams.resize(2 * len(self.connections))
         self._in_turn.begin()
         found: list[Pieces] = []
+        self._again = []
         put_in_order = self._put_in_order if self._is_room(rows) else self._put_in_order_by_time
         put_in_order(packets.data, rows, carrying, found)
         found.append(self._in_turn.told())
@@ -113,7 +115,9 @@ class Streams:
         # Of one stream, and with one frame, what was found first comes first.
         orders = pieces.order - (first_frame << ORDER_BITS)
         place = pieces.stream << (len(packets) << ORDER_BITS).bit_length() | orders
-        return Brought(pieces.take(np.argsort(place, kind="stable")), self._in_turn.kept)
+        again = np.concatenate([*self._again, np.array(self._in_turn.again, np.int64).reshape(-1, 5)])
+        others = self._in_turn.others
+        return Brought(pieces.take(np.argsort(place, kind="stable")), self._in_turn.kept, again, others)
 
     def _is_room(self, rows: Segments) -> bool:
         """Tell whether all that may have to be kept of some segments is within the limit, whatever comes when."""
@@ -132,6 +136,7 @@ class Streams:
             if not is_plain.all():
                 anew = self._take_turns(data, rows, np.flatnonzero(~is_plain), at_once, least)
             found.append(at_once.told())
+            self._again.append(at_once.again())
             rows, carrying = rows.take(anew), carrying[anew]
             least *= 2
         self._in_turn.observe(data, rows)
@@ -184,6 +189,7 @@ class Streams:
         at_once = SegmentsAtOnce(rows, carrying, self._streams)
         is_plain = at_once.take_up_to(np.where(at_once.since == NEVER, NEVER, -1))
         found.append(at_once.told())
+        self._again.append(at_once.again())
         if is_plain.all():
             return
         rest, carrying = rows.take(~is_plain), carrying[~is_plain]

@@ -64,3 +64,13 @@ def test_what_cannot_be_meant_is_refused_with_what_can(elsewhere: str, option: s
     done = nvscope("report", elsewhere, "-d", option)
     assert done.returncode == 2
     assert "tcp.port==PORT,http" in done.stderr
+    example = " ".join(done.stderr.split()).partition("for example ")[2]
+    assert "-d udp.port==1300,nvl" in example
+    assert "-d tcp.port==8081,http" in example
+
+
+@pytest.mark.parametrize("verb", ["report", "packets", "vars"])
+def test_the_help_names_both(verb: str) -> None:
+    told = nvscope(verb, "--help").stdout
+    assert "(udp|tcp).port==PORT,WHAT" in told
+    assert "tcp.port==PORT,http" in " ".join(told.split())

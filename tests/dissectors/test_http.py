@@ -34,7 +34,15 @@ def test_a_request() -> None:
 
 @pytest.mark.parametrize("length", ["x", "-1", "1,2", "", "99999999999", "0x10", "1_0", "²"])
 def test_a_wrong_length(length: str) -> None:
-    assert request(f"Content-Length: {length}") is None
+    assert request(f"Content-Length: {length}") == Head(Body.END, 0, "POST", "/plc/webvisu.htm", is_unbounded=True)
+    assert response(f"Content-Length: {length}") == Head(Body.END, 0, status=200, is_unbounded=True)
+
+
+def test_a_header_may_take_several_lines() -> None:
+    one = Head(Body.LENGTH, 12, "POST", "/plc/webvisu.htm")
+    assert request("Content-Length:", " 12") == request("Content-Length: 12", "\t, 12") == one
+    assert request(" Content-Length: 13", "Content-Length: 12", " ") == one
+    assert request("X: a", "  Content-Length: 13", "Content-Length: 12") == one
 
 
 def test_a_response() -> None:

@@ -25,7 +25,7 @@ PORTS = (80, 8080, 8888)
 HAPPENINGS = {
     # TCP
     "began with SYN", "began before the capture", "both ports claimed", "new connection in place of another",
-    "cut by the snap length", "in part late", "kept behind a hole", "late", "too far away", "wrapped",
+    "cut by the snap length", "in part late", "kept behind a hole", "late", "other bytes", "too far away", "wrapped",
     "hole final by acknowledgement", "hole final by reset", "hole final by time", "hole final by what is kept",
     # HTTP
     "1xx", "body decoded", "body not known", "body to the end", "chunked", "foreign", "found by searching",
@@ -33,15 +33,15 @@ HAPPENINGS = {
     "hole in a head", "hole over the end of a body", "hole while searching", "open request answered",
     "open request answered within a chunk", "open request broken off", "response not whole at the end",
     # WebVisu
-    "ambiguous write", "client lost step", "cut reply", "cut request", "early response", "given up", "names",
-    "no value", "not whole when it was broken off", "other names", "other request", "password read",
-    "password written", "read with an HTTP error", "reply of a server that nobody heard",
-    "request of a client that nobody heard", "response to a forgotten request", "response to nobody",
-    "server lost step", "several wait", "slow", "waiting forgotten",
+    "ambiguous write", "client lost step", "cut reply", "cut request", "early response", "given up",
+    "may answer what was not captured", "names", "no value", "not whole when it was broken off", "other names",
+    "other request", "password read", "password written", "read with an HTTP error",
+    "reply of a server that nobody heard", "request of a client that nobody heard", "response to a forgotten request",
+    "response to nobody", "server lost step", "several wait", "slow", "waiting forgotten",
 }  # fmt: skip
 FIGURES = {
     "connections", "reads", "writes", "entries", "variables", "replies", "refused", "unanswered", "cut", "gap_bytes",
-    "miscounted", "ambiguous", "latency_ns.count", "latency_ns.p50", "latency_ns.p99", "latency_ns.max",
+    "miscounted", "ambiguous", "other_bytes", "latency_ns.count", "latency_ns.p50", "latency_ns.p99", "latency_ns.max",
     "polling_ns.p50", "polling_ns.p99",
 }  # fmt: skip
 

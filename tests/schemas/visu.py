@@ -42,7 +42,8 @@ def visu() -> Schema:
             "cut": whole("requests and replies of which bytes are missing"),
             "gap_bytes": whole("bytes that are missing of the connections"),
             "miscounted": whole("requests and replies with more or fewer entries than told or asked for"),
-            "ambiguous": whole("requests and replies whose values may be divided in several ways"),
+            "ambiguous": whole("requests and replies whose values may be divided so or so, or whose end is unknown"),
+            "other_bytes": whole("bytes that came again, and were others than those that came first, which count"),
             "latency_ns": described(record(latency), "from the request to its reply"),
             "polling_ns": described(record(polling), "from one read to the next one of the same"),
         }

@@ -23,7 +23,7 @@ from tests.laws import examples, some
 from tests.oracle.builders import MILLISECOND, SECOND
 from tests.oracle.capture_faults import Faults, captured
 from tests.oracle.frame import Frame
-from tests.oracle.rules.streams import Delivery
+from tests.oracle.rules.streams import Delivery, Others
 from tests.oracle.rules.streams import Streams as Rules
 from tests.oracle.tcp import ACK, RST, SYN, peel_tcp
 from tests.oracle.tcp_line import Line, tcp_frame
@@ -71,6 +71,8 @@ def by_the_rules(frames: Sequence[Frame]) -> dict[Where, list[What]]:
     found: dict[Where, list[What]] = defaultdict(list)
     for number, frame in enumerate(frames, 1):
         for event in rules.observe(number, frame):
+            if isinstance(event, Others):
+                continue
             (client, port), (server, server_port) = event.connection.client, event.connection.server
             where = str(client), port, str(server), server_port, event.from_client
             if not isinstance(event, Delivery):

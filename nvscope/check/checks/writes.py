@@ -29,7 +29,10 @@ _MOST_SHOWN = 60
 _MOST_NAMED = 3
 _UNHEARD = "what nodes ask each other is not to be seen in this capture: others may have written"
 _CUT = "bytes of its connections are missing: nobody knows whether it wrote something in there"
-_UNCLEAR = "of a request nobody knows all variables: a text has | in it, or more is in it than its variables"
+_UNCLEAR = (
+    "of a request nobody knows all variables: a text has | in it, or more is in it than its variables, or its length "
+    "is unknown, or bytes of it came again as others"
+)
 
 
 @dataclass(slots=True)

@@ -59,7 +59,7 @@ def next_request(data: bytes, *, ended: bool) -> tuple[HttpRequest | Flaw | None
             return Flaw.HEAD_TOO_LONG, 0
         return (Flaw.NO_HTTP if ended else None), 0
     head = read_head(data[start:end], Side.CLIENT)
-    if head is None:
+    if head is None or head.is_unbounded:
         return Flaw.NO_HTTP, 0
     content, stop = _content(data, end, head, ended=ended)
     if not isinstance(content, bytes):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dissectors.http import Head
-from dissectors.webvisu import Request, read_query, read_request
+from dissectors.webvisu import Answer, Request, read_query, read_reply, read_request
+from nvscope.tracker.visu.events import OK
+from nvscope.tracker.visu.http_forms import Form
 from nvscope.tracker.visu.limits import MOST_ENTRIES
 
 _MOST_KNOWN = 4096
@@ -42,12 +44,19 @@ def part_of(body: bytes) -> Ask:
     return _PARTS[body.lstrip(b"\r\n").startswith(_WRITES)]
 
 
-def asks_whole(ask: Ask, body: bytes) -> bool:
+def asks_whole(request: Request | None, body: bytes) -> bool:
     """Tell whether a body, of which more might have come, is whole by what it says: so many variables, and a bar."""
-    request = ask.request
     if request is None or request.is_miscounted or request.ambiguous:
         return False
     return body.rstrip(b"\r\n").endswith(b"|")
+
+
+def fits(ask: Ask, response: Form) -> bool:
+    """Tell whether a response, whose content is in its form, is one to what was asked for: nothing in it is wrong."""
+    request, head = ask.request, response.head
+    if request is None or ask.is_part or head is None or head.status != OK or response.content is None:
+        return False
+    return read_reply(request, response.content).answer is Answer.DONE
 
 
 class Asking:

@@ -116,7 +116,7 @@ class BothDirections:
         if self._missed is not None:
             self._unheard = Unheard(waiting.first, self._missed)
             asked = self._unheard.take(asked)
-        requests = WaitingRequests(waiting, asked, self._ends, pieces.order, self._end_open, has_begun=self._has_begun)
+        requests = WaitingRequests(waiting, asked, self._ends, pieces.order, self._end_open)
         server.reader.requests = requests
         orders = pieces.order[server.start : server.stop]
         reach = client.start + np.searchsorted(pieces.order[client.start : client.stop], orders)
@@ -169,13 +169,6 @@ class BothDirections:
         if count:
             self._server.reader.forget_request()
             del self._breaks[:count]
-
-    def _has_begun(self) -> bool:
-        """Tell whether the client has begun a request that is not whole."""
-        reader = self._client.reader
-        if reader.open is None:
-            return reader.begun_at != NOT_BEGUN
-        return self._reach >= self._paused_at
 
     def _end_open(self, at: int) -> bool:
         """Take that something at a place of the data answers a request, and none waits.

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from dissectors.http import Side
 from dissectors.webvisu import Likeness
 from nvscope.tracker.pieces import ORDER_BITS
-from nvscope.tracker.visu.asking import NOTHING, Ask
+from nvscope.tracker.visu.asking import NOTHING, Ask, fits
 from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.going_on import Closed
 from nvscope.tracker.visu.http_forms import Form, What
@@ -87,12 +87,14 @@ class Conversation:
             if self._is_of_page(form) or asked.request is not None:
                 kind = Kind.CUT if form.what is What.CUT else Kind.READ
                 self._tell_request(kind, asked, order, message, tell)
+                self._tell_unbounded(form, order, tell)
             is_head = form.head is not None and form.head.method == "HEAD"
             self._wait(Waiting(NOTHING if form.what is What.CUT else asked, order, arrival_ns, is_head))
         elif form.what is What.PART:
             of_page = self._is_of_page(form)
             if of_page:
                 self._tell_request(Kind.PART, asked, order, message, tell)
+                self._tell_unbounded(form, order, tell)
             # Who breaks off its own request waits for nothing, but for what has come before.
             if form.broken_by is not Side.CLIENT or self.early is not None:
                 self._wait(Waiting(asked if of_page else NOTHING, order, arrival_ns))
@@ -155,6 +157,8 @@ class Conversation:
             is_interim = form.head is not None and form.head.is_interim
             if is_interim or form.answers_nobody:
                 return
+            if form.is_late and self.waiting and not fits(self.waiting[0].asked, form):
+                self._doubt(order, tell)
             if self.waiting:
                 asked = self.waiting.popleft()
                 if form.what is What.CUT:
@@ -166,6 +170,8 @@ class Conversation:
                     self._tell_answer(kind, asked, order, arrival_ns, message, tell)
                 elif asked.asked.request is not None or not form.is_unread:
                     self._tell_answer(Kind.REPLY, asked, order, arrival_ns, message, tell)
+                if asked.asked.request is not None:
+                    self._tell_unbounded(form, order, tell)
             elif self.beyond:
                 self.beyond -= 1
         elif form.what is What.BROKEN:
@@ -178,6 +184,13 @@ class Conversation:
             self._tell_unanswered(order, arrival_ns, tell, by_client=form.broken_by is Side.CLIENT)
         elif form.what is not What.ANEW:
             self._take_other(form, order, tell)
+
+    def _doubt(self, order: int, tell: Callable[[Happened], None]) -> None:
+        """Take that a response may answer a request from before the capture: so may those that follow."""
+        for place, one in enumerate(self.waiting):
+            if one.asked.request is not None:
+                self._tell_answer(Kind.UNCLEAR, one, order, 0, -1, tell)
+                self.waiting[place] = one._replace(asked=NOTHING)
 
     def answer_early(self, order: int, message: int, tell: Callable[[Happened], None]) -> None:
         """Take that the request is whole, with an order, that was answered before; the response is a message now."""
@@ -204,6 +217,10 @@ class Conversation:
 
     def _miss(self, order: int, size: int, tell: Callable[[Happened], None]) -> None:
         self._take_other(Form(What.GAP, missing_bytes=size), order, tell)
+
+    def _tell_unbounded(self, form: Form, order: int, tell: Callable[[Happened], None]) -> None:
+        if form.head is not None and form.head.is_unbounded:
+            tell(Happened(Kind.UNBOUNDED, self.connection, order, -1, NOTHING, 0, 0, 0, False))
 
     def _tell_leaving(self, kind: Kind, order: int, tell: Callable[[Happened], None]) -> None:
         """Tell what waits while its client is leaving: it has closed its side."""

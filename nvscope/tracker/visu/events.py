@@ -11,9 +11,10 @@ class VisuEvent(IntEnum):
     What nobody answered is told of the frame of the request, and of the time at which that was sure. Of ``WRITTEN``,
     ``REFUSED`` and ``PASSWORD_SEEN`` there is one for each variable. ``LATE`` is whatever is slow, unanswered or given
     up: ``GIVEN_UP`` is what is unanswered since the client waits no more, ``RESET`` since the server broke the
-    connection off. ``OTHER_NAMES``: a list of variables
-    contradicts those known before, ``UNREAD_LIST``: nobody can read one. ``CUT``: bytes of a request or a reply are
-    missing. ``AMBIGUOUS``: texts have separators in them, and nobody knows what belongs to which.
+    connection off. ``PART_STATUS`` is the ``STATUS`` of a request that was never sent whole, and is not known to write.
+    ``OTHER_NAMES``: a list of variables contradicts those known before, ``UNREAD_LIST``: nobody can read one. ``CUT``:
+    bytes of a request or a reply are missing. ``AMBIGUOUS``: texts have separators in them, and nobody knows what
+    belongs to which. ``UNBOUNDED``: nobody knows where a request or reply ends.
     """
 
     WRITTEN = 1
@@ -30,6 +31,8 @@ class VisuEvent(IntEnum):
     AMBIGUOUS = 12
     UNREAD_LIST = 13
     RESET = 14
+    PART_STATUS = 15
+    UNBOUNDED = 16
 
 
 OK = 200

@@ -16,7 +16,7 @@ from dissectors.web_protocols import protocol_of_request
 from dissectors.webvisu import Request
 from nvscope.engine.runs import distinct
 from nvscope.tracker.connections import Connections
-from nvscope.tracker.pieces import ORDER_BITS
+from nvscope.tracker.pieces import ORDER_BITS, OtherBytes
 from nvscope.tracker.visu.asking import NOTHING, Ask, Asking, asks_whole, part_of
 from nvscope.tracker.visu.controllers import controller_of
 from nvscope.tracker.visu.conversation import Conversation
@@ -98,11 +98,15 @@ class Exchanges:
                 conversation.closed = going_on.passed(conversation.closed)
 
     def take(
-        self, http: HttpMessages, packets: PacketBatch, segments: SegmentBatch, first_frame: int, one_way: OneWay
+        self, http: HttpMessages, packets: PacketBatch, segments: SegmentBatch, first_frame: int, one_way: OneWay,
+        others: Sequence[OtherBytes] = (),
     ) -> VisuBatch:  # fmt: skip
-        """Return what the HTTP messages of a batch say of WebVisu; ``first_frame`` is that of its row 0."""
+        """Return what the HTTP messages of a batch say of WebVisu; ``first_frame`` is that of its row 0.
+
+        ``others`` are bytes that came again, and were others.
+        """
         self._left_out[Beyond.HELD] += http.given_up
-        if not (len(http) or self._closed or self._unheard):
+        if not (len(http) or self._closed or self._unheard or others):
             return no_messages()
         asked_for = AskedFor(NOTHING)
         asked = self._asked(http, asked_for)
@@ -113,7 +117,8 @@ class Exchanges:
         pairing = Pairing(
             http, is_plain, asked, asked_for, self._conversations, going_on, self._closed, one_way, self._unheard
         )  # fmt: skip
-        said = Said.stacked([whole, _others(http, asked, spoken), *pairing.pair(np.flatnonzero(~taken))])
+        beside = [_others(http, asked, spoken), _other_bytes(others)]
+        said = Said.stacked([whole, *beside, *pairing.pair(np.flatnonzero(~taken))])
         http = pairing.messages
         self._left_out[Beyond.WAITING] += pairing.left_out
         said = said.take(_in_order(said, pairing.over))
@@ -172,7 +177,7 @@ class Exchanges:
                 continue
             if body != last:
                 last, number = body, asked_for.number(asking.by_body(body))
-            if form.is_broken_off and not asks_whole(asked_for.asks[number], body):
+            if form.is_broken_off and not asks_whole(asked_for.asks[number].request, body):
                 last, number = b"", 0
             last_place = -1 if form.is_coded else place
             numbers.append(number)
@@ -198,6 +203,8 @@ class Exchanges:
         unread = _of_messages(_unread(http)[http.form], said, kind == Kind.REPLY) > 0
         unread &= (status == OK) & ~np.array([one.query for one in requests], np.bool_)[said.asked]
         outcome[unread], fields[unread] = int(Outcome.UNREAD), -1
+        other = kind == Kind.OTHER_BYTES
+        fields[other] = said.gap_bytes[other]
         given_up = kind == Kind.GIVEN_UP
         kind[given_up], outcome[given_up] = int(Kind.UNANSWERED), int(Outcome.GIVEN_UP)
         polls = np.flatnonzero((kind == Kind.READ) & known[said.asked])
@@ -205,7 +212,7 @@ class Exchanges:
         polled_ns[polls] = self._since_read(pair[polls], said.asked[polls], asks, packets.ts_ns[row[polls]])
         messages = VisuMessages(
             kind, row, pair, np.where(said.asked > 0, said.asked, -1), start, stop, status, outcome, fields,
-            said.latency_ns, said.asked_frame, said.gap_bytes, said.opens, polled_ns, naming,
+            said.latency_ns, said.asked_frame, np.where(other, 0, said.gap_bytes), said.opens, polled_ns, naming,
             _of_messages(spoken, said, kind == Kind.OTHER),
         )  # fmt: skip
         self._left_out[Beyond.NAMES] += self._names.left_out
@@ -316,6 +323,16 @@ def _others(http: HttpMessages, asked: I64, spoken: I64) -> Said:
     )  # fmt: skip
 
 
+def _other_bytes(others: Sequence[OtherBytes]) -> Said:
+    """Return what came again, and was other bytes; how many stands in place of those that are missing."""
+    stream, order, size = np.array(others, np.int64).reshape(-1, 3).T
+    nothing = np.zeros(len(others), np.int64)
+    return Said(
+        np.full(len(others), int(Kind.OTHER_BYTES)), stream >> 1, order, nothing - 1, nothing, nothing, nothing, size,
+        np.zeros(len(others), np.bool_),
+    )  # fmt: skip
+
+
 def _of_messages(column: I64, said: Said, own: Bool) -> I64:
     """Return a column of HTTP messages for what is said of some of them, -1 for all else."""
     found = np.full(len(said), -1)
@@ -347,7 +364,8 @@ def _contents(http: HttpMessages, said: Said) -> tuple[bytes, I64, I64]:
         one = http.forms[int(form[place])]
         content = one.content or b""
         if one.is_unread and one.head is not None:
-            content = one.head.coding[:_MOST_OF_CODING].encode("latin-1")
+            why = f"Content-Encoding {one.head.coding[:_MOST_OF_CODING]}" if one.head.coding else ""
+            content = b"nobody knows where it ends" if one.head.is_unbounded else why.encode("latin-1")
         start[place], stop[place] = begin, begin + len(content)
         contents.append(content)
         begin += len(content)

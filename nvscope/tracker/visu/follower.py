@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from dissectors.batch import PacketBatch
 from dissectors.transport import SegmentBatch
+from nvscope.tracker.other_copies import OtherCopies
 from nvscope.tracker.streams import ENOUGH, MOST_CONNECTIONS, Streams
 from nvscope.tracker.visu.exchanges import Exchanges
 from nvscope.tracker.visu.http_messages import HttpStreams
@@ -26,6 +27,7 @@ class VisuFollower:
     def __init__(self, ports: Sequence[int], given: Sequence[GivenList] = (), most: int = MOST_CONNECTIONS) -> None:
         self._streams = Streams(ports, min(most, ENOUGH), most)
         self._http = HttpStreams()
+        self._copies = OtherCopies()
         self._exchanges = Exchanges(self._streams.connections, given)
 
     def follow(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> VisuBatch:
@@ -33,11 +35,13 @@ class VisuFollower:
         brought = self._streams.observe(packets, segments, first_frame)
         one_way = OneWay(self._streams.connections, segments, first_frame)
         messages = self._http.read(packets.data, brought, self._exchanges.waiting, one_way.missed_of)
-        told = self._exchanges.take(messages, packets, segments, first_frame, one_way)
+        others = self._copies.observe(packets.data, brought)
+        told = self._exchanges.take(messages, packets, segments, first_frame, one_way, others)
         outlived = self._streams.outlived()
         if outlived is not None:
             numbers = {old: new for new, old in enumerate(outlived.kept.tolist())}
             self._http.keep(numbers)
+            self._copies.keep(numbers)
             self._exchanges.keep(numbers, only_ended=outlived.only_ended)
         return told
 
@@ -49,4 +53,5 @@ class VisuFollower:
         """Forget where all connections are: what comes next of them begins in the middle."""
         self._streams.forget()
         self._http.forget()
+        self._copies.forget()
         self._exchanges.forget()

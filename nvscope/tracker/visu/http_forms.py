@@ -45,7 +45,8 @@ class Form:
     the first request that waits. ``answers_nobody``: what it answers was forgotten meanwhile. ``missing_bytes`` are
     those of a gap. ``spoken`` is what a connection begins with that does not begin with HTTP. ``broken_by`` is who
     broke off a connection that did not end in order. ``is_broken_off``: with that, a request ended that does not say
-    how long it is; nobody knows whether more of it should have come.
+    how long it is; nobody knows whether more of it should have come. ``is_late``: it may answer a request from before
+    the capture (``HttpReader.is_late``).
     """
 
     what: What
@@ -59,6 +60,7 @@ class Form:
     spoken: WebProtocol | None = None
     broken_by: Side | None = None
     is_broken_off: bool = False
+    is_late: bool = False
 
     @property
     def is_unread(self) -> bool:

@@ -27,9 +27,6 @@ from nvscope.tracker.visu.waiting_requests import Asked, Missed, Unheard, Waitin
 _AT_A_TIME = 512
 """So many pieces are joined at a time."""
 
-_MOST_BEFORE_FIRST = 64
-"""So much of what a client shows is looked at to tell whether anything waits for the first response."""
-
 
 @dataclass(frozen=True, slots=True)
 class HttpMessages:
@@ -173,14 +170,9 @@ class HttpStreams:
             if reader.begun_at >= 0:
                 reader.begun_at = EARLIER
             with_head = stream & 1 > 0 and stream >> 1 in self._with_head
-            if with_head or begins or reader.is_late:
-                first = before if asking != stream >> 1 else before - counts[-1]
-                own = range(first, before if with_head else min(before, first + _MOST_BEFORE_FIRST))
-                requests = partial(self._requests, brought, ends, own, stream >> 1, waiting_of, missed)
-                if with_head:
-                    reader.requests = requests()
-                else:
-                    reader.late_requests = requests
+            if with_head:
+                own = range(before if asking != stream >> 1 else before - counts[-1], before)
+                reader.requests = self._requests(brought, ends, own, stream >> 1, waiting_of, missed)
             asking = stream >> 1
             self._held_bytes -= len(reader.rest)
             first_new = behind[place] + len(reader.rest)
@@ -206,7 +198,7 @@ class HttpStreams:
                 if reader.breaks:
                     breaks = self._orders(brought, ends, reader.breaks)
                 self._note_open(stream >> 1, reader, int(pieces.arrival_ns[stop - 1]))
-            reader.breaks, reader.late_requests = [], None
+            reader.breaks = []
             counts.append(len(found.at) - before)
         self._forget_requests(asking, breaks)
         return self._told(data, brought, ends, np.repeat(np.array(told, np.int64), counts), given_up)

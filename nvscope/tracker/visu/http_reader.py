@@ -13,12 +13,11 @@ from dissectors.http import MOST_BODY_BYTES, MOST_HEAD_BYTES, Body, Head, Side
 from dissectors.web_protocols import protocol_of_bytes
 from dissectors.webvisu import Likeness
 from nvscope.tracker.visu.http_forms import NOT_BEGUN, Form, Forms, What
+from nvscope.tracker.visu.open_requests import open_form, unbounded_form
 from nvscope.tracker.visu.part_requests import OpenRequest, behind_body, bodiless, end_form, likeness_of, part_form
 from nvscope.tracker.visu.same_messages import count_same
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from nvscope.tracker.visu.waiting_requests import WaitingRequests
 
 _MOST_CHUNKED_BYTES = 2 * MOST_BODY_BYTES
@@ -38,14 +37,14 @@ class HttpReader:
     to read to know that what is read now is no part of another message; 0 of what is not. ``arrived_ns`` is when what
     is left over of earlier batches had come. ``begun_at`` is where the head ends of a message that says how long it is,
     and is not whole: in the data of the batch, below 0 where that was an earlier one; ``NOT_BEGUN`` without such.
-    ``is_late``: a server's stream began in the middle, and its first response may answer what was not captured;
-    ``late_requests`` returns those that were, where ``requests`` are None.
+    ``is_late``: a server's stream began in the middle, and no response with a body has come yet: what comes may answer
+    a request that was not captured.
     """
 
     __slots__ = (
         "_answers_head", "_answers_nobody", "_chunks", "_found_before", "_is_first", "_passed", "_passes", "_seeks",
-        "_unasked", "arrived_ns", "asks_head", "begun_at", "breaks", "is_late", "known_at", "late_requests", "open",
-        "pauses", "requests", "rest", "side",
+        "arrived_ns", "asks_head", "begun_at", "breaks", "is_late", "known_at", "open", "pauses", "requests", "rest",
+        "side",
     )  # fmt: skip
 
     def __init__(self, side: Side) -> None:
@@ -54,7 +53,6 @@ class HttpReader:
         self.requests: WaitingRequests | None = None
         # Of the response that has begun, None before its head is there.
         self._answers_head: bool | None = None
-        self._unasked: bool | None = None
         self._answers_nobody = False
         self.breaks: list[int] = []
         # The chunks of the message that has begun, None where it has none.
@@ -68,13 +66,12 @@ class HttpReader:
         self.open: OpenRequest | None = None
         self.pauses, self.arrived_ns = False, 0
         self.begun_at, self.is_late = NOT_BEGUN, False
-        self.late_requests: Callable[[], WaitingRequests] | None = None
 
     def begin(self, *, in_step: bool) -> None:
         """Take the begin of a connection; its first bytes begin a message where it is ``in_step``."""
         self.rest, self._passes, self._passed = b"", 0, None
         self._seeks, self._is_first = not in_step, in_step
-        self._answers_head = self._unasked = self._chunks = self.open = None
+        self._answers_head = self._chunks = self.open = None
         self._answers_nobody = False
         self.begun_at, self.is_late = NOT_BEGUN, self.side is Side.SERVER and not in_step
 
@@ -105,7 +102,7 @@ class HttpReader:
                 self._seeks, begin = False, start
             head_end = find(END_OF_HEAD, begin, end) + len(END_OF_HEAD)
             number = known.get(data[begin:head_end]) if plain else None
-            if number is None or (self.is_late and body_bytes[number] and behind_body(data, head_end, end, self.side)):
+            if number is None or self.is_late:
                 begin = http.behind_blank_lines(data, begin, end)
                 first = len(found.at)
                 behind = self._read_one(data, begin, end, found)
@@ -125,7 +122,7 @@ class HttpReader:
                 found.late[len(found.at)] = known_at
             tell_at(head_end)
             tell_form(number)
-            self._answers_head, self.is_late = None, False
+            self._answers_head = None
             if differing < _DIFFERING and behind >= known_at:
                 length = behind - begin
                 count = count_same(data, begin, behind, end)
@@ -162,8 +159,6 @@ class HttpReader:
             self.asks_head |= head.method == "HEAD"
         if head.has_body and (head.expects or self.is_late):
             line = behind_body(data, head_end, end, self.side)
-            if line and self.is_late and not self._is_unasked(head_end):
-                line = 0
             if line > 0:
                 return self._skip_body(data[start:head_end], head_end, line, head, found)
             if line < 0 and (head.body is Body.LENGTH or self.side is Side.SERVER):
@@ -171,10 +166,19 @@ class HttpReader:
                 return -1
         if head.body is Body.LENGTH:
             return self._read_length(data, start, head_end, end, head, found)
+        if head.is_unbounded and self.side is Side.SERVER:
+            late, nobody = self.is_late, self._answered(head_end, head)
+            found.tell(head_end, Form(What.WHOLE, head, 0, is_coded=True, answers_nobody=nobody, is_late=late))
+            self._seeks = True
+            return head_end
         if self.side is Side.CLIENT:
             self.open = OpenRequest(head, head_end - start)
             if self.pauses:
                 return -1
+            if head.is_unbounded and (behind := http.start_of_message(data, head_end, end, self.side)) >= 0:
+                self.open, found.late[len(found.at)] = None, data.find(b"\n", behind) + 1
+                found.tell(head_end, unbounded_form(data[start:behind], head_end - start, head))
+                return behind
         if head.body is Body.CHUNKS:
             return self._read_chunks(data, start, head_end, end, head, found)
         if end - head_end <= MOST_BODY_BYTES:
@@ -190,18 +194,11 @@ class HttpReader:
             self._answers_head = self.requests is not None and self.requests.answers_head(max(at, self.known_at))
         return self._answers_head
 
-    def _is_unasked(self, at: int) -> bool:
-        """Tell whether no request waits that was captured when a head is whole: what waited then says so, not later."""
-        if self._unasked is None:
-            requests = self.late_requests() if self.requests is None and self.late_requests else self.requests
-            self._unasked = requests is not None and not requests.wait(max(at, self.known_at))
-        return self._unasked
-
     def _skip_body(self, text: bytes, head_end: int, line: int, head: Head, found: Forms) -> int:
         """Take a message without its body, in whose place there is, up to ``line``, the first line of another one."""
         self.begun_at, self.open, found.late[len(found.at)] = NOT_BEGUN, None, line
         is_request, self._answers_nobody = self.side is Side.CLIENT, self.side is Side.SERVER
-        form = part_form(text, len(text), head) if is_request else bodiless(head, self._answered(line, head))
+        form = part_form(text, len(text), head) if is_request else bodiless(head, self._answered(line, None))
         found.tell(head_end, form)
         return head_end
 
@@ -211,13 +208,12 @@ class HttpReader:
         self._answers_head, self._answers_nobody = None, False
         if self.requests is not None and not nobody and not (head is not None and head.is_interim):
             self.requests.answered(at if at < 0 else max(at, self.known_at))
-        if self.is_late and not (head is not None and head.is_interim):
-            self.is_late = False
+        self.is_late = self.is_late and not (head is not None and head.has_body)
         return nobody
 
     def _may_be_known(self, head: Head) -> bool:
         """Tell whether all messages with such a head are read alike."""
-        return self.requests is None and head.method != "HEAD" and not (head.is_interim or head.expects or self.is_late)
+        return self.requests is None and head.method != "HEAD" and not (head.is_interim or head.expects)
 
     def _read_length(self, data: bytes, start: int, head_end: int, end: int, head: Head, found: Forms) -> int:
         behind = head_end + head.length
@@ -231,17 +227,17 @@ class HttpReader:
             return behind
         if behind > end:
             return -1
-        nobody = self._answered(behind, head)
+        late, nobody = self.is_late, self._answered(behind, head)
         if head.coding:
             content = http.decoded(data[head_end:behind], head.coding)
-            form = Form(What.WHOLE, head, head.length, content, is_coded=True, answers_nobody=nobody)
+            form = Form(What.WHOLE, head, head.length, content, is_coded=True, answers_nobody=nobody, is_late=late)
             found.tell(head_end, form)
             return behind
-        number = found.add(Form(What.WHOLE, head, head.length, answers_nobody=nobody))
+        number = found.add(Form(What.WHOLE, head, head.length, answers_nobody=nobody, is_late=late))
         found.at.append(head_end)
         found.form.append(number)
         text = data[start:head_end]
-        if text.find(END_OF_HEAD) == len(text) - len(END_OF_HEAD) and self._may_be_known(head) and not nobody:
+        if text.find(END_OF_HEAD) == len(text) - len(END_OF_HEAD) and self._may_be_known(head) and not (nobody or late):
             found.known[self.side][text] = number
         return behind
 
@@ -257,9 +253,10 @@ class HttpReader:
             self._chunks = reader
             return -1
         self.open = None
-        nobody = self._answered(chunks.stop, head)
+        late, nobody = self.is_late, self._answered(chunks.stop, head)
         content = http.decoded(chunks.content, head.coding)
-        form = Form(What.WHOLE, head, chunks.stop - head_end, content, is_coded=True, answers_nobody=nobody)
+        size = chunks.stop - head_end
+        form = Form(What.WHOLE, head, size, content, is_coded=True, answers_nobody=nobody, is_late=late)
         found.tell(head_end, form)
         return chunks.stop
 
@@ -283,6 +280,8 @@ class HttpReader:
         body = begin + self.open.head_bytes
         if self._passes:
             return True
+        if self.open.head.is_unbounded and http.start_of_message(data, body, end, self.side) >= 0:
+            return False
         if self.open.head.body is Body.END:
             return end - body <= MOST_BODY_BYTES
         self._chunks = self._chunks or http.Chunks()
@@ -297,11 +296,10 @@ class HttpReader:
         assert self.open is not None
         head = self.open.head
         body = begin + self.open.head_bytes
-        if head.expects and body >= end and not self._passes:
-            found.tell(at, part_form(data[begin:body], body - begin, head))
+        if self._passes:
+            found.tell(at, Form(What.WHOLE, head, 0, is_coded=True))
         else:
-            content = None if self._passes else http.content_up_to(data, body, end, head, self._chunks)
-            found.tell(at, Form(What.WHOLE, head, 0, content, is_coded=True))
+            found.tell(at, open_form(data[begin:end], body - begin, head, self._chunks))
         self.begin(in_step=True)
         self._is_first = False
 
@@ -345,18 +343,18 @@ class HttpReader:
         found.tell(at, Form(What.BROKEN, touched=touched))
 
     def _out_of_step(self, at: int) -> None:
-        self._seeks, self._answers_head, self._answers_nobody, self.open, self._unasked = True, None, False, None, None
+        self._seeks, self._answers_head, self._answers_nobody, self.open = True, None, False, None
         self.begun_at = NOT_BEGUN
         if self.requests is not None:
             self.requests.forget(at)
 
     def _tell_passed(self, at: int, found: Forms) -> None:
         assert self._passed is not None
-        nobody = self._answered(at, self._passed.head)
+        late, nobody = self.is_late, self._answered(at, self._passed.head)
         if self.begun_at != NOT_BEGUN:
             found.head_at[len(found.at)] = self.begun_at
         self.begun_at = NOT_BEGUN
-        found.tell(at, replace(self._passed, answers_nobody=nobody))
+        found.tell(at, replace(self._passed, answers_nobody=nobody, is_late=late))
         self._passes, self._passed = 0, None
 
     def end(self, at: int, found: Forms, ended: int) -> None:
@@ -376,19 +374,21 @@ class HttpReader:
             if dropped:
                 if head is not None and head.body is not Body.LENGTH:
                     found.arrived_ns[len(found.at)] = self.arrived_ns
-                    content = http.content_up_to(rest, head_end, len(rest), head, self._chunks)
-                    found.tell(at, Form(What.WHOLE, head, 0, content, is_coded=True, is_broken_off=True))
+                    found.tell(at, open_form(rest, head_end, head, self._chunks, found.forms[ended]))
+            elif head is not None and head.is_unbounded:
+                found.tell(at, unbounded_form(rest, head_end, head))
             elif head is not None and head.body is Body.END:
                 content = http.decoded(rest[head_end:], head.coding)
-                nobody = self._answered(at, head)
-                found.tell(at, Form(What.WHOLE, head, 0, content, is_coded=True, answers_nobody=nobody))
+                late, nobody = self.is_late, self._answered(at, head)
+                form = Form(What.WHOLE, head, 0, content, is_coded=True, answers_nobody=nobody, is_late=late)
+                found.tell(at, form)
             # Of a response that was not sent whole nothing is missing: it is none.
             elif self.side is Side.SERVER and self._passed is not None and self._passed.what is What.CUT:
                 found.tell(at, Form(What.CUT, answers_nobody=self._answered(at, self._passed.head)))
-            if self.side is Side.CLIENT and (form := end_form(rest, head_end, head, self._passed, found.forms[ended])):
+            if self.side is Side.CLIENT and (part := end_form(rest, head_end, head, self._passed, found.forms[ended])):
                 if self.begun_at != NOT_BEGUN:
                     found.head_at[len(found.at)] = self.begun_at
-                found.tell(at, form)
+                found.tell(at, part)
         self.begin(in_step=False)
         if self.requests is not None:
             if ended == Forms.END:

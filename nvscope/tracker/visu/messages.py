@@ -35,6 +35,8 @@ class Kind(IntEnum):
     then nobody knows any more what answers it, or what the reply to a part says of it. ``GIVEN_UP``: what is unanswered
     since the client waits no more; batches have that as ``UNANSWERED``, by its outcome. ``PART``: a request ends of
     which the client sent no more than a part; ``REFUSED``: the reply to such a one, of another status than 200.
+    ``UNBOUNDED``: nobody knows where the message ends that comes with it: its Content-Length is not one number.
+    ``OTHER_BYTES``: bytes of a connection came again, and so many (``fields``) were others than those that came first.
     """
 
     READ = 0
@@ -50,13 +52,15 @@ class Kind(IntEnum):
     GIVEN_UP = 10
     PART = 11
     REFUSED = 12
+    UNBOUNDED = 13
+    OTHER_BYTES = 14
 
 
 class Outcome(IntEnum):
     """What a reply says. ``STATUS``: its HTTP status is another one than 200; ``NONE``: it is no reply.
 
     ``GIVEN_UP`` is of what is unanswered: the client ended the connection, or its side of it. ``UNREAD``: the reply is
-    whole, but nobody knows what it says; in place of its content lies the name of its coding, '' where it is too long.
+    whole, but nobody knows what it says; in place of its content lies why, '' where it is too long.
     """
 
     NONE = -1

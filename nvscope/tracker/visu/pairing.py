@@ -158,7 +158,7 @@ class Pairing:
                 elif not conversation.waits and self._is_early(conversation, row, order):
                     conversation.early = self._early(row)
                     continue
-                conversation.take_from_server(http.forms[form], order, arrival_ns, row, tell)
+                conversation.take_from_server(self._form(row), order, arrival_ns, row, tell)
                 if not conversation.is_spoken and http.forms[form].what in (What.BEGIN, What.ANEW):
                     conversation.acknowledged = self._one_way.acknowledged_at(stream, order)
             else:
@@ -168,6 +168,11 @@ class Pairing:
                 if conversation.early is not None and http.forms[form].what in (What.WHOLE, What.CUT, What.PART):
                     self._later.append((conversation.early.form, stream + 1, order, conversation.early.arrival_ns))
                     conversation.answer_early(order, len(http) + len(self._later) - 1, tell)
+
+    def _form(self, row: int) -> Form:
+        """Return the form of a message, with its content where that says whether it answers what waits."""
+        form = self._http.forms[int(self._http.form[row])]
+        return replace(form, content=self._http.content(row), is_coded=True) if form.is_late else form
 
     def _is_early(self, conversation: Conversation, row: int, order: int) -> bool:
         """Tell whether a message of a server answers the request that its client has begun; none waits."""

@@ -78,7 +78,7 @@ def plain_rows(http: HttpMessages, asked: I64, asks: Sequence[Ask]) -> Bool:
 
 
 def _is_plain(form: Form) -> bool:
-    if form.what is not What.WHOLE or form.is_coded or form.answers_nobody or form.head is None:
+    if form.what is not What.WHOLE or form.is_coded or form.answers_nobody or form.is_late or form.head is None:
         return False
     return not form.head.is_interim and form.head.method != "HEAD"
 

@@ -32,9 +32,8 @@ SLOW_NS = 10**9
 
 _WRONG: Mapping[int, VisuEvent] = {Outcome.MISCOUNTED: VisuEvent.MISCOUNTED, Outcome.AMBIGUOUS: VisuEvent.AMBIGUOUS}
 _LATE = (VisuEvent.SLOW, VisuEvent.UNANSWERED, VisuEvent.GIVEN_UP, VisuEvent.RESET)
-_WITH_STATUS = (VisuEvent.REFUSED, VisuEvent.STATUS)
-_MOST_REMEMBERED = 1 << 14
-_MINUTE_NS = 60 * 10**9
+_WITH_STATUS = (VisuEvent.REFUSED, VisuEvent.STATUS, VisuEvent.PART_STATUS)
+_MOST_REMEMBERED, _MINUTE_NS = 1 << 14, 60 * 10**9
 
 
 class _Message(NamedTuple):
@@ -73,11 +72,12 @@ class PairColumns(KeyedColumns):
     gap_bytes: I64
     miscounted: I64
     ambiguous: I64
+    other_bytes: I64
     COLUMNS: ClassVar = {
         name: (np.int64(0), 1)
         for name in (
             "connections", "reads", "writes", "entries", "variables", "replies", "refused", "unanswered", "cut",
-            "gap_bytes", "miscounted", "ambiguous",
+            "gap_bytes", "miscounted", "ambiguous", "other_bytes",
         )
     }  # fmt: skip
 
@@ -156,9 +156,8 @@ class VisuCounts:
         self.unchanging.observe(part, told.max_streams)
         leaving = [one._replace(pair=int(own[one.pair])) for one in part.leaving]
         self.leaving.observe(told, [one for one in leaving if one.pair >= 0])
-        self.events.settle()
-        self.write_minutes.settle()
-        self.left_out.settle()
+        for log in (self.events, self.write_minutes, self.left_out):
+            log.settle()
 
     def _count(self, pair: I64, messages: VisuMessages, requests: Sequence[Request]) -> None:
         columns, kind, outcome = self.columns, messages.kind, messages.outcome
@@ -166,20 +165,21 @@ class VisuCounts:
         miscounted = np.array([one.is_miscounted for one in requests], np.bool_)
         ambiguous = np.array([one.ambiguous for one in requests], np.bool_)
         writes = np.array([one.writes for one in requests], np.bool_)
-        asks = (kind == Kind.READ) | (kind == Kind.WRITE)
-        replies = kind == Kind.REPLY
+        asks, replies = (kind == Kind.READ) | (kind == Kind.WRITE), kind == Kind.REPLY
         for name, where in (
             ("connections", messages.opens), ("reads", kind == Kind.READ), ("writes", kind == Kind.WRITE),
-            ("replies", replies), ("unanswered", kind == Kind.UNANSWERED), ("cut", kind == Kind.CUT),
-            ("ambiguous", outcome == Outcome.AMBIGUOUS), ("miscounted", outcome == Outcome.MISCOUNTED),
+            ("unanswered", kind == Kind.UNANSWERED), ("cut", kind == Kind.CUT), ("replies", kind == Kind.REPLY),
+            ("miscounted", outcome == Outcome.MISCOUNTED),
+            ("ambiguous", (outcome == Outcome.AMBIGUOUS) | (kind == Kind.UNBOUNDED)),
         ):  # fmt: skip
             np.add.at(getattr(columns, name), pair[where], 1)
-        asked = messages.asked
+        asked, others = messages.asked, kind == Kind.OTHER_BYTES
         np.add.at(columns.entries, pair[asks], entries[asked[asks]])
         np.add.at(columns.miscounted, pair[asks], miscounted[asked[asks]])
         np.add.at(columns.ambiguous, pair[asks], ambiguous[asked[asks]])
         np.add.at(columns.gap_bytes, pair, messages.gap_bytes)
-        not_done = (outcome == Outcome.REFUSED) | (outcome == Outcome.STATUS)
+        np.add.at(columns.other_bytes, pair[others], messages.fields[others])
+        not_done = np.isin(outcome, (Outcome.REFUSED, Outcome.STATUS))
         refused = np.flatnonzero((replies | (kind == Kind.REFUSED)) & not_done)
         np.add.at(columns.refused, pair[refused], writes[asked[refused]])
         self.latencies.observe(pair[replies], messages.latency_ns[replies], len(self.pairs))
@@ -233,10 +233,10 @@ class VisuCounts:
                 else:
                     reset = part.is_reset_by_server(one.row, one.pair)
                     found.append((VisuEvent.RESET if reset else VisuEvent.UNANSWERED, whole))
-            elif one.kind == Kind.CUT:
-                found.append((VisuEvent.CUT, whole))
+            elif one.kind in (Kind.CUT, Kind.UNBOUNDED):
+                found.append((VisuEvent.CUT if one.kind == Kind.CUT else VisuEvent.UNBOUNDED, whole))
             elif one.kind == Kind.REFUSED:
-                found.append((VisuEvent.REFUSED if request.writes else VisuEvent.STATUS, whole))
+                found.append((VisuEvent.REFUSED if request.writes else VisuEvent.PART_STATUS, whole))
             elif one.kind == Kind.REPLY:
                 if one.latency_ns > SLOW_NS:
                     found.append((VisuEvent.SLOW, whole))
@@ -287,7 +287,7 @@ class VisuCounts:
         """Return the messages of which something may be said beside that they are there."""
         kind, asked, outcome = messages.kind, messages.asked, messages.outcome
         peculiar = np.array([one.writes or one.is_miscounted for one in part.requests], np.bool_)
-        wanted = (kind == Kind.UNANSWERED) | (kind == Kind.WRITE) | (kind == Kind.CUT)
+        wanted = (kind == Kind.UNANSWERED) | np.isin(kind, (Kind.WRITE, Kind.CUT, Kind.UNBOUNDED))
         wanted |= messages.latency_ns > SLOW_NS
         wanted |= (outcome != Outcome.NONE) & (outcome != Outcome.DONE)
         wanted &= ~np.isin(kind, (Kind.LEFT, Kind.UNCLEAR, Kind.PART))

@@ -20,7 +20,8 @@ class VisuSummary:
 
     ``reads``, ``writes`` and ``entries`` are of requests that were seen whole, ``replies`` are those to them, and
     ``latency`` is how long these took. ``refused`` are the writes that were not done. ``cut`` are requests and replies
-    of which bytes are missing, ``gap_bytes`` all that are missing of their connections. ``polling`` is how long it is
+    of which bytes are missing, ``gap_bytes`` all that are missing of their connections, ``other_bytes`` those that came
+    again as other ones. ``polling`` is how long it is
     from one read to the next one of the same.
     """
 
@@ -39,6 +40,7 @@ class VisuSummary:
     gap_bytes: int
     miscounted: int
     ambiguous: int
+    other_bytes: int
     latency: LatencyFigures = field(default_factory=LatencyFigures)
     polling: LatencyFigures = field(default_factory=LatencyFigures)
 

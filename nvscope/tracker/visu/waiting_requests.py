@@ -86,15 +86,13 @@ class WaitingRequests:
     ``nvscope.tracker.pieces``), ``begun`` with which order the head was there of what is not whole behind that.
     ``ends`` are where pieces end in the data that is read, ``orders`` those of pieces. ``answers_more`` is called with
     a place of the data where something comes that answers a request, and none waits; it tells whether that is one that
-    has begun. ``has_begun`` tells whether there is one.
+    has begun.
     """
 
     def __init__(
         self, waiting: Waiting, asked: Iterable[Asked], ends: I64, orders: I64,
         answers_more: Callable[[int], bool] | None = None, begun: int = NEVER,
-        has_begun: Callable[[], bool] | None = None,
     ) -> None:  # fmt: skip
-        self._has_begun = has_begun
         self._waiting, self._beyond, self._is_early = deque(waiting.are_head), waiting.beyond, waiting.is_early
         self._begun = begun
         self._asked = deque(asked)
@@ -109,16 +107,6 @@ class WaitingRequests:
         """Tell whether the response whose head ends at a place of the data answers HEAD."""
         self._go_on(at)
         return bool(self._waiting) and self._waiting[0]
-
-    def wait(self, at: int) -> bool:
-        """Tell whether any wait at a place of the data, or have begun by then."""
-        order = self._go_on(at)
-        if self._waiting or self._beyond:
-            return True
-        asked = next((one for one in self._asked if one.form.what is not What.GAP), None)
-        if asked is None and self._has_begun is not None:
-            return self._has_begun()
-        return (self._begun if asked is None else asked.head_order) < order
 
     def answered(self, at: int) -> None:
         """Take the end of a response, or that there was one of which bytes are missing."""

@@ -47,6 +47,7 @@ def visu_rows(
             "gap_bytes": one.gap_bytes,
             "miscounted": one.miscounted,
             "ambiguous": one.ambiguous,
+            "other_bytes": one.other_bytes,
             "latency_ns": {
                 "count": one.latency.count,
                 "p50": one.latency.p50,

@@ -69,6 +69,11 @@ def message_words(part: VisuBatch, message: int, *, secrets: bool = False) -> st
         return f"{units.count_of(int(messages.gap_bytes[message]), 'byte')} missing"
     if kind is Kind.CUT:
         return "cut: bytes are missing"
+    if kind is Kind.OTHER_BYTES:
+        differ = units.count_of(int(messages.fields[message]), "byte")
+        return f"sent again with other bytes ({differ}): what came first is shown, the receiver may have the others"
+    if kind is Kind.UNBOUNDED:
+        return "its Content-Length is not one number, nobody knows where it ends"
     if kind is Kind.OTHER:
         return f"{protocol_words(WebProtocol(int(messages.spoken[message])))}, not decoded"
     if kind is Kind.NAMES:
@@ -108,8 +113,8 @@ def _reply(part: VisuBatch, message: int, request: Request, told: str) -> str:
     if outcome is Outcome.STATUS:
         return f"HTTP status {messages.status[message]}{took}"
     if outcome is Outcome.UNREAD:
-        coding = part.data[int(messages.start[message]) : int(messages.stop[message])].decode("latin-1")
-        return f"reply not read, {f'Content-Encoding {coding}' if coding else 'it is too long'}{took}"
+        why = part.data[int(messages.start[message]) : int(messages.stop[message])].decode("latin-1")
+        return f"reply not read, {why or 'it is too long'}{took}"
     if outcome is Outcome.REFUSED:
         return f"refused{took}"
     if request.writes:

@@ -9,7 +9,11 @@ Readings, where the rules leave a choice:
   have come without an end
 - behind three digits of a status comes the line's end, or a space and anything
 - a search goes on behind the first byte of what is foreign: what was taken for its head may be that of the next one
-- header lines without a colon, and those that begin with a space, mean nothing; a name ends where its colon stands
+- header lines without a colon mean nothing, and a line that begins with a blank goes on with the one before, if
+  there is any; a name ends where its colon stands
+- where Content-Length is needed, and is not one number of at most 2^30, nobody knows where a message ends: a request
+  does so in front of the next start line, if it is not answered before, as one without a length; a response is there
+  with its head, and the next one is searched for
 - whether a response has no body (1xx, 204, 304, to HEAD) is looked at first, then chunked, then Content-Length: what is
   not needed is not wrong
 - a response is one to HEAD where the first request that waits when its head is whole is one
@@ -24,22 +28,30 @@ Readings, where the rules leave a choice:
   ends where it is answered: with its content where chunks are whole, one of chunks that end within one has none; and
   where the connection is reset, with what came before that
 - who sends Expect: 100-continue may send no body: where a whole start line stands in its place, the request is a part,
-  and so is an open one that is answered before anything of its body. The first final response of a direction that began
-  before the capture may be one to HEAD: the same tells where no request waits, or has begun, when its head is whole.
+  and so is an open one that is answered before anything of its body. Where a direction began before the capture, its
+  final responses are late up to the first one that has a body: those may be ones to HEAD, of which the same tells.
   While what is there may become a start line, it is none of a body of known length, or of such a response
 """
 
 from __future__ import annotations
 
 import re
-import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from tests.oracle.rules.http_bodies import MOST_HEAD, MOST_LENGTH, Foreign, chunks, line, line_end, whole_chunks
+from tests.oracle.rules.http_bodies import (
+    MOST_BODY,
+    MOST_HEAD,
+    MOST_LENGTH,
+    Foreign,
+    chunks,
+    decoded,
+    line,
+    line_end,
+    whole_chunks,
+)
 
-MOST_BODY = 2**20
 METHODS = rb"GET|HEAD|POST|PUT|DELETE|OPTIONS|PATCH|CONNECT|TRACE"
 REQUEST_LINE = re.compile(rb"(%s) (\S{1,2048}) HTTP/1\.[01]" % METHODS)
 STATUS_LINE = re.compile(rb"HTTP/1\.[01] (\d\d\d)(?:[ \t][^\r\n]{0,1000})?")
@@ -56,7 +68,8 @@ class Message:
     came of it before the first missing byte, as it came. ``whole`` tells whether it came to its end, cut or not;
     ``broken_off``: that its end is the reset of the connection, and nobody knows whether more should have come;
     ``part``: that it is a request of which the client sent no more than a part; ``unasked``: that it is a response to
-    HEAD, which was not captured.
+    HEAD, which was not captured; ``late``: that it may be one to a request from before the capture;
+    ``unbounded``: that nobody knows where it ends.
     """
 
     method: bytes = b""
@@ -70,6 +83,8 @@ class Message:
     broken_off: bool = False
     part: bool = False
     unasked: bool = False
+    late: bool = False
+    unbounded: bool = False
 
 
 @dataclass
@@ -107,7 +122,7 @@ def head_of(buffer: bytes, response: bool) -> Head | None:
         return None
     message, first = started
     fields: dict[bytes, list[bytes]] = {}
-    at = first
+    at, last = first, list[bytes]()
     while True:
         end = buffer.find(b"\n", at) + 1
         if (end or len(buffer) + 1) > MOST_HEAD:
@@ -117,10 +132,14 @@ def head_of(buffer: bytes, response: bool) -> Head | None:
         text = line(buffer, at, end)
         if not text:
             return Head(message, fields, end)
-        name, colon, value = text.partition(b":")
-        if colon:
-            fields.setdefault(name.lower(), []).append(value.strip(b" \t"))
         at = end
+        if text[:1] in (b" ", b"\t"):
+            if last:
+                last[-1] = (last[-1] + b" " + text.strip(b" \t")).strip(b" \t")
+            continue
+        name, colon, value = text.partition(b":")
+        last = fields.setdefault(name.lower(), []) if colon else []
+        last.append(value.strip(b" \t"))
 
 
 NO_BODY, TO_THE_END, CHUNKED = "none", "to the end", "chunked"
@@ -137,31 +156,12 @@ def framing(head: Head, response: bool, to_head: bool) -> int | str:
     lengths = head.fields.get(b"content-length")
     if lengths:
         told = [one.strip() for value in lengths for one in value.split(b",")]
-        if not all(re.fullmatch(rb"\d+", length) for length in told):
-            raise Foreign(head.end)
-        numbers = {int(length.lstrip(b"0")[:20] or b"0") for length in told}
-        if len(numbers) > 1 or max(numbers) > MOST_LENGTH:
-            raise Foreign(head.end)
-        return numbers.pop()
+        numbers = {int(length.lstrip(b"0")[:20] or b"0") for length in told if re.fullmatch(rb"\d+", length)}
+        if all(re.fullmatch(rb"\d+", length) for length in told) and len(numbers) == 1 and max(numbers) <= MOST_LENGTH:
+            return numbers.pop()
+        head.message.unbounded = True
+        return TO_THE_END
     return TO_THE_END if response or head.message.method in (b"POST", b"PUT") else NO_BODY
-
-
-def decoded(head: Head, content: bytes) -> bytes | None:
-    """Return a body as it was before it was compressed; None where that is not known."""
-    encoding = b",".join(head.fields.get(b"content-encoding", [])).lower()
-    if len(content) > MOST_BODY:
-        return None
-    if encoding in (b"", b"identity"):
-        return content
-    for wbits in {b"gzip": (31,), b"x-gzip": (31,), b"deflate": (15, -15)}.get(encoding, ()):
-        stream = zlib.decompressobj(wbits)
-        try:
-            found = stream.decompress(content, MOST_BODY + 1)
-        except zlib.error:
-            continue
-        if stream.eof and len(found) <= MOST_BODY:
-            return found
-    return None
 
 
 class Reader:
@@ -173,12 +173,11 @@ class Reader:
         in_step: bool,
         first_is_head: Callable[[], bool],
         happened: Counter[str] | None = None,
-        nobody_waits: Callable[[], bool] = bool,
     ) -> None:
         self.response = response
         self.in_step = in_step
-        self.first_is_head, self.nobody_waits = first_is_head, nobody_waits
-        self.first_is_late = response and not in_step
+        self.first_is_head = first_is_head
+        self.is_late = response and not in_step
         self.may_lack_body = False
         self.happened: Counter[str] = Counter() if happened is None else happened
         self.buffer = b""
@@ -213,7 +212,7 @@ class Reader:
         self.happened["open request answered within a chunk"] += body is None
         is_part = self.expects and len(self.buffer) == self.head.end and not by_reset
         head, message = self.head, self.whole(len(self.buffer), body)
-        message.body, message.part = None if body is None else decoded(head, body), is_part
+        message.body, message.part = None if body is None else decoded(head.fields, body), is_part
         return message
 
     def feed(self, data: bytes, time: int) -> Iterator[Message | Lost]:
@@ -316,7 +315,7 @@ class Reader:
             if self.head is None:
                 return None
             self.framing = framing(self.head, self.response, self.response and self.first_is_head())
-            self.may_lack_body = self.expects if not self.response else self.first_is_late and self.nobody_waits()
+            self.may_lack_body = self.expects if not self.response else self.is_late
         begin = self.head.end
         if self.may_lack_body and self.framing not in (NO_BODY, 0):
             other = self.other_begins(begin)
@@ -326,6 +325,8 @@ class Reader:
                 return None
         if self.framing == NO_BODY:
             return self.whole(begin, None)
+        if self.head.message.unbounded:
+            return self.without_end(begin)
         if self.framing == TO_THE_END:
             return None
         if self.framing == CHUNKED:
@@ -356,8 +357,21 @@ class Reader:
         """Take the message for one without a body, though its head says that there is one."""
         assert self.head is not None
         self.happened["response to HEAD that was not captured" if self.response else "body that was not sent"] += 1
+        is_late = self.is_late
         message = self.whole(self.head.end, None)
+        self.is_late = is_late
         message.part, message.unasked = not self.response, self.response
+        return message
+
+    def without_end(self, begin: int) -> Message | None:
+        """Return a message of which nobody knows where it ends, if it is known that it does."""
+        other = None if self.response else REQUEST_SOMEWHERE.search(self.buffer, begin)
+        if other is not None:
+            return self.whole(other.start(), self.buffer[begin : other.start()])
+        if not self.response:
+            return None
+        message = self.whole(begin, None)
+        message.body, self.in_step = None, False
         return message
 
     def whole(self, end: int, content: bytes | None) -> Message:
@@ -369,11 +383,12 @@ class Reader:
             message.seen = self.buffer[self.head.end : self.missing_at]
         else:
             message.seen = content or b""
-            message.body = b"" if content is None else decoded(self.head, content)
+            message.body = b"" if content is None else decoded(self.head.fields, content)
             self.happened["body not known"] += message.body is None
             self.happened["body decoded"] += message.body not in (None, message.seen)
         message.arrival = self.latest or 0
-        self.first_is_late &= 100 <= message.status < 200
+        message.late = self.is_late and not 100 <= message.status < 200
+        self.is_late &= self.framing in (NO_BODY, 0)
         self.next_message(self.buffer[end:])
         return message
 

@@ -1,10 +1,12 @@
-"""Lines of HTTP, and bodies in chunks."""
+"""Lines of HTTP, and bodies in chunks, or compressed."""
 
 from __future__ import annotations
 
 import re
+import zlib
+from collections.abc import Mapping, Sequence
 
-MOST_HEAD, MOST_LENGTH = 64 * 1024, 2**30
+MOST_HEAD, MOST_LENGTH, MOST_BODY = 64 * 1024, 2**30, 2**20
 CHUNK_LINE = re.compile(rb"[ \t]*([0-9A-Fa-f]{1,8})[ \t]*(?:;.*)?", re.DOTALL)
 
 
@@ -77,4 +79,22 @@ def trailers(buffer: bytes, begin: int) -> int | None:
         if not line(buffer, at, end):
             return end
         at = end
+    return None
+
+
+def decoded(fields: Mapping[bytes, Sequence[bytes]], content: bytes) -> bytes | None:
+    """Return a body as it was before it was compressed; None where that is not known."""
+    encoding = b",".join(fields.get(b"content-encoding", [])).lower()
+    if len(content) > MOST_BODY:
+        return None
+    if encoding in (b"", b"identity"):
+        return content
+    for wbits in {b"gzip": (31,), b"x-gzip": (31,), b"deflate": (15, -15)}.get(encoding, ()):
+        stream = zlib.decompressobj(wbits)
+        try:
+            found = stream.decompress(content, MOST_BODY + 1)
+        except zlib.error:
+            continue
+        if stream.eof and len(found) <= MOST_BODY:
+            return found
     return None

@@ -20,6 +20,8 @@ Readings, where the rules leave a choice:
 - what has ended stays so until another connection begins between these ends, or for 240 s; then it is forgotten: what
   comes later is of another connection, which began before the capture where there is no SYN
 - the acknowledgement of a segment that begins a new connection is one of the new connection
+- bytes that come again are compared with what is kept, and with the 4 KiB before the next place that were delivered
+  since the last hole; a segment of one byte, the last one that was delivered, asks whether somebody is there
 """
 
 from __future__ import annotations
@@ -68,6 +70,8 @@ class Direction:
     ended: bool = False
     finished: bool = False
     """Whether it ended by its FIN."""
+    delivered: dict[int, int] = field(default_factory=dict)
+    """What was delivered since the last hole, by place."""
     latest: int = 0
     """When what came latest of what was delivered had come, its end too."""
 
@@ -75,6 +79,18 @@ class Direction:
         """Return the place that a sequence number is meant for: the one nearest to the next."""
         assert self.begin is not None
         return self.next + distance(seq, self.begin + self.next)
+
+    def others(self, segment: Segment, begin: int) -> int:
+        """Return how many bytes of a segment, which lies at a place, differ from those that came before."""
+        if segment.length == 1 and begin == self.next - 1:
+            return 0
+        found = 0
+        for place, byte in enumerate(segment.payload, begin):
+            before = self.kept[place].byte if place in self.kept else None
+            if self.next - 4096 <= place < self.next:
+                before = self.delivered.get(place)
+            found += before is not None and before != byte
+        return found
 
     def first_kept(self) -> int | None:
         return min([*self.kept, *self.fins], default=None)
@@ -116,7 +132,15 @@ class Ending(NamedTuple):
     """Who reset it, or began another one in its place."""
 
 
-Event = Delivery | Ending
+class Others(NamedTuple):
+    """So many bytes of a direction came again as others."""
+
+    connection: Connection
+    from_client: bool
+    size: int
+
+
+Event = Delivery | Ending | Others
 
 
 class Streams:
@@ -160,7 +184,8 @@ class Streams:
             yield from self.reset(connection, frame.ts_ns, by_client=from_client)
             return
         if not own.ended:
-            self.keep(own, segment, number, frame.ts_ns)
+            if others := self.keep(own, segment, number, frame.ts_ns):
+                yield Others(connection, from_client, others)
             yield from self.deliver(connection, from_client)
             yield from self.acknowledged(connection, from_client)
             yield from self.overfull(connection, from_client)
@@ -175,11 +200,11 @@ class Streams:
         server = self.servers.setdefault(frozenset((source, destination)), server)
         return Connection(source if server == destination else destination, server)
 
-    def keep(self, own: Direction, segment: Segment, number: int, time: int) -> None:
-        """Keep what a segment brings that had not come before."""
+    def keep(self, own: Direction, segment: Segment, number: int, time: int) -> int:
+        """Keep what a segment brings that had not come before; return how much came again otherwise."""
         syn, fin = bool(segment.flags & SYN), bool(segment.flags & FIN)
         if not (syn or fin or segment.length):
-            return
+            return 0
         seq = (segment.seq + syn) % 2**32
         if own.begin is None:
             own.begin, own.began_with_syn = seq, syn
@@ -187,8 +212,8 @@ class Streams:
         begin = own.place(seq)
         if abs(begin - own.next) > FARTHEST:
             self.happened["too far away"] += 1
-            return
-        late = 0
+            return 0
+        late, others = 0, own.others(segment, begin)
         for offset in range(segment.length):
             if begin + offset < own.next or begin + offset in own.kept or begin + offset in own.fins:
                 late += 1
@@ -203,6 +228,8 @@ class Streams:
         self.happened["kept behind a hole"] += begin > own.next
         self.happened["cut by the snap length"] += len(segment.payload) < segment.length
         self.happened["wrapped"] += own.begin + end >= 2**32 and segment.length > 0
+        self.happened["other bytes"] += others > 0
+        return others
 
     def deliver(self, connection: Connection, from_client: bool) -> Iterator[Event]:
         """Yield what is next in order, as far as there is no hole."""
@@ -214,6 +241,10 @@ class Streams:
                 own.latest = max(own.latest, run[0].time) if run[0].byte is not None else own.latest
                 data = bytes(carried.byte for carried in run if carried.byte is not None)
                 yield Delivery(connection, from_client, data, len(run) - len(data), run[0].time)
+                if data:
+                    own.delivered |= dict(enumerate(data, own.next - len(run)))
+                else:
+                    own.delivered.clear()
                 run = []
             if found is None:
                 break
@@ -239,6 +270,7 @@ class Streams:
         while (first := own.first_kept()) is not None and final(first):
             self.happened[f"hole final by {why}"] += 1
             missing, own.next = first - own.next, first
+            own.delivered.clear()
             yield Delivery(connection, from_client, b"", missing, 0)
             yield from self.deliver(connection, from_client)
 

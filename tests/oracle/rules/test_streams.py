@@ -14,7 +14,7 @@ import pytest
 
 from tests.oracle.capture_faults import Faults, captured
 from tests.oracle.frame import Frame
-from tests.oracle.rules.streams import MOST_KEPT, SECOND, Delivery, Streams
+from tests.oracle.rules.streams import MOST_KEPT, SECOND, Delivery, Others, Streams
 from tests.oracle.tcp import ACK, FIN, RST, SYN
 from tests.oracle.tcp_line import CLIENT, SERVER, Line, tcp_frame
 
@@ -27,6 +27,8 @@ def heard(frames: Iterable[Frame], ports: tuple[int, ...] = (80, 8080)) -> list[
             said = ">" if event.from_client else "<"
             if isinstance(event, Delivery):
                 said += f"[{event.missing}]" if event.missing else event.data.decode()
+            elif isinstance(event, Others):
+                said += f"/{event.size}/"
             else:
                 said += "!" if event.reset else "."
             found.append((number, said))
@@ -106,14 +108,14 @@ def test_sequence_numbers_wrap() -> None:
 
 def test_old_bytes_are_ignored_and_new_ones_behind_them_delivered() -> None:
     line = Line().open().ask(b"abc").segment(True, b"ABC", seq=1001).segment(True, b"BCde", seq=1002)
-    assert heard(line.frames) == [(4, ">abc"), (6, ">de")]
+    assert heard(line.frames) == [(4, ">abc"), (5, ">/3/"), (6, ">/2/"), (6, ">de")]
 
 
 def test_what_came_first_counts() -> None:
     """The bytes 3 to 5 come before the hole is filled; what fills it covers them with others."""
     line = Line().open().segment(True, b"def", seq=1004).segment(True, b"DEFG", seq=1004)
     line.segment(True, b"abcXYZ", seq=1001)
-    assert heard(line.frames) == [(6, ">abc"), (6, ">def"), (6, ">G")]
+    assert heard(line.frames) == [(5, ">/3/"), (6, ">/3/"), (6, ">abc"), (6, ">def"), (6, ">G")]
 
 
 def test_what_is_too_far_away_is_ignored() -> None:
@@ -247,4 +249,13 @@ def test_bytes_are_told_by_the_frame_that_brought_them(link: int) -> None:
     line = Line(link=link).open().segment(True, b"b", seq=1002).segment(True, b"a", seq=1001)
     streams = Streams((80,))
     events = [event for number, frame in enumerate(line.frames, 1) for event in streams.observe(number, frame)]
-    assert [event.time for event in events] == [line.frames[4].ts_ns, line.frames[3].ts_ns]
+    times = [event.time for event in events if not isinstance(event, Others)]
+    assert times == [line.frames[4].ts_ns, line.frames[3].ts_ns]
+
+
+def test_bytes_that_come_again_as_others_are_told() -> None:
+    line = Line().open().ask(b"abcdef").segment(True, b"abXdef", seq=1001).segment(True, b"efgh", seq=1005)
+    assert said(line.frames) == ">abcdef >/1/ >gh"
+    assert said(line.segment(True, b"?", seq=1008).frames) == ">abcdef >/1/ >gh"
+    kept = Line().open().segment(True, b"cd", seq=1003).segment(True, b"bcx", seq=1002).segment(True, b"a", seq=1001)
+    assert said(kept.frames).startswith(">/1/ ")

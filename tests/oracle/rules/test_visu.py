@@ -62,7 +62,8 @@ def test_a_row_has_everything() -> None:
     visu = seen(line.frames)
     assert visu.rows() == [{
         "client": "10.0.0.1", "server": "10.0.0.5", "port": 80, "connections": 1, "reads": 3, "writes": 0, "entries": 3,
-        "variables": 1, "replies": 3, "refused": 0, "unanswered": 0, "cut": 0, "gap_bytes": 0, "miscounted": 0,
+        "variables": 1, "replies": 3, "refused": 0, "unanswered": 0, "cut": 0, "gap_bytes": 0, "other_bytes": 0,
+        "miscounted": 0,
         "ambiguous": 0,
         "latency_ns": {"count": 3, "p50": 2 * MILLISECOND, "p99": 3 * MILLISECOND, "max": 3 * MILLISECOND},
         "polling_ns": {"p50": 102 * MILLISECOND, "p99": 103 * MILLISECOND},

@@ -41,13 +41,14 @@ from tests.oracle.frame import Frame
 from tests.oracle.rules import visu_body
 from tests.oracle.rules.http import Lost, Message
 from tests.oracle.rules.keys import node_order
-from tests.oracle.rules.streams import Connection, Delivery, Ending, Event, Streams
+from tests.oracle.rules.streams import Connection, Delivery, Ending, Event, Others, Streams
 from tests.oracle.rules.visu_body import Answered, Asked
 from tests.oracle.rules.visu_figures import Row, lacks_many, percentiles
+from tests.oracle.rules.visu_late import doubt
 from tests.oracle.rules.visu_leaving import given_up
 from tests.oracle.rules.visu_one_way import OneWay
-from tests.oracle.rules.visu_part import ask_in_part, writes
-from tests.oracle.rules.visu_talk import Home, Pair, Talk, Told, Waiting, Written
+from tests.oracle.rules.visu_part import ask_in_part, settle, writes
+from tests.oracle.rules.visu_talk import Home, Pair, Talk, Told, Waiting, Written, known_value
 
 SECOND = 1_000_000_000
 FRAMES_KEPT = 10
@@ -65,6 +66,7 @@ class Visu:
         self.talks: dict[Connection, Talk] = {}
         self.one_way = OneWay()
         self.known: dict[Pair, Row] = defaultdict(Row)
+        self.known_others: Counter[Pair] = Counter()
         self.found: dict[tuple[str, Node, str], list[tuple[int, int]]] = defaultdict(list)
         self.lists: dict[Home, list[visu_body.Listed]] = defaultdict(list)
         self.names: dict[Home, dict[visu_body.Address, str]] = defaultdict(dict)
@@ -72,9 +74,7 @@ class Visu:
         self.read: dict[tuple[Home, Asked], tuple[int, tuple[bytes | None, ...]]] = {}
         """The last reply to each request of each server: when, by count, and its values."""
         self.confirmed: dict[tuple[Home, visu_body.Address], tuple[int, str | None]] = {}
-        self.replies = 0
-        self.number = 0
-        self.now = 0
+        self.replies = self.number = self.now = 0
 
     def observe(self, frame: Frame) -> None:
         self.number += 1
@@ -94,6 +94,9 @@ class Visu:
             if event.connection not in self.talks:
                 self.talks[event.connection] = Talk(event.connection, self.happened)
             talk = self.talks[event.connection]
+            if isinstance(event, Others):
+                self.known_others[talk.pair] += event.size
+                continue
             reader = talk.reader(event.from_client)
             talk.broken_off = isinstance(event, Ending) and event.reset and event.by_client
             if isinstance(event, Delivery):
@@ -150,9 +153,11 @@ class Visu:
 
     def request(self, talk: Talk, message: Message) -> None:
         """Take a request that is whole, or dropped as cut; it may have been answered before."""
+        settle(message)
         if message.part:
             if ask_in_part(talk, message, self.number, self.one_way.told_by(talk.connection, client=True)):
                 self.known[talk.pair].counts["part"] += 1
+                self.note_unbounded(talk, message)
         else:
             self.ask(talk, message)
         if talk.early is not None:
@@ -177,13 +182,13 @@ class Visu:
             self.happened["other request"] += 1
             return
         talk.had_request = True
-        connection = talk.connection
-        kind = "request" if not asked.query else "query"
-        self.messages.append(Told(self.number, connection.client, connection.server, kind, message.body))
+        kind = "query" if asked.query else "request"
+        self.messages.append(Told(self.number, talk.connection.client, talk.connection.server, kind, message.body))
         row = self.known[talk.pair]
         row.counts["writes" if asked.write else "reads"] += 1
         row.counts["entries"] += len(asked.entries)
         row.variables |= {entry.address for entry in asked.entries}
+        self.note_unbounded(talk, message)
         if asked.miscounted:
             row.counts["miscounted"] += 1
             self.find("NV804", talk)
@@ -210,21 +215,11 @@ class Visu:
         found = [
             Written(
                 self.now, self.number, talk.pair, self.called(talk.home, entry.address),
-                self.known_value(talk.home, entry.address), asked.text(entry),
+                known_value(self.confirmed, self.read, talk.home, entry.address), asked.text(entry),
             )
             for entry in asked.entries
         ]  # fmt: skip
         self.writes += found
-        return found
-
-    def known_value(self, home: Home, address: visu_body.Address) -> str | None:
-        """Return the value that a variable was read, or written, as last."""
-        since, value = self.confirmed.get((home, address), (0, None))
-        found: str | None = value
-        for (node, asked), (at, values) in self.read.items():
-            for entry, one in zip(asked.entries, values, strict=False):
-                if node == home and entry.address == address and at >= since:
-                    since, found = at, None if one is None else one.decode("latin-1")
         return found
 
     def learn(self, talk: Talk, waiting: Waiting, asked: Asked, status: int, answer: Answered) -> None:
@@ -264,13 +259,15 @@ class Visu:
         if forgotten or not talk.waiting:
             self.happened["response to a forgotten request" if forgotten else "response to nobody"] += 1
             return
+        self.happened["may answer what was not captured"] += doubt(talk, message)
         waiting = talk.waiting.pop(0)
-        page = visu_body.is_page(waiting.message.method, waiting.message.target)
-        if page and message.body is not None and message.status == 200:
+        is_page = visu_body.is_page(waiting.message.method, waiting.message.target)
+        if is_page and message.body is not None and message.status == 200:
             self.learn_names(talk, visu_body.listed_in(message.body))
         if waiting.asked is None and not waiting.part:
             return
         row = self.known[talk.pair]
+        self.note_unbounded(talk, message)
         if message.cut:
             self.happened["cut reply"] += 1
             row.counts["cut"] += 1
@@ -282,12 +279,11 @@ class Visu:
                 row.counts["refused"] += writes(waiting.message)
                 self.find("NV802", talk)
             return
-        connection, body = talk.connection, message.body or b""
-        self.messages.append(Told(self.number, connection.server, connection.client, "reply", body))
+        body = message.body or b""
+        self.messages.append(Told(self.number, talk.connection.server, talk.connection.client, "reply", body))
         row.counts["replies"] += 1
-        latency = message.arrival - waiting.message.arrival
-        row.latencies.append(latency)
-        if latency > SECOND:
+        row.latencies.append(message.arrival - waiting.message.arrival)
+        if row.latencies[-1] > SECOND:
             self.happened["slow"] += 1
             self.find("NV805", talk)
         if message.body is None and message.status == 200 and not waiting.asked.query:
@@ -295,6 +291,11 @@ class Visu:
         answer = visu_body.answered(waiting.asked, message.status, body)
         self.learn(talk, waiting, waiting.asked, message.status, answer)
         self.judge(talk, row, waiting.asked, message, answer)
+
+    def note_unbounded(self, talk: Talk, message: Message) -> None:
+        if message.unbounded:
+            self.known[talk.pair].counts["ambiguous"] += 1
+            self.find("NV804", talk)
 
     def end_open_request(self, talk: Talk) -> None:
         """Take a request that does not say where it ends for whole, where one is being received."""
@@ -347,9 +348,7 @@ class Visu:
 
     def find(self, code: str, talk: Talk, address: visu_body.Address | None = None, frame: int | None = None) -> None:
         client, server, _ = talk.pair
-        variable = f"visu/{server}"
-        if address is not None:
-            variable += "/" + self.called(talk.home, address)
+        variable = f"visu/{server}" + ("" if address is None else f"/{self.called(talk.home, address)}")
         self.found[code, client, variable].append((self.now, self.number if frame is None else frame))
 
     def called(self, home: Home, address: visu_body.Address) -> str:
@@ -380,6 +379,7 @@ class Visu:
                 "client": str(pair[0]), "server": str(pair[1]), "port": pair[2], "connections": len(own),
                 **{name: known.counts[name] for name in COUNTED},
                 "variables": len(known.variables), "gap_bytes": sum(talk.gap_bytes for talk in own),
+                "other_bytes": self.known_others[pair],
                 "latency_ns": {"count": len(latencies), **percentiles(latencies),
                                "max": latencies[-1] if latencies else None},
                 "polling_ns": percentiles(pollings),

@@ -7,6 +7,7 @@ Readings, where the rules leave a choice:
 - it waits for its reply unless its client broke the connection off and nothing answered it: one of another status than
   200 refuses it (NV802, without a variable, and `refused` where its body begins as that of a write); any other is none
 - one that touches missing bytes is cut
+- one of which nobody knows where it ends is a part unless what it asks for is whole where it is taken to end
 """
 
 from __future__ import annotations
@@ -34,3 +35,11 @@ def ask_in_part(talk: Talk, message: Message, frame: int, acknowledged: int | No
 def writes(message: Message) -> bool:
     """Tell whether a part is one of a write."""
     return message.seen.lstrip(b"\r\n").startswith(b"|1|")
+
+
+def settle(message: Message) -> None:
+    """Tell of a request of which nobody knows where it ends whether it is a part."""
+    if message.unbounded and message.method == b"POST" and not message.cut:
+        body = message.body
+        asked = None if body is None else visu_body.asked(b"POST", message.target, body)
+        message.part = body is None or not visu_body.is_whole(asked, body)

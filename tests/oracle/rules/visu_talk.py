@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from tests.oracle.frame import Address as Node
 from tests.oracle.rules.http import Message, Reader
 from tests.oracle.rules.streams import Connection, End
-from tests.oracle.rules.visu_body import Asked
+from tests.oracle.rules.visu_body import Address, Asked
 
 Pair = tuple[Node, Node, int]
 """Client, server, port."""
@@ -80,14 +81,22 @@ class Talk:
         """Return the reader of a direction; it is there from the first that the direction delivers."""
         if from_client not in self.readers:
             in_step = self.connection.directions[from_client].began_with_syn
-            self.readers[from_client] = Reader(
-                not from_client, in_step, self.first_is_head, self.happened, self.nobody_waits
-            )
+            self.readers[from_client] = Reader(not from_client, in_step, self.first_is_head, self.happened)
         return self.readers[from_client]
-
-    def nobody_waits(self) -> bool:
-        client = self.readers.get(True)
-        return not (self.waiting or (client is not None and (client.open or client.begun)))
 
     def first_is_head(self) -> bool:
         return bool(self.waiting) and not self.forgotten and self.waiting[0].message.method == b"HEAD"
+
+
+def known_value(
+    confirmed: Mapping[tuple[Home, Address], tuple[int, str | None]],
+    read: Mapping[tuple[Home, Asked], tuple[int, tuple[bytes | None, ...]]], home: Home, address: Address,
+) -> str | None:  # fmt: skip
+    """Return the value that a variable was read, or written, as last."""
+    since, value = confirmed.get((home, address), (0, None))
+    found: str | None = value
+    for (node, asked), (at, values) in read.items():
+        for entry, one in zip(asked.entries, values, strict=False):
+            if node == home and entry.address == address and at >= since:
+                since, found = at, None if one is None else one.decode("latin-1")
+    return found

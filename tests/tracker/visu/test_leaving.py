@@ -101,7 +101,7 @@ def test_whoever_is_heard_late_is_waited_for_from_then_on() -> None:
 
 
 @pytest.mark.parametrize(
-    "answer", [b"no HTTP at all, and more than a line\r\n", b"HTTP/1.1 200 OK\r\nContent-Length: x\r\n\r\n"]
+    "answer", [b"no HTTP at all, and more than a line\r\n", b"HTTP/1.1 200\r\nTransfer-Encoding: chunked\r\n\r\nx\r\n"]
 )
 def test_of_who_is_answered_by_something_else_nobody_knows(answer: bytes) -> None:
     line = left()

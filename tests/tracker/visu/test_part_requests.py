@@ -59,11 +59,24 @@ def test_what_is_refused_before_it_is_whole_is_told(sent: bytes, end: str) -> No
     line = line.close("client" not in end) if "closes" in end else line
     writes = sent.startswith(HEAD + b"|1|")
     assert counts(line.frames) == (int(writes), 0, 0)
-    what = "refused 1 write that was never sent whole by 10.0.0.1" if writes else "answered 1 read of 10.0.0.1 with"
+    what = "write" if writes else "request"
     (message,) = messages(line.frames)
-    assert message.startswith(f"10.0.0.5 {what}")
+    assert message.startswith(f"10.0.0.5 refused 1 {what} that was never sent whole by 10.0.0.1: ")
     assert message.endswith("HTTP status 413.")
     assert said(line.frames)[-1].startswith("HTTP status 413, frame ")
+
+
+@pytest.mark.parametrize(
+    ("first", "told"),
+    [
+        (READ.replace(b"19", b"15") + b"6|", "2 requests, reads among them,"),
+        (HEAD + BODY[:9], "2 requests, writes among them,"), (HEAD, "2 requests that were never sent whole"),
+    ],
+)  # fmt: skip
+def test_of_what_nobody_knows_it_is_not_said_that_it_reads(first: bytes, told: str) -> None:
+    frames = Line().open().ask(first).answer(REFUSED).close(True).frames
+    frames += Line(("10.0.0.1", 50_001), now=SECOND).open().ask(HEAD).answer(REFUSED).close(True).frames
+    assert messages(frames) == [f"10.0.0.5 refused {told} by 10.0.0.1: HTTP status 413."]
 
 
 @pytest.mark.parametrize("body", [BODY[:9], b""])

@@ -40,8 +40,18 @@ def visu(report: Report, most: int | None = None) -> tuple[list[Measure], list[R
 
 
 def remarks(report: Report) -> Sequence[str]:
-    """Return which variables never changed though pages asked for them again and again, or could never be read."""
+    """Return which variables never changed though pages asked for them again and again, or could never be read.
+
+    And between whom bytes were sent again as others.
+    """
     names, told = node_names(report), []
+    for row in report.get("visu", ()):
+        if count := row.get("other_bytes", 0):
+            ends = " and ".join(names.get(row[end], row[end]) for end in ("client", "server"))
+            told.append(
+                f"{ends}: {units.count_of(count, 'byte')} came again as others. What came first is shown; the receiver "
+                "may have taken the others, as with somebody who wants to hide what is sent."
+            )
     for row in report.get("visu_unchanging", ()):
         server = names.get(row["server"], row["server"])
         every = units.count_of(row["variables"], "variable")
