@@ -17,16 +17,23 @@ from nvscope.tracker.pieces import ORDER_BITS, Again, Brought, Order, OtherBytes
 
 REACH_BYTES = 1 << 12
 
+MOST_LAST_BYTES = 1 << 25
+"""So much is kept of all streams together. Of more, what comes again to those that are silent for longest is compared
+with nothing."""
+
 
 class OtherCopies:
     """The last bytes of streams, and what differs from them."""
 
     def __init__(self) -> None:
+        # By stream, those of which nothing came for the longest time first.
         self._last: dict[int, bytes] = {}
+        self._kept_bytes = 0
 
     def forget(self) -> None:
         """Forget all bytes."""
         self._last.clear()
+        self._kept_bytes = 0
 
     def keep(self, numbers: Mapping[int, int]) -> None:
         """Forget all connections but some, which are numbered anew."""
@@ -34,6 +41,7 @@ class OtherCopies:
         for stream, data in last.items():
             if stream >> 1 in numbers:
                 self._last[2 * numbers[stream >> 1] + (stream & 1)] = data
+        self._kept_bytes = sum(map(len, self._last.values()))
 
     def observe(self, buffer: U8, brought: Brought) -> list[OtherBytes]:
         """Take what a batch brings; ``buffer`` is that of its packets."""
@@ -41,20 +49,32 @@ class OtherCopies:
         start, stop = runs_of(pieces.stream)
         streams = pieces.stream[start]
         found = list(brought.others)
+        runs: dict[int, _Run] = {}
         for again in self._not_plainly_same(buffer, brought):
-            run = slice(*np.searchsorted(pieces.stream, (again.stream, again.stream + 1)).tolist())
-            size = self._differing(buffer, brought, again, run)
+            run = runs.get(again.stream)
+            if run is None:
+                run = runs[again.stream] = _Run(buffer, brought, again.stream, self._last.get(again.stream, b""))
+            first, skipped = run.in_front_of(again)
+            size = differing(first, buffer[again.payload + skipped : again.payload + again.size].tobytes())
             if size:
                 found.append(OtherBytes(again.stream, again.frame << ORDER_BITS | int(Order.OWN), size))
         ended = pieces.kind[stop - 1] == int(PieceKind.END)
         if self._last:
             known = np.array(list(self._last), np.int64)
             for stream in known[np.isin(known, streams[ended])].tolist():
-                del self._last[stream]
+                self._take_out(stream)
         columns = streams[~ended], start[~ended], stop[~ended]
         for stream, begin, end in zip(*(column.tolist() for column in columns), strict=True):
-            self._last[stream] = self._up_to(buffer, brought, stream, begin, end)
+            last = self._up_to(buffer, brought, stream, begin, end)
+            self._take_out(stream)
+            self._last[stream] = last
+            self._kept_bytes += len(last)
+        while self._kept_bytes > MOST_LAST_BYTES:
+            self._take_out(next(iter(self._last)))
         return found
+
+    def _take_out(self, stream: int) -> None:
+        self._kept_bytes -= len(self._last.pop(stream, b""))
 
     @staticmethod
     def _not_plainly_same(buffer: U8, brought: Brought) -> list[Again]:
@@ -78,52 +98,61 @@ class OtherCopies:
                 rest.append(Again(*brought.again[number].tolist()))
         return rest
 
-    def _differing(self, buffer: U8, brought: Brought, again: Again, run: slice) -> int:
-        start, stop = run.start, run.stop
-        order = again.frame << ORDER_BITS | int(Order.OWN)
-        stop = start + int(np.searchsorted(brought.pieces.order[start:stop], order))
-        first = self._up_to(buffer, brought, again.stream, start, stop, again.back)
-        skipped = max(again.back - len(first), 0)
-        if skipped >= again.size:
-            return 0
-        begin = len(first) - again.back + skipped
-        first = first[begin : begin + again.size - skipped]
-        second = buffer[again.payload + skipped : again.payload + again.size].tobytes()
-        return differing(first, second)
-
-    def _up_to(
-        self, buffer: U8, brought: Brought, stream: int, start: int, stop: int, most: int = REACH_BYTES
-    ) -> bytes:  # fmt: skip
+    def _up_to(self, buffer: U8, brought: Brought, stream: int, start: int, stop: int) -> bytes:
         """Return the last bytes of a stream up to a piece, behind the last hole; no more than within reach."""
-        most = min(most, REACH_BYTES)
         parts: list[bytes] = []
         size = 0
         place = stop
         pieces = brought.pieces
-        while place > start and size < most:
+        while place > start and size < REACH_BYTES:
             place -= 1
             if pieces.kind[place] != int(PieceKind.DATA):
                 return b"".join(reversed(parts))
             part = _data(buffer, brought, place)
             parts.append(part)
             size += len(part)
-        if size < most:
+        if size < REACH_BYTES:
             parts.append(self._last.get(stream, b""))
-        return b"".join(reversed(parts))[-most:]
+        return b"".join(reversed(parts))[-REACH_BYTES:]
+
+
+class _Run:
+    """What a batch brings of a stream, behind the ``last`` bytes of earlier ones: put together once."""
+
+    def __init__(self, buffer: U8, brought: Brought, stream: int, last: bytes) -> None:
+        pieces = brought.pieces
+        start, stop = np.searchsorted(pieces.stream, (stream, stream + 1)).tolist()
+        self._order = pieces.order[start:stop]
+        parts, at, known_from = [last], len(last), 0
+        # In front of each piece, and behind all: how much there is, and from where on without a hole.
+        self._ends, self._known_from = [at], [known_from]
+        for place in range(start, stop):
+            if pieces.kind[place] == int(PieceKind.DATA):
+                parts.append(_data(buffer, brought, place))
+                at += len(parts[-1])
+            else:
+                known_from = at
+            self._ends.append(at)
+            self._known_from.append(known_from)
+        self._data = b"".join(parts)
+
+    def in_front_of(self, again: Again) -> tuple[bytes, int]:
+        """Return what came first of what comes again, as far as it is known, and how much of its begin is not."""
+        place = int(np.searchsorted(self._order, again.frame << ORDER_BITS | int(Order.OWN)))
+        end = self._ends[place]
+        known_from = max(self._known_from[place], end - REACH_BYTES)
+        begin = end - again.back
+        skipped = min(max(known_from - begin, 0), again.size)
+        return self._data[begin + skipped : begin + again.size], skipped
 
 
 def _data(buffer: U8, brought: Brought, place: int) -> bytes:
-    pieces = brought.pieces
-    begin, size = int(pieces.start[place]), int(pieces.size[place])
-    # Of a long piece, what is within reach is enough.
-    skipped = max(size - REACH_BYTES, 0)
-    if begin < 0:
-        return brought.kept[~begin][skipped:size]
-    return buffer[begin + skipped : begin + size].tobytes()
+    begin, size = int(brought.pieces.start[place]), int(brought.pieces.size[place])
+    return brought.kept[~begin][:size] if begin < 0 else buffer[begin : begin + size].tobytes()
 
 
 def differing(first: bytes, second: bytes) -> int:
     """Return how many bytes differ, of two that are equally long."""
     if first == second:
         return 0
-    return sum(one != other for one, other in zip(first, second, strict=True))
+    return int(np.count_nonzero(np.frombuffer(first, np.uint8) != np.frombuffer(second, np.uint8)))

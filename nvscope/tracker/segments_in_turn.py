@@ -14,6 +14,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from heapq import heappop, heappush
 from operator import attrgetter
 
 import numpy as np
@@ -56,6 +57,7 @@ class _Kept:
     source: int | bytes | None
     frame: int
     time_ns: int
+    is_passed: bool = False
 
     @property
     def end(self) -> int:
@@ -72,7 +74,7 @@ class _Kept:
         return _Kept(begin, end - begin, self.kind, source, self.frame, self.time_ns)
 
 
-_BEGIN, _FRAME = attrgetter("begin"), attrgetter("frame")
+_BEGIN = attrgetter("begin")
 
 
 @dataclass(slots=True)
@@ -89,6 +91,8 @@ class _Stream:
     at: int = 0
     kept: list[_Kept] = field(default_factory=list)
     kept_bytes: int = 0
+    # What is kept by frame, and what was passed on since and has not come to the front.
+    by_frame: list[tuple[int, int, _Kept]] = field(default_factory=list)
 
     def forget(self) -> None:
         """Become a stream that has not begun."""
@@ -112,7 +116,9 @@ class _Stream:
 
     def waits_longer_than(self, time_ns: int) -> bool:
         """Whether the first of what is kept came so long before a time."""
-        return time_ns - min(self.kept, key=_FRAME).time_ns > PATIENCE_NS
+        while self.by_frame[0][2].is_passed:
+            heappop(self.by_frame)
+        return time_ns - self.by_frame[0][2].time_ns > PATIENCE_NS
 
 
 class SegmentsInTurn:
@@ -294,16 +300,20 @@ class SegmentsInTurn:
             self.others.append(OtherBytes(stream.number, part.frame << ORDER_BITS | int(Order.OWN), size))
         for one in list(_missing(stream.kept, part)):
             stream.kept.insert(bisect_right(stream.kept, one.begin, key=_BEGIN), one)
+            heappush(stream.by_frame, (one.frame, one.begin, one))
             stream.kept_bytes += one.size
             self._kept_bytes += one.size
 
     def _others(self, stream: _Stream, part: _Kept) -> int:
         """Return how many bytes of a part differ from what is kept."""
-        found = 0
-        for one in stream.kept:
+        found, kept = 0, stream.kept
+        place = max(bisect_right(kept, part.begin, key=_BEGIN) - 1, 0)
+        while place < len(kept) and kept[place].begin < part.end:
+            one = kept[place]
             begin, end = max(one.begin, part.begin), min(one.end, part.end)
             if begin < end and one.kind is PieceKind.DATA:
                 found += differing(self._bytes(one.part(begin, end)), self._bytes(part.part(begin, end)))
+            place += 1
         return found
 
     def _bytes(self, part: _Kept) -> bytes:
@@ -319,8 +329,11 @@ class SegmentsInTurn:
             stream.kept_bytes -= part.size
             self._kept_bytes -= part.size
             self._pass_on(stream, part, frame, order)
+            part.is_passed = True
             passed += 1
         del stream.kept[:passed]
+        if not stream.kept:
+            stream.by_frame.clear()
 
     def _give_up_hole(self, stream: _Stream, frame: int, order: Order) -> None:
         """Take the bytes in front of what is kept for missing."""
