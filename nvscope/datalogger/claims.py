@@ -80,6 +80,9 @@ class Claims:
             if not told:
                 who = _whose(file)
                 os.close(file)
+                if not who:
+                    what = "another program holds a lock on it, which keeps loggers apart; nothing was changed"
+                    raise CaptureError(what, where=lock, next_step="wait for its end, or log to another file")
                 raise CaptureError(
                     f"another nvscope logs to this series of files{who}, and nothing was changed", where=database,
                     next_step="wait for its end, or stop it; or log to another file, with -w or --folder",
@@ -119,9 +122,14 @@ def _opened(lock: str) -> int:
     flags = os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     try:
         file = os.open(lock, os.O_RDWR | flags, 0o666)
-    except PermissionError:
-        # Another user's, who may have been killed: it can be locked all the same.
-        file = os.open(lock, os.O_RDONLY | flags & ~os.O_CREAT)
+    except PermissionError as error:
+        if not os.path.lexists(lock):
+            raise
+        # Another user's, who may have been killed: it can be locked all the same, where it can be read.
+        try:
+            file = os.open(lock, os.O_RDONLY | flags & ~os.O_CREAT)
+        except FileNotFoundError:
+            raise error from None
     if not stat.S_ISREG(os.fstat(file).st_mode):
         os.close(file)
         raise OSError(errno.ENXIO, os.strerror(errno.ENXIO))
@@ -132,6 +140,9 @@ def _cannot_be_made(lock: str, database: str, error: OSError) -> CaptureError:
     if error.errno in _NO_FILE or os.path.isdir(lock):
         what = "is no file, and one of this name keeps loggers apart that would write to one database"
         return CaptureError(what, where=lock, next_step="give it another name, or log to another file")
+    if isinstance(error, PermissionError) and os.path.lexists(lock):
+        what = "cannot be opened, and keeps loggers apart that would write to one database: permission denied"
+        return CaptureError(what, where=lock, next_step="remove it if no nvscope logs there, or log to another file")
     folder = os.path.dirname(lock)
     if isinstance(error, FileNotFoundError) and not os.path.isdir(folder):
         return CaptureError(
@@ -175,7 +186,8 @@ def _sign(file: int) -> None:
         if _is_ours(file):
             os.ftruncate(file, 0)
             os.lseek(file, 0, os.SEEK_SET)
-            os.write(file, f"logged by nvscope: process {os.getpid()} on {socket.gethostname()}\n".encode())
+            told = f"logged by nvscope: process {os.getpid()} on {socket.gethostname()}\n"
+            os.write(file, told.encode(errors="replace"))
 
 
 if sys.platform == "win32":

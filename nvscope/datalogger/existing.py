@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 from collections.abc import Mapping
 from contextlib import closing
@@ -12,6 +13,10 @@ from nvscope.capture.datalogger.database import opened
 from nvscope.errors import UnreadableInput
 
 _SHOWN = 60
+_WAL_AT = 19
+"""Where the header of a database says how it is read: 2 is by a write-ahead log (SQLite file format, section 1.3.3)."""
+
+_UNTOUCHED = "&immutable=1"
 
 NO_DATABASE = "the file is no SQLite database", "log to another file"
 """What is told of other files, and what to do."""
@@ -62,11 +67,22 @@ def told_against(connection: sqlite3.Connection, own: LogTable) -> tuple[str, st
 def told_beforehand(path: str, own: LogTable) -> tuple[str, str] | None:
     """Return the same of a file that stays as it is; None also where only who writes to it finds out."""
     try:
-        with closing(sqlite3.connect(f"{Path(path).absolute().as_uri()}?mode=ro", uri=True)) as connection:
+        uri = f"{Path(path).absolute().as_uri()}?mode=ro{_UNTOUCHED if _is_closed_wal(path) else ''}"
+        with closing(sqlite3.connect(uri, uri=True)) as connection:
             return told_against(connection, own)
     except sqlite3.Error as error:
         is_none = getattr(error, "sqlite_errorcode", 0) & 0xFF == sqlite3.SQLITE_NOTADB
         return NO_DATABASE if is_none else None
+
+
+def _is_closed_wal(path: str) -> bool:
+    """Return whether a database has a write-ahead log of which nothing is there: who opens it makes one beside it."""
+    try:
+        with open(path, "rb") as file:
+            head = file.read(_WAL_AT + 1)
+    except OSError:
+        return False
+    return head[_WAL_AT:] == b"\2" and not os.path.lexists(f"{path}-wal")
 
 
 def _unlike(found: Mapping[str, LogTable | None], own: LogTable) -> tuple[str, str] | None:

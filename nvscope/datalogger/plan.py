@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dissectors.batch import Bool
-from nvscope.capture.datalogger.names import BESIDE, closed_files, closed_names
+from nvscope.capture.datalogger.names import BESIDE, LOCK, closed_files, closed_names
 from nvscope.datalogger.column_names import next_step_of, taken_names
 from nvscope.datalogger.configuration import Session
 from nvscope.datalogger.database import IN_MEMORY, Database, table_of
@@ -104,6 +104,11 @@ def plan(
     links = [identity_of(file) if file else None for file in files]
     _check_different(planned, "file", files, links)
     for one, file in zip(planned, files, strict=True):
+        if file.endswith(LOCK):
+            raise UsageError(
+                f"{os.path.basename(file)}: files of such names keep loggers apart, and hold nothing",
+                where=str(one.session.position), next_step="write it to a file of another name",
+            )  # fmt: skip
         taken = {f"{file}{suffix}" for suffix in BESIDE} if one.path else set()
         if one.session.files != 1:
             taken |= {path for _, path in closed_names(file, files)}

@@ -104,6 +104,6 @@ def _put_back(path: str, kept: str) -> str:
 
 
 def _free_name(path: str) -> str:
-    """Return a name beside a file that nothing has."""
+    """Return a name beside a file that nothing has, and nothing either that would be a part of a database there."""
     names = (f"{path}{_SUFFIX}{f'-{number}' if number else ''}" for number in count())
-    return next(name for name in names if not os.path.lexists(name))
+    return next(name for name in names if not any(os.path.lexists(name + suffix) for suffix in ("", *UNFINISHED)))

@@ -87,3 +87,21 @@ def test_rows_of_a_database_with_an_index_go_on(here: Path) -> None:
     with closing(sqlite3.connect(here / "log.db")) as database:
         assert database.execute(f"SELECT count(*) FROM {table}").fetchone() == (200,)
         assert database.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+
+
+def test_a_dry_run_puts_nothing_beside_a_database_in_wal_mode(here: Path) -> None:
+    assert logged(here, "-w", "x.db").returncode == 0
+    with closing(sqlite3.connect(here / "x.db")) as database:
+        database.execute("PRAGMA journal_mode = WAL")
+    before = sorted(path.name for path in here.iterdir())
+    dry = logged(here, "-w", "x.db", "--append", "--dry-run")
+    assert dry.returncode == 0
+    assert "It would be refused" not in dry.stdout
+    assert sorted(path.name for path in here.iterdir()) == before
+
+
+def test_a_database_is_not_called_like_what_keeps_loggers_apart(here: Path) -> None:
+    done = logged(here, "-w", "x.db.lock")
+    assert done.returncode == 2
+    assert "x.db.lock: files of such names keep loggers apart" in done.stderr
+    assert not (here / "x.db.lock").exists()

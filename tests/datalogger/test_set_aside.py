@@ -87,3 +87,19 @@ def test_a_folder_that_cannot_be_looked_into_is_told(tmp_path: Path) -> None:
     assert (stays, told) == (
         [], f"{database}: what was there stays as {database}.replaced, {database}.0.replaced: Permission denied"
     )  # fmt: skip
+
+
+@pytest.mark.parametrize("suffix", ["-journal", "-wal", "-shm"])
+def test_nothing_becomes_a_part_of_what_is_set_aside_and_nothing_is_written_over(tmp_path: Path, suffix: str) -> None:
+    """Another run that was killed has left something of its own: SQLite would play it into what has its name."""
+    database = series(tmp_path)
+    (tmp_path / f"x.db{suffix}").write_text("of x.db")
+    (tmp_path / f"x.db.replaced{suffix}").write_text("of somebody else")
+    aside = SetAside([database], files_of)
+    assert content(tmp_path) == {
+        "x.db.replaced-1": "old x.db", f"x.db.replaced-1{suffix}": "of x.db",
+        f"x.db.replaced{suffix}": "of somebody else", "x.db.0.replaced": "old x.db.0",
+    }  # fmt: skip
+    Path(database).write_text("new")
+    assert not aside.settle().troubles
+    assert content(tmp_path) == {"x.db": "new", f"x.db.replaced{suffix}": "of somebody else"}

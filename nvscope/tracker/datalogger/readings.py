@@ -124,7 +124,7 @@ class ReadRows:
         self.told_ns.append((wanted, int(time_ns[-1])))
         if len(holes.row):
             self.holes.append(holes._replace(variables=wanted, row=packet[holes.row]))
-        unknown = find.of(records, restarts if isinstance(find, CountedUnknown) else lost)
+        unknown = find.of(records, restarts) if isinstance(find, CountedUnknown) else find.of(records)
         stretch = self._stretches(table, lost, restarts | unread)
         return _TableRows(table, rows, records, numbers, stretch, unknown)
 

@@ -3,16 +3,12 @@
 Where only changes are stored, it is that where the counter beside it has gone on, or the logger begins anew: the value
 is none that a database can hold, as a number that is none. Where every value is stored, it is that in the rows of its
 own task; in those of the others, its column is NULL because it is not sampled there. Which variables are of one task
-stands nowhere: those are that are stored in one row. A row that says that data was lost, and has not all variables that
-are stored together with those that it has, may be the first one of a logger that was configured anew: from there on it
-is learned anew, and a variable is of the task in which it was stored last. Each row is judged by itself and those
-before it.
+stands nowhere: those are that are stored in one row. Each row is judged by itself and those before it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import count, pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -27,9 +23,6 @@ _REALS = ("FLOAT", "DOUBLE")
 
 Unknown = Mapping[int, I64]
 """The rows, rising, in which variables are unknown, by their places in the table; none of one that is known in all."""
-
-_NEVER = -1
-"""The task of a variable that was not stored yet."""
 
 _Matrix = npt.NDArray[np.bool_]
 
@@ -101,81 +94,57 @@ class SampledUnknown:
     def __init__(self, table: LogTable) -> None:
         self._columns = [one.column for one in table.variables]
         self._is_real: Bool = np.array([one.declared.upper() in _REALS for one in table.variables], np.bool_)
-        self._shapes = RowShapes(len(self._columns))
         self._groups = VariableGroups(len(self._columns))
-        """What is stored together since it is learned anew."""
-        self._task: I64 = np.full(len(self._columns), _NEVER)
-        """The task in which each variable was stored last."""
-        self._tasks: dict[int, Bool] = {}
-        """The variables of tasks, those that are of another one since included."""
-        self._numbers = count()
+        self._shapes = RowShapes(len(self._columns))
 
-    def of(self, records: Records, lost: Bool) -> Unknown:
-        """Return where variables are unknown in rows that follow those before; ``lost``: the row says so."""
-        seen = self._task != _NEVER
+    def of(self, records: Records) -> Unknown:
+        """Return where variables are unknown in rows that follow those before."""
         own = [place for place, column in enumerate(self._columns) if not records.is_empty(column)]
-        if seen[own].all() and len(self._tasks) <= 1:
-            found = self._of_one(records)
-            if not any(lost[rows].any() for rows in found.values()):
-                return found
+        if self._groups.seen[own].all() and len(self._groups.there) <= 1:
+            return self._of_one(records)
         filled = np.array([records.filled(column) for column in self._columns], np.bool_)
-        parts: dict[int, list[I64]] = {}
-        for first, stop in self._parts(filled, lost):
+        found: dict[int, list[I64]] = {}
+        for first, stop in self._parts(filled):
             for place, rows in self._of_part(filled[:, first:stop]):
-                parts.setdefault(place, []).append(rows + first)
-        return {place: np.concatenate(rows) for place, rows in parts.items()}
+                found.setdefault(place, []).append(rows + first)
+        return {place: np.concatenate(rows) for place, rows in found.items()}
 
-    def _of_one(self, records: Records) -> dict[int, I64]:
+    def _of_one(self, records: Records) -> Unknown:
         """Return them of variables that all are of one task, as mostly."""
         found: dict[int, I64] = {}
-        for place in np.flatnonzero(self._task != _NEVER).tolist():
+        for place in np.flatnonzero(self._groups.seen).tolist():
             if not records.is_full(self._columns[place]):
                 found[place] = np.flatnonzero(~records.filled(self._columns[place]))
         return found
 
-    def _parts(self, filled: _Matrix, lost: Bool) -> Iterator[tuple[int, int]]:
+    def _parts(self, filled: _Matrix) -> Iterator[tuple[int, int]]:
         """Yield stretches of rows in which no more becomes known of tasks, once what is known in each is."""
         shape = self._shapes.of(filled.shape[1], enumerate(filled))
+        first_rows = np.sort(np.unique(shape, return_index=True)[1])
         begin = 0
-        ends = [*np.flatnonzero(lost & ~filled.all(axis=0)).tolist(), filled.shape[1]]
-        for first, stop in pairwise(dict.fromkeys([0, *ends])):
-            first_rows = np.sort(np.unique(shape[first:stop], return_index=True)[1]) + first
-            for row in first_rows.tolist():
-                own = np.flatnonzero(filled[:, row])
-                may_be_anew = row == first and lost[row] and not self._is_task(filled[:, row])
-                if not may_be_anew and self._groups.are_one(own):
-                    continue
-                if row > begin:
-                    yield begin, row
-                begin = row
-                if may_be_anew:
-                    self._groups = VariableGroups(len(self._columns))
-                self._join(own)
+        for row in first_rows.tolist():
+            own = np.flatnonzero(filled[:, row])
+            if self._groups.are_one(own):
+                continue
+            if row > begin:
+                yield begin, row
+            begin = row
+            self._groups.join(own)
         yield begin, filled.shape[1]
 
-    def _is_task(self, own: Bool) -> bool:
-        """Return whether a row has all variables of a task as it is known, and no others; or none at all."""
-        tasks = np.unique(self._task[own]).tolist()
-        return not tasks or (len(tasks) == 1 and tasks[0] in self._tasks and bool((self._tasks[tasks[0]] == own).all()))
-
-    def _join(self, own: I64) -> None:
-        self._groups.join(own)
-        there = self._groups.seen & (self._groups.of == self._groups.of[own[0]])
-        number = next(self._numbers)
-        self._task[there], self._tasks[number] = number, there
-        self._tasks = {one: self._tasks[one] for one in np.unique(self._task[self._task != _NEVER]).tolist()}
-
     def _of_part(self, filled: _Matrix) -> Iterator[tuple[int, I64]]:
-        unsaid = ~filled.any(axis=0)
-        silent = self._of_rows_without_any() if unsaid.any() else ()
-        own_rows = {task: filled[of].any(axis=0) for task, of in self._tasks.items()}
-        for place in np.flatnonzero((self._task != _NEVER) & ~filled.all(axis=1)).tolist():
-            task = int(self._task[place])
-            rows = np.flatnonzero(~filled[place] & (own_rows[task] | (unsaid & (task in silent))))
+        of_row = np.where(filled.any(axis=0), self._groups.of[filled.argmax(axis=0)], -1)
+        unsaid = of_row < 0
+        groups = self._of_rows_without_any() if unsaid.any() else ()
+        for place in np.flatnonzero(self._groups.seen & ~filled.all(axis=1)).tolist():
+            group = int(self._groups.of[place])
+            rows = np.flatnonzero(~filled[place] & ((of_row == group) | (unsaid & (group in groups))))
             if len(rows):
                 yield place, rows
 
     def _of_rows_without_any(self) -> Sequence[int]:
         """Return the tasks that a row without any value may be of: those that can have nothing else but numbers that
         are none, if there are such ones."""
-        return [task for task, of in self._tasks.items() if self._is_real[of].all()] or [*self._tasks]
+        of, seen = self._groups.of, self._groups.seen
+        groups = self._groups.there
+        return [group for group in groups if self._is_real[seen & (of == group)].all()] or groups

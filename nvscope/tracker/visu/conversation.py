@@ -157,11 +157,12 @@ class Conversation:
             is_interim = form.head is not None and form.head.is_interim
             if is_interim or form.answers_nobody:
                 return
-            if form.is_late and self.waiting and not fits(self.waiting[0].asked, form):
+            is_cut = form.what is What.CUT
+            if form.is_late and not is_cut and self.waiting and not fits(self.waiting[0].asked, form):
                 self._doubt(order, tell)
             if self.waiting:
                 asked = self.waiting.popleft()
-                if form.what is What.CUT:
+                if is_cut:
                     self._tell_answer(Kind.CUT, asked, order, arrival_ns, message, tell)
                 elif asked.asked.is_part:
                     # What says that a part was done says nothing of it.

@@ -163,7 +163,7 @@ class Exchanges:
             form = forms[place]
             if form.what is What.PART:
                 numbers.append(asked_for.number(part_of(form.content or b"")))
-                last, last_place = b"", -1
+                last, last_place, number = b"", -1, 0
                 continue
             body = None
             if form.what is What.WHOLE and form.head is not None:

@@ -375,10 +375,10 @@ class HttpReader:
                 if head is not None and head.body is not Body.LENGTH:
                     found.arrived_ns[len(found.at)] = self.arrived_ns
                     found.tell(at, open_form(rest, head_end, head, self._chunks, found.forms[ended]))
-            elif head is not None and head.is_unbounded:
+            elif head is not None and head.is_unbounded and self.side is Side.CLIENT:
                 found.tell(at, unbounded_form(rest, head_end, head))
-            elif head is not None and head.body is Body.END:
-                content = http.decoded(rest[head_end:], head.coding)
+            elif head is not None and (head.body is Body.END or head.is_unbounded):
+                content = None if head.is_unbounded else http.decoded(rest[head_end:], head.coding)
                 late, nobody = self.is_late, self._answered(at, head)
                 form = Form(What.WHOLE, head, 0, content, is_coded=True, answers_nobody=nobody, is_late=late)
                 found.tell(at, form)

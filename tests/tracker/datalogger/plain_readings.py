@@ -86,30 +86,23 @@ def stored_rows(paths: Sequence[Path], table: str = "log_1") -> Iterator[tuple[l
 
 
 class Tasks:
-    """Which variables are sampled together, as far as rows have told: those that stand in one row.
-
-    A logger that was configured anew says that data was lost, and its rows need not have what others had: from there on
-    it is learned anew. A variable is sampled with those that it stood with last.
-    """
+    """Which variables are sampled together, as far as rows have told: those that stand in one row."""
 
     def __init__(self, reals: Collection[str]) -> None:
         self._reals = reals
-        self._since: list[set[str]] = []
-        self._with: dict[str, set[str]] = {}
+        self._together: list[set[str]] = []
 
-    def unknown(self, values: dict[str, Value], *, lost: bool) -> set[str]:
+    def unknown(self, values: dict[str, Value]) -> set[str]:
         """Take the values of a row; return which of those that are NULL were to be sampled in it."""
         there = {name for name, value in values.items() if value is not None}
-        if not there:
-            only_reals = {name for name, others in self._with.items() if others <= set(self._reals)}
-            return only_reals or set(self._with)
-        if lost and any(self._with.get(name) != there for name in there):
-            self._since = []
-        touched = [one for one in self._since if one & there]
-        own = there.union(*touched)
-        self._since = [*(one for one in self._since if not one & there), own]
-        self._with |= dict.fromkeys(own, own)
-        return {name for name, others in self._with.items() if others & there} - there
+        if there:
+            touched = [one for one in self._together if one & there]
+            self._together = [one for one in self._together if not one & there]
+            own = there.union(*touched)
+            self._together.append(own)
+            return own - there
+        only_reals = [one for one in self._together if one <= set(self._reals)]
+        return set().union(*(only_reals or self._together))
 
 
 def read(paths: Sequence[Path], reals: Collection[str] = ()) -> list[Variable]:
@@ -132,7 +125,7 @@ def read(paths: Sequence[Path], reals: Collection[str] = ()) -> list[Variable]:
         begins_anew = bool(counters) and len(counters) == len(counted) and all(one == 0 for one in counters)
         if row[1] == 0 or begins_anew:
             stretch += 1
-        unknown = set() if counters else tasks.unknown(values, lost=row[1] == 0)
+        unknown = set() if counters else tasks.unknown(values)
         for name in counted if counters else ():
             count = values[name + COUNT_SUFFIX]
             if isinstance(count, int):

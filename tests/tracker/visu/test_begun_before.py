@@ -139,3 +139,19 @@ def test_no_write_is_said_to_be_refused_by_what_answers_head(seed: int) -> None:
     assert all(one in ("open", told) for one, told in zip(found, truth, strict=True))
     if truth[0] == "confirmed":
         assert found[0] == "confirmed"
+
+
+@pytest.mark.parametrize("begin", [b"", b"|1|"])
+def test_a_cut_reply_is_cut_all_the_same(begin: bytes) -> None:
+    cut_short = Line().ask(HEAD + BODY).answer(b"HTTP/1.1 200 OK\r\nContent-Length: 100\r\n\r\n" + begin)
+    line = cut_short.lose(False, 100 - len(begin)).ask(HEAD + OTHER).answer(REFUSED)
+    assert became(line) == ["open", "refused"]
+    assert codes(line) == {"NV802", "NV808"}
+
+
+@pytest.mark.parametrize("ends", ["server closes", "client resets"])
+def test_a_late_reply_of_a_length_nobody_knows_refuses_nothing(ends: str) -> None:
+    line = Line().ask(HEAD + BODY).answer(b"HTTP/1.1 500 x\r\nContent-Length: 19, 20\r\n\r\n")
+    line = line.close("client" in ends) if "closes" in ends else line.reset("client" in ends)
+    assert became(line) == ["open"]
+    assert "NV802" not in codes(line)

@@ -183,3 +183,11 @@ def test_the_transactions_know_it() -> None:
     assert [(one.writes, one.outcome.value, one.detail, len(one.said)) for one in found] == [
         (True, "refused", "HTTP status 413", 0)
     ]
+
+
+def test_an_empty_request_behind_a_part_is_no_write_of_before() -> None:
+    refused = b"HTTP/1.1 417 n\r\nContent-Length: 0\r\n\r\n"
+    line = Line().open().ask(HEAD + BODY).answer(DONE).ask(EXPECTS).answer(refused)
+    frames = line.ask(HEAD.replace(b"19", b"0")).answer(REFUSED).frames
+    assert row(frames)["writes"] == 1
+    assert [outcome for _, outcome in became(frames)] == ["confirmed"]
