@@ -96,7 +96,7 @@ def _a_report_tells_what_was_done(path: Path) -> None:
     assert row == {
         "client": "10.77.0.1", "client_name": None, "server": "10.77.0.2", "server_name": None, "port": 8080,
         "connections": 13, "reads": 10, "writes": 3, "entries": 313, "variables": 306, "replies": 11, "refused": 1,
-        "unanswered": 2, "cut": 0, "gap_bytes": 0, "miscounted": 0, "ambiguous": 0,
+        "unanswered": 2, "cut": 0, "gap_bytes": 0, "miscounted": 0, "ambiguous": 0, "other_bytes": 0,
     }  # fmt: skip
     writes = [
         (one["variable"], one["old"], one["new"], one["outcome"], one["hidden"]) for one in report["visu_writes"]

@@ -176,7 +176,7 @@ def test_a_report_on_what_was_said_tells_what_happened(tmp_path: Path, head: str
     assert row == {
         "client": "192.168.1.5", "client_name": None, "server": "192.168.1.20", "server_name": None, "port": 80,
         "connections": 10, "reads": 8, "writes": 2, "entries": 11, "variables": 7, "replies": 9, "refused": 1,
-        "unanswered": 1, "cut": 0, "gap_bytes": 0, "miscounted": 1, "ambiguous": 0,
+        "unanswered": 1, "cut": 0, "gap_bytes": 0, "miscounted": 1, "ambiguous": 0, "other_bytes": 0,
     }  # fmt: skip
     assert len(one.posted) == row["reads"] + row["writes"]
     found = {(finding["code"], finding["variable"].rpartition("/")[2]) for finding in report["findings"]}
