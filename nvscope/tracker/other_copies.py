@@ -59,10 +59,8 @@ class OtherCopies:
             if size:
                 found.append(OtherBytes(again.stream, again.frame << ORDER_BITS | int(Order.OWN), size))
         ended = pieces.kind[stop - 1] == int(PieceKind.END)
-        if self._last:
-            known = np.array(list(self._last), np.int64)
-            for stream in known[np.isin(known, streams[ended])].tolist():
-                self._take_out(stream)
+        for stream in streams[ended].tolist():
+            self._take_out(stream)
         columns = streams[~ended], start[~ended], stop[~ended]
         for stream, begin, end in zip(*(column.tolist() for column in columns), strict=True):
             last = self._up_to(buffer, brought, stream, begin, end)

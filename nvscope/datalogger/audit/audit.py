@@ -19,7 +19,7 @@ from nvscope.capture.datalogger.schema import StoredTable
 from nvscope.capture.datalogger.table_rows import Rows
 from nvscope.datalogger.audit.chunk import Chunk, chunk_of
 from nvscope.datalogger.audit.finding import MOST_FINDINGS, MOST_ROWS, Finding
-from nvscope.datalogger.audit.known import Grouping
+from nvscope.datalogger.audit.grouping import Grouping
 from nvscope.datalogger.audit.series import Member, Series, series_of
 from nvscope.datalogger.audit.table_audit import TableAudit
 from nvscope.errors import NvscopeError

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from dissectors.batch import I64, Bool
+from dissectors.columns import Columns
 from nvscope.tracker.datalogger.late_rows import LATE_PERCENT
 
 
 @dataclass(frozen=True, slots=True)
-class Gaps:
+class Gaps(Columns):
     """Rows that come later than they should: how long after the one before, when that was, and of which file.
 
     ``number`` counts the rows of the task. ``told``: the logger says that data was lost before them.
@@ -25,23 +26,13 @@ class Gaps:
     file: I64
     told: Bool
 
-    def __len__(self) -> int:
-        return len(self.length_ns)
-
-    def take(self, rows: Bool | I64 | slice) -> Gaps:
-        """Return some of them."""
-        return Gaps(*(getattr(self, name)[rows] for name in _COLUMNS))
-
     @staticmethod
     def joined(parts: Sequence[Gaps]) -> Gaps:
         """Return several as one."""
         if not parts:
             none = np.zeros(0, np.int64)
             return Gaps(none, none, none, none, none, np.zeros(0, np.bool_))
-        return Gaps(*(np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS))
-
-
-_COLUMNS = ("length_ns", "before_ns", "rowid", "number", "file", "told")
+        return Gaps.stacked(parts)
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from dissectors.batch import I64, U64, Bool
-from nvscope.datalogger.audit.known import Grouping
+from nvscope.datalogger.audit.grouping import Grouping
 from nvscope.tracker.datalogger.variable_groups import VariableGroups
 
 _MOST_PARTS = 10_000

@@ -16,8 +16,8 @@ from nvscope.datalogger.audit.chunk import Chunk
 from nvscope.datalogger.audit.coverage import Coverage
 from nvscope.datalogger.audit.finding import Finding, Notes, Topic
 from nvscope.datalogger.audit.gaps import Gaps, SetBack
+from nvscope.datalogger.audit.grouping import Grouping
 from nvscope.datalogger.audit.kept_gaps import Late
-from nvscope.datalogger.audit.known import Grouping
 from nvscope.datalogger.audit.row_ids import RowIds
 from nvscope.datalogger.audit.stamps import Stamps
 from nvscope.datalogger.audit.task import Task

@@ -121,10 +121,10 @@ class Task:
         is_full = self._open.is_full(tasks)
         if not is_full and not self.kept.is_full and self.kept.count <= most_kept(tasks):
             return None
-        by, rhythm = self.yardstick(alone=alone), Rhythms.of(self._open.intervals)
-        if is_full:
-            gaps = self._open.gaps()
-            rhythm = Rhythms.of(self._open.intervals)
+        by = self.yardstick(alone=alone)
+        gaps = self._open.gaps() if is_full else None
+        rhythm = Rhythms.of(self._open.intervals)
+        if gaps is not None:
             self.kept.take(gaps, np.zeros(len(gaps), np.int64), rhythm)
             if not by.knows(rhythm):
                 self._open.give_up()

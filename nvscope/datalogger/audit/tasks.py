@@ -16,7 +16,7 @@ from dissectors.batch import I64, Bool
 from dissectors.datalogger.row_shapes import RowShapes
 from dissectors.datalogger.tables import LogTable
 from nvscope.datalogger.audit.chunk import Chunk
-from nvscope.datalogger.audit.known import Grouping
+from nvscope.datalogger.audit.grouping import Grouping
 from nvscope.datalogger.audit.part_groups import PartGroups
 from nvscope.tracker.datalogger.variable_groups import VariableGroups
 

@@ -168,7 +168,7 @@ class VisuCounts:
         asks, replies = (kind == Kind.READ) | (kind == Kind.WRITE), kind == Kind.REPLY
         for name, where in (
             ("connections", messages.opens), ("reads", kind == Kind.READ), ("writes", kind == Kind.WRITE),
-            ("unanswered", kind == Kind.UNANSWERED), ("cut", kind == Kind.CUT), ("replies", kind == Kind.REPLY),
+            ("unanswered", kind == Kind.UNANSWERED), ("cut", kind == Kind.CUT), ("replies", replies),
             ("miscounted", outcome == Outcome.MISCOUNTED),
             ("ambiguous", (outcome == Outcome.AMBIGUOUS) | (kind == Kind.UNBOUNDED)),
         ):  # fmt: skip
