@@ -25,7 +25,9 @@ class Columns:
         return len(getattr(self, self.__match_args__[0]))
 
     def take(self, rows: I64 | Bool) -> Self:
-        """Return the rows at the given positions or where the mask is set."""
+        """Return the rows at the given positions or where the mask is set; all of them are not copied."""
+        if rows.dtype == np.bool_ and rows.all():
+            return self
         made: Callable[..., Self] = type(self)
         return made(*[getattr(self, name)[rows] for name in self.__match_args__])
 

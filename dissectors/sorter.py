@@ -35,7 +35,8 @@ from dissectors.plain import (
     sender_keys_of,
     tell_sender,
 )
-from dissectors.transport import NO_DATAGRAMS, DatagramBatch, SegmentBatch
+from dissectors.plain_segments import take_segments
+from dissectors.transport import NO_DATAGRAMS, NO_SEGMENTS, DatagramBatch, SegmentBatch
 from dissectors.usual import NOBODY, WORDS, UsualRows
 from dissectors.varieties import NO_TELEGRAM, Varieties
 
@@ -119,7 +120,7 @@ class Sorter:
             self._renew()
         packets = packets.with_margin(LEAD_BYTES)
         rest: I64 | None = None
-        sent, senders = np.empty(0, np.int64), NO_HEADS
+        sent, senders, plain = np.empty(0, np.int64), NO_HEADS, NO_SEGMENTS
         if self._ports is None and packets.single_link == LinkType.ETHERNET:
             head = heads_of(packets, np.arange(len(packets))) if _are_mostly_others(packets) else None
             header, counter = self._recognise(packets) if head is None else self._recognise_some(packets, head)
@@ -133,7 +134,7 @@ class Sorter:
             head = heads_of(packets, rest) if head is None else take_rows(head, rest)
             told = tell_sender(head, packets.captured[rest])
             sent, senders = rest[told], take_rows(head, told)
-            rest = self._not_idle(rest, head)
+            rest, plain = self._to_take_apart(packets, rest, head)
         else:
             header = np.zeros(len(packets), np.int64)
             variety, counter = np.zeros(len(packets), np.int64), np.zeros(len(packets), np.uint16)
@@ -159,7 +160,7 @@ class Sorter:
             unsupported[frames.row] = False
         return SortedPackets(
             packets, self._varieties, variety, counter, dissection.quoted, peeled.fragments, unsupported,
-            self._claimed(dissection, variety), peeled.tcp, header, frames,
+            self._claimed(dissection, variety), _joined(plain, peeled.tcp), header, frames,
         )  # fmt: skip
 
     def _senders(self, head: Records) -> I64:
@@ -186,12 +187,18 @@ class Sorter:
             self._usual_senders.add(new, np.arange(known, len(self._headers)))
         return number
 
-    def _not_idle(self, rest: I64, head: Records) -> I64:
-        """Return which of some packets have to be taken apart, given their headers."""
+    def _to_take_apart(self, packets: PacketBatch, rest: I64, head: Records) -> tuple[I64, SegmentBatch]:
+        """Return which of some packets have to be taken apart, given their headers, and the segments among the others.
+
+        Those are told by their headers alone.
+        """
         wanted = may_hold_telegrams(head)
         if self._claims:
             wanted |= are_claimed(head, self._claims)
-        return rest[wanted]
+        if not self._claims.tcp:
+            return rest[wanted], NO_SEGMENTS
+        segments, own = take_segments(packets, rest, head, self._claims)
+        return rest[wanted & ~own], segments
 
     def _claimed(self, dissection: Dissection, variety: I64) -> DatagramBatch:
         """Return the datagrams of claimed ports that are no telegrams."""
@@ -263,6 +270,13 @@ class Sorter:
         self._variety_of = np.concatenate([self._variety_of, learned])
         rows_of_new = np.stack([word[known:] for word in self._headers.words], axis=1)
         self._usual.add(rows_of_new, np.arange(known, len(self._variety_of)))
+
+
+def _joined(plain: SegmentBatch, others: SegmentBatch) -> SegmentBatch:
+    """Return both in the order of the packets."""
+    if not (len(plain) and len(others)):
+        return plain if len(plain) else others
+    return SegmentBatch.joined([plain, others])
 
 
 def _are_mostly_others(packets: PacketBatch) -> bool:

@@ -172,33 +172,35 @@ class SegmentsAtOnce:
     def take_between(self, segments: Segments, start: int, stop: int) -> None:
         """Take some segments of a connection that fits, by frame, among which nothing is peculiar."""
         streams, part = self._streams, slice(start, stop)
-        stream, told = segments.stream[part], segments.acknowledgement[part]
+        connection = int(segments.stream[start]) >> 1
+        told = segments.acknowledgement[part]
         tells = (segments.flags[part] & ACK) != 0
-        for side in (0, 1):
-            own = tells & ((stream & 1) == side)
-            self._note_acknowledged(stream[own] ^ 1, told[own])
+        by_server = (segments.stream[part] & 1) == 1
+        self._note_acknowledged_of(2 * connection, told[tells & by_server])
+        self._note_acknowledged_of(2 * connection + 1, told[tells & ~by_server])
         first, last = int(segments.frame[start]), int(segments.frame[stop - 1])
-        for number, run in self._runs_of(int(stream[0]) >> 1):
+        for number, run in self._runs_of(connection):
             start, stop = self._place(run, first), self._place(run, last + 1)
             if start == stop:
                 continue
             span = slice(start, stop)
             self._own[span] = True
-            known = streams.latest_ns[number]
-            self._latest[span] = np.maximum.accumulate(np.maximum(self._brought_ns[span], known))
+            latest = self._latest[span]
+            np.maximum(self._brought_ns[span], streams.latest_ns[number], out=latest)
+            np.maximum.accumulate(latest, out=latest)
             streams.latest_ns[number] = self._latest[stop - 1]
             streams.next[number] = (self._base[run] + self._top[stop - 1]) % WRAP
             streams.ended[number] = ((self._fin[span] > 0) & self._rises[span]).any()
 
     def _runs_of(self, connection: int) -> list[tuple[int, int]]:
         """Return the streams of a connection that carry something, and their runs."""
-        first, last = np.searchsorted(self._stream, (2 * connection, 2 * connection + 2)).tolist()
+        first, last = self._stream.searchsorted((2 * connection, 2 * connection + 2)).tolist()
         return [(int(self._stream[run]), run) for run in range(first, last)]
 
     def _place(self, run: int, frame: int) -> int:
         """Return which one of a stream's segments is the first that is not in front of a frame."""
         start, stop = int(self._start[run]), int(self._stop[run])
-        return start + int(np.searchsorted(self._whole.frame[start:stop], frame))
+        return start + int(self._whole.frame[start:stop].searchsorted(frame))
 
     def told(self) -> Pieces:
         """Return what the segments bring that were taken."""
@@ -245,3 +247,12 @@ class SegmentsAtOnce:
         ahead = (told - np.repeat(first, stop - start) + HALF) % WRAP - HALF
         most = np.maximum(np.maximum.reduceat(ahead, start), 0)
         streams.acknowledged[stream[start]] = (first + most) % WRAP
+
+    def _note_acknowledged_of(self, stream: int, told: I64) -> None:
+        """Note what the receiver of one stream has acknowledged."""
+        if len(told):
+            acknowledged = self._streams.acknowledged
+            known = int(acknowledged[stream])
+            first = known if known >= 0 else int(told[0])
+            most = max(int(((told - first + HALF) % WRAP).max()) - HALF, 0)
+            acknowledged[stream] = (first + most) % WRAP

@@ -31,7 +31,7 @@ from nvscope.tracker.segments_in_turn import (
 _FEW = 128
 """So many segments take as long one after the other as at once."""
 
-_LEAST = 16
+_LEAST = 4
 """So many segments of a connection go in turn at a time, at least."""
 
 _MOST_PARTS = 8

@@ -13,9 +13,11 @@ from scapy.layers.inet6 import IPv6
 from scapy.layers.l2 import Ether
 
 from dissectors import address
+from dissectors.batch import PacketBatch
 from dissectors.claims import NO_CLAIMS, Claims
 from dissectors.link import peel
 from dissectors.sorter import Sorter
+from dissectors.transport import SegmentBatch
 from dissectors.varieties import NO_TELEGRAM
 from tests.laws import examples
 from tests.oracle.builders import internet_packet, link_frame, udp
@@ -121,13 +123,38 @@ def test_sorting_gives_what_was_asked_for_and_changes_nothing_else(seed: int) ->
         assert told.fragments == without.fragments
         assert not len(without.datagrams)
         assert not len(without.segments)
-        peeled = peel(batch.with_margin(), None, claims)
+        margin = batch.with_margin()
+        peeled = peel(margin, None, claims)
         asked = claims.claim_udp(peeled.udp.source_port, peeled.udp.destination_port)
         wanted = peeled.udp.take(asked & (told.variety[peeled.udp.row] == NO_TELEGRAM))
         assert told.datagrams.row.tolist() == wanted.row.tolist()
         assert told.datagrams.payload_bytes.tolist() == wanted.payload_bytes.tolist()
-        assert told.segments.row.tolist() == peeled.tcp.row.tolist()
-        assert told.segments.sequence.tolist() == peeled.tcp.sequence.tolist()
+        assert columns(told.segments, told.packets) == columns(peeled.tcp, margin)
+
+
+def columns(segments: SegmentBatch, packets: PacketBatch) -> dict[str, tuple[str, list[int]]]:
+    """Return the type and the numbers of each column, by name; places as they are in their packets."""
+    found = {name: getattr(segments, name) for name in SegmentBatch.__match_args__}
+    for name in ("header", "payload"):
+        found[name] = found[name] - packets.offset[segments.row]
+    return {name: (str(column.dtype), column.tolist()) for name, column in found.items()}
+
+
+@examples(60)
+@given(st.integers(0, 10_000))
+def test_segments_told_by_their_headers_alone_are_those_that_are_peeled(seed: int) -> None:
+    """Whatever the headers say: lengths, options, fragments, versions; and wherever the capture was cut."""
+    chance = random.Random(seed)
+    frames = []
+    for row in range(60):
+        data = bytearray(segment(chance, chance.choice((80, 8080, 443))))
+        for _ in range(chance.choice((0, 0, 1, 1, 2))):
+            data[chance.randrange(12, 54)] = chance.choice((0, 0x45, 0x46, 0x50, 0x60, 6, 17, chance.randrange(256)))
+        kept = data if chance.random() < 0.7 else data[: chance.randrange(14, len(data) + 1)]
+        frames.append(Frame(row, ETHERNET, bytes(kept), len(data)))
+    batch = batch_of(frames)
+    told, margin = Sorter(claims=WEB).sort(batch), batch.with_margin()
+    assert columns(told.segments, told.packets) == columns(peel(margin, None, WEB).tcp, margin)
 
 
 def test_either_side_may_have_the_port() -> None:
