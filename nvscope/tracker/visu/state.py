@@ -179,7 +179,7 @@ class VisuCounts:
         np.add.at(columns.ambiguous, pair[asks], ambiguous[asked[asks]])
         np.add.at(columns.gap_bytes, pair, messages.gap_bytes)
         np.add.at(columns.other_bytes, pair[others], messages.fields[others])
-        not_done = np.isin(outcome, (Outcome.REFUSED, Outcome.STATUS))
+        not_done = (outcome == Outcome.REFUSED) | (outcome == Outcome.STATUS)
         refused = np.flatnonzero((replies | (kind == Kind.REFUSED)) & not_done)
         np.add.at(columns.refused, pair[refused], writes[asked[refused]])
         self.latencies.observe(pair[replies], messages.latency_ns[replies], len(self.pairs))

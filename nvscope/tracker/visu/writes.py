@@ -11,6 +11,7 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from dissectors.webvisu import Place, Request, read_reply
+from nvscope.engine.runs import distinct
 from nvscope.tracker.readings.form import cut_text
 from nvscope.tracker.visu.controllers import Controller, controller_at, controller_of
 from nvscope.tracker.visu.leaving import Leaving
@@ -84,16 +85,16 @@ class Writes:
         steps = np.flatnonzero((kind == Kind.WRITE) | (kind == Kind.UNANSWERED) | self._is_written(part, messages))
         done, beyond = 0, []
         reads = self._read(part, messages)
-        for step in steps.tolist():
-            self._learn(part, messages, reads[(reads >= done) & (reads < step)], frames)
-            done = step
+        for step, before in zip(steps.tolist(), np.searchsorted(reads, steps).tolist(), strict=True):
+            self._learn(part, messages, reads[done:before], frames)
+            done = before
             request, key = part.requests[int(messages.asked[step])], int(pair[step])
             if kind[step] == Kind.WRITE:
                 kept = self._write(part, step, key, int(times_ns[step]), int(frames[step]))
                 beyond += [step] * (len(request.entries) - kept)
             elif request.writes:
                 self._answer(key, request, messages, step, int(frames[step]))
-        self._learn(part, messages, reads[reads >= done], frames)
+        self._learn(part, messages, reads[done:], frames)
         return beyond
 
     def so_far(self, given_up: Iterable[Leaving]) -> Sequence[Write]:
@@ -124,11 +125,14 @@ class Writes:
 
         Two bodies may ask the same: what came last counts, so they are taken in the order of their replies.
         """
-        last: dict[tuple[int, int], int] = {}
-        columns = (replies, messages.pair[replies], messages.asked[replies])
-        for row, number, asked in zip(*(column.tolist() for column in columns), strict=True):
-            last[number, asked] = row
-        for (number, asked), row in sorted(last.items(), key=lambda one: one[1]):
+        if not len(replies):
+            return
+        asks = messages.pair[replies] * (len(part.requests) + 1) + messages.asked[replies]
+        kinds = distinct(asks)
+        last = np.empty(len(kinds), np.int64)
+        last[np.searchsorted(kinds, asks)] = replies  # of one kind, the last one stays
+        for row in np.sort(last).tolist():
+            number, asked = int(messages.pair[row]), int(messages.asked[row])
             body = part.data[int(messages.start[row]) : int(messages.stop[row])]
             self._values.read(controller_of(part.pairs, number), part.requests[asked], body, int(frames[row]), row)
 
