@@ -70,8 +70,8 @@ class Pieces(Columns):
 class Again(NamedTuple):
     """Bytes that come again: of which stream, in which frame, how far behind the place where that was.
 
-    ``payload`` is where they begin in the batch's buffer. A single byte, the last one, is none: it may be garbage that
-    asks whether the other end is still there (RFC 9293, section 3.8.4).
+    ``payload`` is where they begin in the batch's buffer. A single byte, at the place of the last one that was sent so
+    far, is none: it may be garbage that asks whether the other end is still there (RFC 1122, section 4.2.3.6).
     """
 
     stream: int

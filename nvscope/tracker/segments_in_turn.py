@@ -105,6 +105,11 @@ class _Stream:
         return (sequence - self.next + HALF) % WRAP - HALF
 
     @property
+    def sent(self) -> int:
+        """How far it is, with what is kept."""
+        return self.kept[-1].end if self.kept else self.at
+
+    @property
     def is_nothing(self) -> bool:
         """Whether it was reset before anything came."""
         return self.ended and (self.first < 0 or self.next == self.first)
@@ -268,12 +273,14 @@ class SegmentsInTurn:
         begin = own.at + own.distance(sequence)
         if own.ended or abs(begin - own.at) > FAR:
             return
+        # A single byte at the place of the last one that was sent may be any (``Again``).
+        asks = payload_bytes == 1 and begin + (flags & SYN) // SYN == own.sent - 1
         parts: list[_Kept] = []
         for size, kind, source in (
             (1 if flags & SYN else 0, PieceKind.BEGIN, None), (captured_bytes, PieceKind.DATA, payload),
             (payload_bytes - captured_bytes, PieceKind.HOLE, None), (flags & FIN, PieceKind.END, None),
         ):  # fmt: skip
-            if kind is PieceKind.DATA and size and begin < own.at and (begin + 1 < own.at or payload_bytes > 1):
+            if kind is PieceKind.DATA and size and begin < own.at and not asks:
                 self.again.append(Again(own.number, frame, own.at - begin, payload, min(size, own.at - begin)))
             if size and begin + size > own.at:
                 part = _Kept(begin, size, kind, source, frame, time_ns)
@@ -283,6 +290,8 @@ class SegmentsInTurn:
             return
         if own.kept or parts[0].begin > own.at:
             for part in parts:
+                if part.kind is PieceKind.DATA and own.kept and not asks and (size := self._others(own, part)):
+                    self.others.append(OtherBytes(own.number, frame << ORDER_BITS | int(Order.OWN), size))
                 self._keep(own, part)
             self._pass_on_kept(own, frame, Order.OWN)
             while own.kept and (own.hole_is_acknowledged or self._is_full(own)):
@@ -296,8 +305,6 @@ class SegmentsInTurn:
 
     def _keep(self, stream: _Stream, part: _Kept) -> None:
         """Keep of a part what is not kept already."""
-        if part.kind is PieceKind.DATA and stream.kept and (size := self._others(stream, part)):
-            self.others.append(OtherBytes(stream.number, part.frame << ORDER_BITS | int(Order.OWN), size))
         for one in list(_missing(stream.kept, part)):
             stream.kept.insert(bisect_right(stream.kept, one.begin, key=_BEGIN), one)
             heappush(stream.by_frame, (one.frame, one.begin, one))
