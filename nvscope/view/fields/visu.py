@@ -38,6 +38,11 @@ def _is_reply(part: VisuBatch) -> Bool:
     return own
 
 
+def _has_request(part: VisuBatch) -> Bool:
+    own: Bool = (_first(part, "asked_frame") > 0) & (_first(part, "kind") < Kind.OTHER_BYTES)
+    return own
+
+
 def _end(part: VisuBatch, end: int) -> AddressColumn:
     pair = _first(part, "pair")
     high, low = (np.array(part.pairs[word], np.uint64)[pair] for word in (2 * end, 2 * end + 1))
@@ -94,6 +99,6 @@ VISU_FIELDS: Sequence[TelegramField] = (
     ),
     TelegramField(
         "visu.request_frame", FieldType.UNSIGNED, "Request", "frame of the request", _column("asked_frame"),
-        lambda part: _first(part, "asked_frame") > 0, of=NAME,
+        _has_request, of=NAME,
     ),
 )  # fmt: skip

@@ -139,11 +139,12 @@ class Ending(NamedTuple):
 
 
 class Others(NamedTuple):
-    """So many bytes of a direction came again as others."""
+    """So many bytes of a direction came again as others, in a segment with the data ``copy``."""
 
     connection: Connection
     from_client: bool
     size: int
+    copy: bytes
 
 
 Event = Delivery | Ending | Others
@@ -191,7 +192,7 @@ class Streams:
             return
         if not own.ended:
             if others := self.keep(own, segment, number, frame.ts_ns):
-                yield Others(connection, from_client, others)
+                yield Others(connection, from_client, others, segment.payload)
             yield from self.deliver(connection, from_client)
             yield from self.acknowledged(connection, from_client)
             yield from self.overfull(connection, from_client)

@@ -75,6 +75,8 @@ class Talk:
         self.early: Message | None = None  # answers the request that is being received
         self.readers: dict[bool, Reader] = {}
         self.closed: int | None = None  # when the client closed its side
+        self.others: Counter[bool] = Counter()  # bytes that came again as others, by whether the client sent them
+        self.others_ask = False
         self.happened = happened
 
     def reader(self, from_client: bool) -> Reader:
