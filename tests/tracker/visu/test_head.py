@@ -51,8 +51,8 @@ def test_so_it_is_behind_requests_that_wait(length: bytes) -> None:
 
 def test_one_that_comes_before_its_request_is_whole_has_none() -> None:
     asks = b"HEAD / HTTP/1.1\r\nContent-Length: 10\r\n\r\n"
-    for line in (Line().open(), Line().open().ask(WRITE).answer(DONE)):
-        line = line.ask(asks + b"x" * 4).answer(REPLY).ask(b"x" * 6).ask(NEXT).answer(REFUSED)
+    for begun in (Line().open(), Line().open().ask(WRITE).answer(DONE)):
+        line = begun.ask(asks + b"x" * 4).answer(REPLY).ask(b"x" * 6).ask(NEXT).answer(REFUSED)
         assert outcomes(line)[-1] == "refused"
         line = line.ask(asks).answer(REPLY[:9]).ask(b"x" * 10).answer(REPLY[9:]).ask(WRITE).answer(DONE)
         assert outcomes(line)[-1] == "confirmed"
