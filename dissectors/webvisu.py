@@ -103,7 +103,8 @@ class Request:
 
     ``query``: it is one of the older pages, READPI or WRITEPI, whose reply is as the page wants it.
     ``ambiguous``: it writes texts with separators in them, and nobody knows what else; its entries are those that it
-    has in any case. ``rest`` is how many fields behind the entries of a write are none.
+    has in any case. ``rest`` is how many fields behind the entries of a write are none. ``is_part``: it was never sent
+    whole, and nobody knows for which variables, nor, where it does not say that it writes, whether it reads.
     """
 
     writes: bool
@@ -112,6 +113,7 @@ class Request:
     query: bool = False
     ambiguous: bool = False
     rest: int = 0
+    is_part: bool = False
 
     @property
     def is_miscounted(self) -> bool:

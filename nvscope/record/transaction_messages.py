@@ -11,7 +11,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from nvscope.analysis.transactions.transaction import Outcome, Room, Said, Transaction
+from nvscope.analysis.transactions.transaction import Operation, Outcome, Room, Said, Transaction
 from nvscope.view.escape import json_ascii
 
 ROOM = Room(said=1_000, characters=255)
@@ -25,6 +25,7 @@ def transaction_schema(title: str) -> str:
     """Return the JSON Schema of messages of transactions."""
     values = {"type": "object", "properties": {}}
     outcomes = ", ".join(outcome.value for outcome in Outcome)
+    operations = ", ".join(operation.value for operation in Operation)
     return json.dumps(
         {
             "title": title,
@@ -40,7 +41,7 @@ def transaction_schema(title: str) -> str:
                 "client": {"type": "string", "description": "address of who asks"},
                 "server": {"type": "string", "description": "address of who is asked"},
                 "port": {"type": "integer", "description": "of who is asked"},
-                "operation": {"type": "string", "description": "read, write"},
+                "operation": {"type": "string", "description": operations},
                 "outcome": {"type": "string", "description": outcomes},
                 "detail": {"type": "string", "description": "what a refusal says"},
                 "latency_ns": {"type": "integer", "description": "from the request to its reply; none without one"},
@@ -59,7 +60,7 @@ def transaction_message(one: Transaction) -> bytes:
         "client": one.pair.client,
         "server": one.pair.server,
         "port": one.pair.port,
-        "operation": "write" if one.writes else "read",
+        "operation": one.operation.value,
         "outcome": one.outcome.value,
     }
     if one.detail:

@@ -57,7 +57,8 @@ class OtherCopies:
             first, skipped = run.in_front_of(again)
             size = differing(first, buffer[again.payload + skipped : again.payload + again.size].tobytes())
             if size:
-                found.append(OtherBytes(again.stream, again.frame << ORDER_BITS | int(Order.OWN), size))
+                copy = buffer[again.payload : again.payload + again.captured].tobytes()
+                found.append(OtherBytes(again.stream, again.frame << ORDER_BITS | int(Order.OWN), size, copy))
         ended = pieces.kind[stop - 1] == int(PieceKind.END)
         for stream in streams[ended].tolist():
             self._take_out(stream)
@@ -80,7 +81,7 @@ class OtherCopies:
         if not len(brought.again) or not len(brought.pieces):
             return [Again(*row) for row in brought.again.tolist()]
         pieces = brought.pieces
-        stream, frame, back, payload, size = brought.again.T
+        stream, frame, back, payload, size, _ = brought.again.T
         first = min(int(pieces.order.min()), int(frame.min()) << ORDER_BITS)
         order = (frame << ORDER_BITS | int(Order.OWN)) - first
         bits = max(int(pieces.order.max()) - first, int(order.max())).bit_length()

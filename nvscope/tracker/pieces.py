@@ -70,8 +70,9 @@ class Pieces(Columns):
 class Again(NamedTuple):
     """Bytes that come again: of which stream, in which frame, how far behind the place where that was.
 
-    ``payload`` is where they begin in the batch's buffer. A single byte, the last one, is none: it may be garbage that
-    asks whether the other end is still there (RFC 9293, section 3.8.4).
+    ``payload`` is where they begin in the batch's buffer, ``captured`` how much of the whole segment there is. A single
+    byte, at the place of the last one that was sent so far, is none: it may be garbage that asks whether the other end
+    is still there (RFC 1122, section 4.2.3.6).
     """
 
     stream: int
@@ -79,14 +80,16 @@ class Again(NamedTuple):
     back: int
     payload: int
     size: int
+    captured: int
 
 
 class OtherBytes(NamedTuple):
-    """So many bytes of a stream came again, with an order, and were others."""
+    """So many bytes of a stream came again, with an order, and were others: in a segment with the data ``copy``."""
 
     stream: int
     order: int
     size: int
+    copy: bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +102,7 @@ class Brought:
 
     pieces: Pieces
     kept: Sequence[bytes] = ()
-    again: I64 = field(default_factory=lambda: np.empty((0, 5), np.int64))
+    again: I64 = field(default_factory=lambda: np.empty((0, len(Again._fields)), np.int64))
     others: Sequence[OtherBytes] = ()
 
 

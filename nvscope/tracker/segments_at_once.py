@@ -233,7 +233,8 @@ class SegmentsAtOnce:
         asks = (back == 1) & (whole.payload_bytes == 1)
         late = np.flatnonzero(self._own & (back > 0) & (whole.payload_bytes > 0) & ~asks)
         size = np.minimum(whole.payload_bytes[late], back[late])
-        columns = whole.stream[late], whole.frame[late], back[late], whole.payload[late], size
+        captured = whole.captured_bytes[late]
+        columns = whole.stream[late], whole.frame[late], back[late], whole.payload[late], size, captured
         return np.stack(columns, axis=1)
 
     def _note_acknowledged(self, stream: I64, told: I64) -> None:

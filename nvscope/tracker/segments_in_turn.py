@@ -12,16 +12,15 @@ bytes do not come any more:
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
-from operator import attrgetter
 
 import numpy as np
 
 from dissectors.batch import U8
 from dissectors.headers import ACK, FIN, RST, SYN
-from nvscope.tracker.other_copies import differing
+from nvscope.tracker.kept_segments import BEGIN, Kept, missing_of, others_of
 from nvscope.tracker.pieces import (
     ANEW,
     BROKEN_OFF,
@@ -44,40 +43,6 @@ FORGOTTEN_NS = 240 * 10**9
 
 
 @dataclass(slots=True)
-class _Kept:
-    """Something that waits behind a hole, or is about to be passed on, at ``begin`` along the stream.
-
-    ``source`` is where its data is in the batch's buffer, the data itself, or None where it was not captured; of SYN
-    and FIN (``kind`` ``BEGIN`` and ``END``), which take one place, it says nothing.
-    """
-
-    begin: int
-    size: int
-    kind: PieceKind
-    source: int | bytes | None
-    frame: int
-    time_ns: int
-    is_passed: bool = False
-
-    @property
-    def end(self) -> int:
-        return self.begin + self.size
-
-    def part(self, begin: int, end: int) -> _Kept:
-        """Return what lies from ``begin`` to ``end``."""
-        skipped = begin - self.begin
-        source = self.source
-        if isinstance(source, int):
-            source += skipped
-        elif isinstance(source, bytes):
-            source = source[skipped : skipped + end - begin]
-        return _Kept(begin, end - begin, self.kind, source, self.frame, self.time_ns)
-
-
-_BEGIN = attrgetter("begin")
-
-
-@dataclass(slots=True)
 class _Stream:
     """One direction of a connection; ``at`` is how far it is, counted from where it was when it was made."""
 
@@ -89,10 +54,10 @@ class _Stream:
     acknowledged: int = -1
     latest_ns: int = 0
     at: int = 0
-    kept: list[_Kept] = field(default_factory=list)
+    kept: list[Kept] = field(default_factory=list)
     kept_bytes: int = 0
     # What is kept by frame, and what was passed on since and has not come to the front.
-    by_frame: list[tuple[int, int, _Kept]] = field(default_factory=list)
+    by_frame: list[tuple[int, int, Kept]] = field(default_factory=list)
 
     def forget(self) -> None:
         """Become a stream that has not begun."""
@@ -103,6 +68,11 @@ class _Stream:
     def distance(self, sequence: int) -> int:
         """Return how far a sequence number is from where the stream is."""
         return (sequence - self.next + HALF) % WRAP - HALF
+
+    @property
+    def sent(self) -> int:
+        """How far it is, with what is kept."""
+        return self.kept[-1].end if self.kept else self.at
 
     @property
     def is_nothing(self) -> bool:
@@ -268,21 +238,26 @@ class SegmentsInTurn:
         begin = own.at + own.distance(sequence)
         if own.ended or abs(begin - own.at) > FAR:
             return
-        parts: list[_Kept] = []
+        # A single byte at the place of the last one that was sent may be any (``Again``).
+        asks = payload_bytes == 1 and begin + (flags & SYN) // SYN == own.sent - 1
+        parts: list[Kept] = []
         for size, kind, source in (
             (1 if flags & SYN else 0, PieceKind.BEGIN, None), (captured_bytes, PieceKind.DATA, payload),
             (payload_bytes - captured_bytes, PieceKind.HOLE, None), (flags & FIN, PieceKind.END, None),
         ):  # fmt: skip
-            if kind is PieceKind.DATA and size and begin < own.at and (begin + 1 < own.at or payload_bytes > 1):
-                self.again.append(Again(own.number, frame, own.at - begin, payload, min(size, own.at - begin)))
+            if kind is PieceKind.DATA and size and begin < own.at and not asks:
+                self.again.append(Again(own.number, frame, own.at - begin, payload, min(size, own.at - begin), size))
             if size and begin + size > own.at:
-                part = _Kept(begin, size, kind, source, frame, time_ns)
+                part = Kept(begin, size, kind, source, frame, time_ns)
                 parts.append(part.part(own.at, part.end) if begin < own.at else part)
             begin += size
         if not parts:
             return
         if own.kept or parts[0].begin > own.at:
             for part in parts:
+                if not asks and (size := others_of(own.kept, part, self._data)):
+                    copy = self._data[payload : payload + captured_bytes].tobytes()
+                    self.others.append(OtherBytes(own.number, frame << ORDER_BITS | int(Order.OWN), size, copy))
                 self._keep(own, part)
             self._pass_on_kept(own, frame, Order.OWN)
             while own.kept and (own.hole_is_acknowledged or self._is_full(own)):
@@ -294,31 +269,13 @@ class SegmentsInTurn:
     def _is_full(self, stream: _Stream) -> bool:
         return stream.kept_bytes > MOST_KEPT_BYTES or self._kept_bytes > MOST_KEPT_IN_ALL_BYTES
 
-    def _keep(self, stream: _Stream, part: _Kept) -> None:
+    def _keep(self, stream: _Stream, part: Kept) -> None:
         """Keep of a part what is not kept already."""
-        if part.kind is PieceKind.DATA and stream.kept and (size := self._others(stream, part)):
-            self.others.append(OtherBytes(stream.number, part.frame << ORDER_BITS | int(Order.OWN), size))
-        for one in list(_missing(stream.kept, part)):
-            stream.kept.insert(bisect_right(stream.kept, one.begin, key=_BEGIN), one)
+        for one in list(missing_of(stream.kept, part)):
+            stream.kept.insert(bisect_right(stream.kept, one.begin, key=BEGIN), one)
             heappush(stream.by_frame, (one.frame, one.begin, one))
             stream.kept_bytes += one.size
             self._kept_bytes += one.size
-
-    def _others(self, stream: _Stream, part: _Kept) -> int:
-        """Return how many bytes of a part differ from what is kept."""
-        found, kept = 0, stream.kept
-        place = max(bisect_right(kept, part.begin, key=_BEGIN) - 1, 0)
-        while place < len(kept) and kept[place].begin < part.end:
-            one = kept[place]
-            begin, end = max(one.begin, part.begin), min(one.end, part.end)
-            if begin < end and one.kind is PieceKind.DATA:
-                found += differing(self._bytes(one.part(begin, end)), self._bytes(part.part(begin, end)))
-            place += 1
-        return found
-
-    def _bytes(self, part: _Kept) -> bytes:
-        source = part.source
-        return self._data[source : source + part.size].tobytes() if isinstance(source, int) else source or b""
 
     def _pass_on_kept(self, stream: _Stream, frame: int, order: Order) -> None:
         """Pass on what is kept up to the next hole."""
@@ -340,13 +297,13 @@ class SegmentsInTurn:
         first = stream.kept[0]
         self._pass_on(
             stream,
-            _Kept(stream.at, first.begin - stream.at, PieceKind.HOLE, None, frame, stream.latest_ns),
+            Kept(stream.at, first.begin - stream.at, PieceKind.HOLE, None, frame, stream.latest_ns),
             frame,
             order,
         )
         self._pass_on_kept(stream, frame, order)
 
-    def _pass_on(self, stream: _Stream, part: _Kept, frame: int, order: Order) -> None:
+    def _pass_on(self, stream: _Stream, part: Kept, frame: int, order: Order) -> None:
         ended = stream.ended
         stream.at += part.size
         stream.next = (stream.next + part.size) % WRAP
@@ -385,16 +342,3 @@ class SegmentsInTurn:
 
 def _ahead(sequence: int, known: int) -> int:
     return (sequence - known + HALF) % WRAP - HALF
-
-
-def _missing(kept: list[_Kept], part: _Kept) -> Iterator[_Kept]:
-    """Yield what is not kept of a part."""
-    begin = part.begin
-    for one in kept[max(bisect_right(kept, begin, key=_BEGIN) - 1, 0) :]:
-        if one.begin >= part.end:
-            break
-        if one.begin > begin:
-            yield part.part(begin, one.begin)
-        begin = max(begin, one.end)
-    if begin < part.end:
-        yield part.part(begin, part.end)

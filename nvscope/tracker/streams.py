@@ -18,7 +18,7 @@ from dissectors.headers import FIN, RST, SYN
 from dissectors.transport import SegmentBatch
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.tracker.connections import Connections
-from nvscope.tracker.pieces import NEVER, ORDER_BITS, Brought, Pieces, no_pieces
+from nvscope.tracker.pieces import NEVER, ORDER_BITS, Again, Brought, Pieces, no_pieces
 from nvscope.tracker.segments import Segments, StreamColumns
 from nvscope.tracker.segments_at_once import SegmentsAtOnce
 from nvscope.tracker.segments_in_turn import (
@@ -115,7 +115,7 @@ class Streams:
         # Of one stream, and with one frame, what was found first comes first.
         orders = pieces.order - (first_frame << ORDER_BITS)
         place = pieces.stream << (len(packets) << ORDER_BITS).bit_length() | orders
-        again = np.concatenate([*self._again, np.array(self._in_turn.again, np.int64).reshape(-1, 5)])
+        again = np.concatenate([*self._again, np.array(self._in_turn.again, np.int64).reshape(-1, len(Again._fields))])
         others = self._in_turn.others
         return Brought(pieces.take(np.argsort(place, kind="stable")), self._in_turn.kept, again, others)
 

@@ -86,7 +86,7 @@ def transaction_row(one: Transaction) -> dict[str, Any]:
         "time_ns": str(one.time_ns),
         "frame": one.frame,
         "request_frame": one.asked_frame,
-        "operation": "write" if one.writes else "read",
+        "operation": one.operation.value,
         "outcome": one.outcome.value,
         "detail": one.detail or None,
         "latency_ns": one.latency_ns,

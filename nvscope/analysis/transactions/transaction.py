@@ -48,6 +48,14 @@ class Outcome(StrEnum):
     UNEXPECTED = "unexpected"
 
 
+class Operation(StrEnum):
+    """What a request asks for; ``UNKNOWN`` where it was never sent whole, and does not say that it writes."""
+
+    READ = "read"
+    WRITE = "write"
+    UNKNOWN = "unknown"
+
+
 class Group(IntEnum):
     """What of a pair is kept apart: pages read so often that nothing else would be left."""
 
@@ -88,7 +96,8 @@ class Transaction:
     frame of the request and the time at which that was certain. ``known_frame`` is the frame that showed it, which may
     be yet to come where time has passed without one. ``asked_frame`` is that of the request, None of a reply to
     nothing. ``said`` are the first of the variables that it is about, ``left_out`` how many more there are.
-    ``latency_ns`` is None without a reply. ``detail`` is what a refusal says.
+    ``latency_ns`` is None without a reply. ``detail`` is what a refusal says. ``is_part``: the request was never sent
+    whole, and nobody knows for which variables.
     """
 
     pair: Pair
@@ -102,6 +111,13 @@ class Transaction:
     left_out: int = 0
     latency_ns: int | None = None
     detail: str = ""
+    is_part: bool = False
+
+    @property
+    def operation(self) -> Operation:
+        if self.writes:
+            return Operation.WRITE
+        return Operation.UNKNOWN if self.is_part else Operation.READ
 
     @property
     def group(self) -> Group:

@@ -154,6 +154,7 @@ class VisuTransactions:
             request.writes, outcome, said, max(len(variables) - self._room.said, 0),
             latency_ns=int(messages.latency_ns[row]) if kind is Kind.REPLY else None,
             detail=f"HTTP status {status}" if kind in (Kind.REPLY, Kind.REFUSED) and status != OK else "",
+            is_part=request.is_part,
         )  # fmt: skip
 
     def _gone(self, leaving: LeavingClients) -> list[Transaction]:
@@ -169,7 +170,7 @@ class VisuTransactions:
         said = self._first(_asked(request, names), olds, names)
         return Transaction(
             pair, one.over_ns, one.asked_frame, one.closed.over_frame, one.asked_frame, request.writes,
-            Outcome.UNANSWERED, said, max(len(request.entries) - self._room.said, 0),
+            Outcome.UNANSWERED, said, max(len(request.entries) - self._room.said, 0), is_part=request.is_part,
         )  # fmt: skip
 
     def _first(self, variables: Sequence[Variable], olds: _OLD, names: Naming) -> tuple[Said, ...]:

@@ -35,7 +35,7 @@ class Ask:
 
 
 NOTHING = Ask(None)
-_PARTS = tuple(Ask(Request(writes, 0, ()), is_known=True, is_part=True) for writes in (False, True))
+_PARTS = tuple(Ask(Request(writes, 0, (), is_part=True), is_known=True, is_part=True) for writes in (False, True))
 _WRITES = b"|1|"
 
 

@@ -116,7 +116,8 @@ class BothDirections:
         if self._missed is not None:
             self._unheard = Unheard(waiting.first, self._missed)
             asked = self._unheard.take(asked)
-        requests = WaitingRequests(waiting, asked, self._ends, pieces.order, self._end_open)
+        ends, heads = self._ends, self._begins_head
+        requests = WaitingRequests(waiting, asked, ends, pieces.order, self._end_open, begins_head=heads)
         server.reader.requests = requests
         orders = pieces.order[server.start : server.stop]
         reach = client.start + np.searchsorted(pieces.order[client.start : client.stop], orders)
@@ -169,6 +170,12 @@ class BothDirections:
         if count:
             self._server.reader.forget_request()
             del self._breaks[:count]
+
+    def _begins_head(self, _: int) -> bool:
+        """Tell whether the request that the client has begun is HEAD."""
+        reader = self._client.reader
+        has_begun = reader.begun_at != NOT_BEGUN if reader.open is None else self._reach >= self._paused_at
+        return has_begun and reader.begins_head
 
     def _end_open(self, at: int) -> bool:
         """Take that something at a place of the data answers a request, and none waits.

@@ -29,6 +29,7 @@ from nvscope.tracker.visu.limits import MOST_PAIRS, MOST_POLLED, Beyond
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages, no_messages
 from nvscope.tracker.visu.names import ListFlaw, Names
 from nvscope.tracker.visu.one_way import OneWay
+from nvscope.tracker.visu.other_bytes import OtherBytesOfPages
 from nvscope.tracker.visu.outcomes import outcomes
 from nvscope.tracker.visu.pairing import Pairing
 from nvscope.tracker.visu.plain_exchanges import AskedFor, Said, plain_rows
@@ -58,6 +59,7 @@ class Exchanges:
         self._names = Names(given)
         self._read_ns: dict[tuple[int, Ask], int] = {}
         self._left_out: Counter[Beyond] = Counter()
+        self._other_bytes = OtherBytesOfPages()
         self.pairs = KeyTable(5)
 
     def forget(self) -> None:
@@ -66,10 +68,12 @@ class Exchanges:
         self._closed.clear()
         self._unheard.clear()
         self._read_ns.clear()
+        self._other_bytes.forget()
 
     def keep(self, numbers: Mapping[int, int], *, only_ended: bool) -> None:
         """Forget all connections but some, which are numbered anew; ``only_ended``: the others have all ended."""
         conversations, self._conversations = self._conversations, {}
+        self._other_bytes.keep(numbers)
         self._closed = {numbers[one] for one in self._closed if one in numbers}
         self._unheard = {numbers[one] for one in self._unheard if one in numbers}
         for number, conversation in conversations.items():
@@ -108,6 +112,7 @@ class Exchanges:
         self._left_out[Beyond.HELD] += http.given_up
         if not (len(http) or self._closed or self._unheard or others):
             return no_messages()
+        self._other_bytes.begin(others, self._conversations)
         asked_for = AskedFor(NOTHING)
         asked = self._asked(http, asked_for)
         is_plain = plain_rows(http, asked, asked_for.asks)
@@ -117,8 +122,9 @@ class Exchanges:
         pairing = Pairing(
             http, is_plain, asked, asked_for, self._conversations, going_on, self._closed, one_way, self._unheard
         )  # fmt: skip
-        beside = [_others(http, asked, spoken), _other_bytes(others)]
-        said = Said.stacked([whole, *beside, *pairing.pair(np.flatnonzero(~taken))])
+        said = Said.stacked([whole, _others(http, asked, spoken), *pairing.pair(np.flatnonzero(~taken))])
+        # Of what has one order, bytes that came again as others come last.
+        said = Said.stacked([said, self._other_bytes.told(others, http, said)])
         http = pairing.messages
         self._left_out[Beyond.WAITING] += pairing.left_out
         said = said.take(_in_order(said, pairing.over))
@@ -203,7 +209,7 @@ class Exchanges:
         unread = _of_messages(_unread(http)[http.form], said, kind == Kind.REPLY) > 0
         unread &= (status == OK) & ~np.array([one.query for one in requests], np.bool_)[said.asked]
         outcome[unread], fields[unread] = int(Outcome.UNREAD), -1
-        other = kind == Kind.OTHER_BYTES
+        other = (kind == Kind.OTHER_BYTES) | (kind == Kind.OTHER_REPLY_BYTES)
         fields[other] = said.gap_bytes[other]
         given_up = kind == Kind.GIVEN_UP
         kind[given_up], outcome[given_up] = int(Kind.UNANSWERED), int(Outcome.GIVEN_UP)
@@ -283,14 +289,17 @@ def _in_order(said: Said, over: Mapping[tuple[int, int], Over]) -> I64:
     Several clients may be known to have given up with one segment: those of whom time told it first come first, and
     then the older connections.
     """
-    if not (said.kind == Kind.GIVEN_UP).any():
+    given_up = said.kind == Kind.GIVEN_UP
+    if not given_up.any():
         return np.argsort(said.order, kind="stable")
     by_time = sorted(set(over.values()))
     rank = {key: by_time.index(one) - len(by_time) for key, one in over.items()}
     keys = zip(said.connection.tolist(), said.order.tolist(), strict=True)
     ranks = np.array([rank.get(key, 0) for key in keys], np.int64)
     older = np.where(ranks < 0, 0, said.connection)
-    return np.lexsort((said.asked_frame, older, ranks, said.order))
+    # All else stays as it was said, as it does where nobody is known to have given up.
+    asked_frame = np.where(np.isin(said.order, said.order[given_up]), said.asked_frame, 0)
+    return np.lexsort((asked_frame, older, ranks, said.order))
 
 
 def _told_by_time(said: Said, over: Mapping[tuple[int, int], Over]) -> Mapping[int, Over]:
@@ -320,16 +329,6 @@ def _others(http: HttpMessages, asked: I64, spoken: I64) -> Said:
     return Said(
         np.full(len(rows), int(Kind.OTHER)), http.stream[rows] >> 1, http.order[rows], rows, nothing, nothing, nothing,
         nothing, np.zeros(len(rows), np.bool_),
-    )  # fmt: skip
-
-
-def _other_bytes(others: Sequence[OtherBytes]) -> Said:
-    """Return what came again, and was other bytes; how many stands in place of those that are missing."""
-    stream, order, size = np.array(others, np.int64).reshape(-1, 3).T
-    nothing = np.zeros(len(others), np.int64)
-    return Said(
-        np.full(len(others), int(Kind.OTHER_BYTES)), stream >> 1, order, nothing - 1, nothing, nothing, nothing, size,
-        np.zeros(len(others), np.bool_),
     )  # fmt: skip
 
 

@@ -346,7 +346,10 @@ class HttpStreams:
         if missed is not None:
             unheard = Unheard(waiting.first, missed())
             asked = [*unheard.take(asked), *unheard.rest()]
-        return WaitingRequests(waiting, asked, ends, orders, begun=heads.begun(connection))
+        client = self._readers.get(2 * connection)
+        begins_head = client is not None and client.begins_head
+        begun = heads.begun(connection)
+        return WaitingRequests(waiting, asked, ends, orders, begun=begun, begins_head=lambda _: begins_head)
 
     def _heads(self, pieces: Pieces, ends: I64) -> RequestHeads:
         """Return since when requests of a batch had begun."""

@@ -31,25 +31,25 @@ class HttpReader:
     """One direction of a connection.
 
     ``rest`` are the bytes of the message that has begun; they stand in front of what is read next. ``asks_head``: the
-    client has sent HEAD; then ``requests`` of the server's reader has to tell which responses answer that. ``breaks``
-    are the places in ``Forms.at`` at which it lost step. ``open`` is the request that has begun, where that does not
-    say how long it is; a reader that ``pauses`` does not read on in such a request. ``known_at`` is up to where one had
-    to read to know that what is read now is no part of another message; 0 of what is not. ``arrived_ns`` is when what
-    is left over of earlier batches had come. ``begun_at`` is where the head ends of a message that says how long it is,
-    and is not whole: in the data of the batch, below 0 where that was an earlier one; ``NOT_BEGUN`` without such.
-    ``is_late``: a server's stream began in the middle, and no response with a body has come yet: what comes may answer
-    a request that was not captured.
+    client has sent HEAD; then ``requests`` of the server's reader has to tell which responses answer that.
+    ``begins_head``: the request that has begun, if one has, is HEAD. ``breaks`` are the places in ``Forms.at`` at which
+    it lost step. ``open`` is the request that has begun, where that does not say how long it is; a reader that
+    ``pauses`` does not read on in such a one. ``known_at`` is up to where one had to read to know what is read now, or
+    0. ``arrived_ns`` is when what is left over of earlier batches had come. ``begun_at`` is where the head ends of a
+    message of known length that is not whole: in the data of the batch, below 0 where that was an earlier one;
+    ``NOT_BEGUN`` without such. ``is_late``: a server's stream began in the middle, and no response with a body has come
+    yet: what comes may answer a request that was not captured.
     """
 
     __slots__ = (
         "_answers_head", "_answers_nobody", "_chunks", "_found_before", "_is_first", "_passed", "_passes", "_seeks",
-        "arrived_ns", "asks_head", "begun_at", "breaks", "is_late", "known_at", "open", "pauses", "requests", "rest",
-        "side",
+        "arrived_ns", "asks_head", "begins_head", "begun_at", "breaks", "is_late", "known_at", "open", "pauses",
+        "requests", "rest", "side",
     )  # fmt: skip
 
     def __init__(self, side: Side) -> None:
         self.side = side
-        self.rest, self.asks_head = b"", False
+        self.rest, self.asks_head, self.begins_head = b"", False, False
         self.requests: WaitingRequests | None = None
         # Of the response that has begun, None before its head is there.
         self._answers_head: bool | None = None
@@ -116,7 +116,7 @@ class HttpReader:
                 continue
             behind = head_end + body_bytes[number]
             if behind > end:
-                self._answers_head, self.begun_at = False, head_end
+                self._answers_head, self.begins_head, self.begun_at = False, False, head_end
                 break
             if behind < known_at:
                 found.late[len(found.at)] = known_at
@@ -156,7 +156,13 @@ class HttpReader:
         if head is None:
             return self._lose_step(data, start, head_end, found)
         if self.side is Side.CLIENT:
-            self.asks_head |= head.method == "HEAD"
+            self.begins_head = head.method == "HEAD"
+            self.asks_head |= self.begins_head
+            if head.body is not Body.LENGTH:
+                self.open = OpenRequest(head, head_end - start)
+                # The server may answer it before another request shows that it has no body.
+                if self.pauses:
+                    return -1
         if head.has_body and (head.expects or self.is_late):
             line = behind_body(data, head_end, end, self.side)
             if line > 0:
@@ -171,14 +177,10 @@ class HttpReader:
             found.tell(head_end, Form(What.WHOLE, head, 0, is_coded=True, answers_nobody=nobody, is_late=late))
             self._seeks = True
             return head_end
-        if self.side is Side.CLIENT:
-            self.open = OpenRequest(head, head_end - start)
-            if self.pauses:
-                return -1
-            if head.is_unbounded and (behind := http.start_of_message(data, head_end, end, self.side)) >= 0:
-                self.open, found.late[len(found.at)] = None, data.find(b"\n", behind) + 1
-                found.tell(head_end, unbounded_form(data[start:behind], head_end - start, head))
-                return behind
+        if head.is_unbounded and (behind := http.start_of_message(data, head_end, end, self.side)) >= 0:
+            self.open, found.late[len(found.at)] = None, data.find(b"\n", behind) + 1
+            found.tell(head_end, unbounded_form(data[start:behind], head_end - start, head))
+            return behind
         if head.body is Body.CHUNKS:
             return self._read_chunks(data, start, head_end, end, head, found)
         if end - head_end <= MOST_BODY_BYTES:
@@ -280,7 +282,8 @@ class HttpReader:
         body = begin + self.open.head_bytes
         if self._passes:
             return True
-        if self.open.head.is_unbounded and http.start_of_message(data, body, end, self.side) >= 0:
+        is_none = self.open.head.expects and behind_body(data, body, end, self.side) > 0
+        if is_none or (self.open.head.is_unbounded and http.start_of_message(data, body, end, self.side) >= 0):
             return False
         if self.open.head.body is Body.END:
             return end - body <= MOST_BODY_BYTES
@@ -352,8 +355,7 @@ class HttpReader:
         assert self._passed is not None
         late, nobody = self.is_late, self._answered(at, self._passed.head)
         if self.begun_at != NOT_BEGUN:
-            found.head_at[len(found.at)] = self.begun_at
-        self.begun_at = NOT_BEGUN
+            found.head_at[len(found.at)], self.begun_at = self.begun_at, NOT_BEGUN
         found.tell(at, replace(self._passed, answers_nobody=nobody, is_late=late))
         self._passes, self._passed = 0, None
 

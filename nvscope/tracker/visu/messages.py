@@ -36,7 +36,8 @@ class Kind(IntEnum):
     since the client waits no more; batches have that as ``UNANSWERED``, by its outcome. ``PART``: a request ends of
     which the client sent no more than a part; ``REFUSED``: the reply to such a one, of another status than 200.
     ``UNBOUNDED``: nobody knows where the message ends that comes with it: its Content-Length is not one number.
-    ``OTHER_BYTES``: bytes of a connection came again, and so many (``fields``) were others than those that came first.
+    ``OTHER_BYTES``: bytes of a client came again, and so many (``fields``) were others than those that came first;
+    ``OTHER_REPLY_BYTES``: the same of a controller.
     """
 
     READ = 0
@@ -54,6 +55,7 @@ class Kind(IntEnum):
     REFUSED = 12
     UNBOUNDED = 13
     OTHER_BYTES = 14
+    OTHER_REPLY_BYTES = 15
 
 
 class Outcome(IntEnum):
@@ -83,7 +85,7 @@ class VisuMessages(Columns):
     (``fields``), ``latency_ns``, and ``asked_frame``, that of the request; of what is no reply -1, 0 of times.
     ``spoken`` is a ``WebProtocol``, -1 of what is of WebVisu.
     ``asked_frame`` is also that of what is unanswered, or waits, ``latency_ns`` also how long the client waited that
-    gave up, or leaves.
+    gave up, or leaves. Of other bytes that are told later, ``asked_frame`` is where they came first.
     ``gap_bytes`` are missing of the connection that were not told before; ``opens``: it is the first such request of
     its connection. ``polled_ns`` is how long it is since the pair read the same the last time, -1 of what is no such
     read. ``naming`` is which of ``VisuBatch.namings`` was known.

@@ -173,7 +173,7 @@ class VisuCounts:
             ("ambiguous", (outcome == Outcome.AMBIGUOUS) | (kind == Kind.UNBOUNDED)),
         ):  # fmt: skip
             np.add.at(getattr(columns, name), pair[where], 1)
-        asked, others = messages.asked, kind == Kind.OTHER_BYTES
+        asked, others = messages.asked, (kind == Kind.OTHER_BYTES) | (kind == Kind.OTHER_REPLY_BYTES)
         np.add.at(columns.entries, pair[asks], entries[asked[asks]])
         np.add.at(columns.miscounted, pair[asks], miscounted[asked[asks]])
         np.add.at(columns.ambiguous, pair[asks], ambiguous[asked[asks]])

@@ -84,7 +84,7 @@ def summarize_visu(counts: VisuCounts) -> Sequence[VisuSummary]:
     since = Counter(one.pair for one in counts.leaving.given_up())
     for pair, ((client_hi, client_lo, server_hi, server_lo, port), row) in enumerate(zip(words, columns, strict=True)):
         counted = dict(zip(PairColumns.COLUMNS, row, strict=True))
-        if not counted["connections"]:
+        if not (counted["connections"] or counted["other_bytes"]):
             continue
         counted["unanswered"] += since[pair]
         ends = (client_hi, client_lo), (server_hi, server_lo)

@@ -86,27 +86,39 @@ class WaitingRequests:
     ``nvscope.tracker.pieces``), ``begun`` with which order the head was there of what is not whole behind that.
     ``ends`` are where pieces end in the data that is read, ``orders`` those of pieces. ``answers_more`` is called with
     a place of the data where something comes that answers a request, and none waits; it tells whether that is one that
-    has begun.
+    has begun. ``begins_head`` tells by such a place whether what has begun is HEAD.
     """
 
     def __init__(
         self, waiting: Waiting, asked: Iterable[Asked], ends: I64, orders: I64,
         answers_more: Callable[[int], bool] | None = None, begun: int = NEVER,
+        begins_head: Callable[[int], bool] = lambda _: False,
     ) -> None:  # fmt: skip
         self._waiting, self._beyond, self._is_early = deque(waiting.are_head), waiting.beyond, waiting.is_early
         self._begun = begun
         self._asked = deque(asked)
         self._ends, self._orders = ends, orders
-        self._answers_more = answers_more
+        self._answers_more, self._begins_head = answers_more, begins_head
 
     def ask(self, asked: Iterable[Asked]) -> None:
         """Take more of what the client's direction shows."""
         self._asked.extend(asked)
 
     def answers_head(self, at: int) -> bool:
-        """Tell whether the response whose head ends at a place of the data answers HEAD."""
-        self._go_on(at)
-        return bool(self._waiting) and self._waiting[0]
+        """Tell whether the response whose head ends at a place of the data answers HEAD, which waits or has begun."""
+        order = self._go_on(at)
+        if self._waiting:
+            return self._waiting[0]
+        if self._beyond or self._is_early:
+            return False
+        asked = self._first_asked()
+        if asked is not None:
+            return asked.head_order < order and _is_head(asked.form)
+        return (self._answers_more is not None or self._begun < order) and self._begins_head(at)
+
+    def _first_asked(self) -> Asked | None:
+        """Return what the client's direction shows next."""
+        return next((one for one in self._asked if one.form.what is not What.GAP), None)
 
     def answered(self, at: int) -> None:
         """Take the end of a response, or that there was one of which bytes are missing."""
@@ -116,7 +128,7 @@ class WaitingRequests:
         elif self._beyond:
             self._beyond -= 1
         else:
-            asked = next((one for one in self._asked if one.form.what is not What.GAP), None)
+            asked = self._first_asked()
             if asked is None and self._answers_more is not None:
                 self._is_early |= self._answers_more(at)
             else:
@@ -148,8 +160,12 @@ class WaitingRequests:
                 elif self._beyond or len(self._waiting) >= MOST_WAITING:
                     self._beyond += 1
                 else:
-                    self._waiting.append(form.head is not None and form.head.method == "HEAD")
+                    self._waiting.append(_is_head(form))
             elif form.what in (What.BROKEN, What.ANEW):
                 self._is_early = False
                 self._forget()
         return order
+
+
+def _is_head(form: Form) -> bool:
+    return form.head is not None and form.head.method == "HEAD"

@@ -38,6 +38,17 @@ def _is_reply(part: VisuBatch) -> Bool:
     return own
 
 
+def _has_request(part: VisuBatch) -> Bool:
+    own: Bool = (_first(part, "asked_frame") > 0) & (_first(part, "kind") < Kind.OTHER_BYTES)
+    return own
+
+
+def _asks_whole(part: VisuBatch) -> Bool:
+    whole = np.array([not one.is_part for one in part.requests] + [False], np.bool_)
+    own: Bool = whole[_first(part, "asked")]
+    return own
+
+
 def _end(part: VisuBatch, end: int) -> AddressColumn:
     pair = _first(part, "pair")
     high, low = (np.array(part.pairs[word], np.uint64)[pair] for word in (2 * end, 2 * end + 1))
@@ -72,11 +83,11 @@ VISU_FIELDS: Sequence[TelegramField] = (
     ),
     TelegramField(
         "visu.declared", FieldType.UNSIGNED, "Declared", "how many variables the request says it has",
-        _of_requests(lambda part: [min(one.declared, 2**62) for one in part.requests]), _known("asked"), of=NAME,
+        _of_requests(lambda part: [min(one.declared, 2**62) for one in part.requests]), _asks_whole, of=NAME,
     ),
     TelegramField(
         "visu.variables", FieldType.UNSIGNED, "Variables", "that are asked for, or written",
-        _of_requests(lambda part: [len(one.entries) for one in part.requests]), _known("asked"), of=NAME,
+        _of_requests(lambda part: [len(one.entries) for one in part.requests]), _asks_whole, of=NAME,
     ),
     variable_field(),
     TelegramField(
@@ -94,6 +105,6 @@ VISU_FIELDS: Sequence[TelegramField] = (
     ),
     TelegramField(
         "visu.request_frame", FieldType.UNSIGNED, "Request", "frame of the request", _column("asked_frame"),
-        lambda part: _first(part, "asked_frame") > 0, of=NAME,
+        _has_request, of=NAME,
     ),
 )  # fmt: skip

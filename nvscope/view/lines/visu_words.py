@@ -69,9 +69,13 @@ def message_words(part: VisuBatch, message: int, *, secrets: bool = False) -> st
         return f"{units.count_of(int(messages.gap_bytes[message]), 'byte')} missing"
     if kind is Kind.CUT:
         return "cut: bytes are missing"
-    if kind is Kind.OTHER_BYTES:
+    if kind in (Kind.OTHER_BYTES, Kind.OTHER_REPLY_BYTES):
         differ = units.count_of(int(messages.fields[message]), "byte")
-        return f"sent again with other bytes ({differ}): what came first is shown, the receiver may have the others"
+        sent = "sent again with other bytes"
+        if messages.asked_frame[message]:
+            who = "the client" if kind is Kind.OTHER_BYTES else "the controller"
+            sent = f"since frame {messages.asked_frame[message]}, {who} {sent}"
+        return f"{sent} ({differ}): what came first is shown, the receiver may have the others"
     if kind is Kind.UNBOUNDED:
         return "its Content-Length is not one number, nobody knows where it ends"
     if kind is Kind.OTHER:

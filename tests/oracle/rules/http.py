@@ -16,7 +16,8 @@ Readings, where the rules leave a choice:
   with its head, and the next one is searched for
 - whether a response has no body (1xx, 204, 304, to HEAD) is looked at first, then chunked, then Content-Length: what is
   not needed is not wrong
-- a response is one to HEAD where the first request that waits when its head is whole is one
+- a response is one to HEAD where the first request that waits when its head is whole is one, or, where none waits, the
+  one that is being received, of which the head is there, and that nothing has answered
 - the size of a chunk is 1 to 8 digits, at most 2^30, with blanks at most around it; its line, and the trailers, have at
   most 64 KiB
 - Content-Encoding: identity, and nothing, are none; all that is neither those nor known cannot be decoded. What follows

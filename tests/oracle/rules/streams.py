@@ -21,7 +21,8 @@ Readings, where the rules leave a choice:
   comes later is of another connection, which began before the capture where there is no SYN
 - the acknowledgement of a segment that begins a new connection is one of the new connection
 - bytes that come again are compared with what is kept, and with the 4 KiB before the next place that were delivered
-  since the last hole; a segment of one byte, the last one that was delivered, asks whether somebody is there
+  since the last hole; a segment of one byte, at the place of the last one that was sent so far, delivered or kept, asks
+  whether somebody is there (RFC 1122, 4.2.3.6), and its byte may be any. A FIN takes a place, too
 """
 
 from __future__ import annotations
@@ -82,7 +83,7 @@ class Direction:
 
     def others(self, segment: Segment, begin: int) -> int:
         """Return how many bytes of a segment, which lies at a place, differ from those that came before."""
-        if segment.length == 1 and begin == self.next - 1:
+        if segment.length == 1 and begin == self.sent - 1:
             return 0
         found = 0
         for place, byte in enumerate(segment.payload, begin):
@@ -91,6 +92,11 @@ class Direction:
                 before = self.delivered.get(place)
             found += before is not None and before != byte
         return found
+
+    @property
+    def sent(self) -> int:
+        """The place behind all that was sent so far."""
+        return max([self.next, *(place + 1 for place in [*self.kept, *self.fins])])
 
     def first_kept(self) -> int | None:
         return min([*self.kept, *self.fins], default=None)
@@ -133,11 +139,12 @@ class Ending(NamedTuple):
 
 
 class Others(NamedTuple):
-    """So many bytes of a direction came again as others."""
+    """So many bytes of a direction came again as others, in a segment with the data ``copy``."""
 
     connection: Connection
     from_client: bool
     size: int
+    copy: bytes
 
 
 Event = Delivery | Ending | Others
@@ -185,7 +192,7 @@ class Streams:
             return
         if not own.ended:
             if others := self.keep(own, segment, number, frame.ts_ns):
-                yield Others(connection, from_client, others)
+                yield Others(connection, from_client, others, segment.payload)
             yield from self.deliver(connection, from_client)
             yield from self.acknowledged(connection, from_client)
             yield from self.overfull(connection, from_client)

@@ -38,7 +38,7 @@ from typing import Any
 
 from tests.oracle.frame import Address as Node
 from tests.oracle.frame import Frame
-from tests.oracle.rules import visu_body
+from tests.oracle.rules import visu_body, visu_others
 from tests.oracle.rules.http import Lost, Message
 from tests.oracle.rules.keys import node_order
 from tests.oracle.rules.streams import Connection, Delivery, Ending, Event, Others, Streams
@@ -66,7 +66,6 @@ class Visu:
         self.talks: dict[Connection, Talk] = {}
         self.one_way = OneWay()
         self.known: dict[Pair, Row] = defaultdict(Row)
-        self.known_others: Counter[Pair] = Counter()
         self.found: dict[tuple[str, Node, str], list[tuple[int, int]]] = defaultdict(list)
         self.lists: dict[Home, list[visu_body.Listed]] = defaultdict(list)
         self.names: dict[Home, dict[visu_body.Address, str]] = defaultdict(dict)
@@ -95,7 +94,8 @@ class Visu:
                 self.talks[event.connection] = Talk(event.connection, self.happened)
             talk = self.talks[event.connection]
             if isinstance(event, Others):
-                self.known_others[talk.pair] += event.size
+                if visu_others.note(talk, event):
+                    self.known[talk.pair].counts["asked by others"] += 1
                 continue
             reader = talk.reader(event.from_client)
             talk.broken_off = isinstance(event, Ending) and event.reset and event.by_client
@@ -379,7 +379,7 @@ class Visu:
                 "client": str(pair[0]), "server": str(pair[1]), "port": pair[2], "connections": len(own),
                 **{name: known.counts[name] for name in COUNTED},
                 "variables": len(known.variables), "gap_bytes": sum(talk.gap_bytes for talk in own),
-                "other_bytes": self.known_others[pair],
+                "other_bytes": visu_others.other_bytes(self.talks.values(), pair),
                 "latency_ns": {"count": len(latencies), **percentiles(latencies),
                                "max": latencies[-1] if latencies else None},
                 "polling_ns": percentiles(pollings),

@@ -75,6 +75,8 @@ class Talk:
         self.early: Message | None = None  # answers the request that is being received
         self.readers: dict[bool, Reader] = {}
         self.closed: int | None = None  # when the client closed its side
+        self.others: Counter[bool] = Counter()  # bytes that came again as others, by whether the client sent them
+        self.others_ask = False
         self.happened = happened
 
     def reader(self, from_client: bool) -> Reader:
@@ -85,7 +87,12 @@ class Talk:
         return self.readers[from_client]
 
     def first_is_head(self) -> bool:
-        return bool(self.waiting) and not self.forgotten and self.waiting[0].message.method == b"HEAD"
+        if self.forgotten:
+            return False
+        if self.waiting:
+            return self.waiting[0].message.method == b"HEAD"
+        asks = self.readers.get(True)
+        return asks is not None and asks.head is not None and self.early is None and asks.head.message.method == b"HEAD"
 
 
 def known_value(

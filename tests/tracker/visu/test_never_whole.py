@@ -8,15 +8,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from nvscope.analysis.transactions.rows import transaction_row
+from nvscope.analysis.transactions.transaction import Group
 from nvscope.check.verdict import Verdict
+from nvscope.engine.run import run
+from nvscope.view.display_filter import DisplayFilter, PacketChoice
+from nvscope.view.fields.frame import FIELDS
+from nvscope.view.fields.visu import VISU_FIELDS
+from nvscope.view.fields.vocabulary import vocabulary
+from nvscope.view.lines.plant.transactions import what
+from tests.analysis.transactions.test_transactions import transactions
 from tests.check.requests import WRITE_X, decided, page, reply, sent
 from tests.laws import examples
 from tests.oracle.frame import Frame
 from tests.oracle.tcp_line import Line
-from tests.packets import batch_of, cut
+from tests.packets import Batches, batch_of, cut
 from tests.record.test_transaction_topics import noted
 from tests.tracker.visu.drawn_http import drawn
-from tests.tracker.visu.followed import by_the_rules, followed, writes_by_the_rules, writes_of
+from tests.tracker.visu.followed import by_the_rules, followed, reading, writes_by_the_rules, writes_of
 from tests.tracker.visu.test_early import BODY, DONE, HEAD, REFUSED
 
 LONGER = HEAD.replace(b"19", b"20")
@@ -30,6 +39,15 @@ def ended(line: Line, end: str) -> list[Frame]:
     return line.close("client" not in end).frames
 
 
+def chosen(frames: list[Frame], words: str) -> list[bool]:
+    """Return of the frames of messages which of them a display filter chooses."""
+    found: list[bool] = []
+    choose = PacketChoice(DisplayFilter(words, vocabulary(fields=(*FIELDS.values(), *VISU_FIELDS))))
+    for told in run(Batches([batch_of(frames)]), reading(), []):
+        found += choose(told).tolist()
+    return found
+
+
 def topics_of(frames: list[Frame]) -> list[tuple[Any, ...]]:
     """Return what topics tell, the same however the frames come."""
     found = [noted(cut(batch_of(frames), packets)).messages_of for packets in (1, 2, len(frames))]
@@ -41,6 +59,19 @@ def topics_of(frames: list[Frame]) -> list[tuple[Any, ...]]:
 def test_topics_tell_what_became_of_a_part(end: str) -> None:
     assert topics_of(ended(Line().open().ask(LONGER + BODY).answer(REFUSED), end)) == [("write", "refused", {})]
     assert topics_of(ended(Line().open().ask(LONGER + BODY).answer(DONE), end)) == []
+
+
+@pytest.mark.parametrize("end", ENDS)
+@pytest.mark.parametrize("body", [b"", b"|", b"|0|1|0|4|"])
+def test_what_does_not_say_that_it_writes_is_not_told_to_read(end: str, body: bytes) -> None:
+    frames = ended(Line().open().ask(LONGER + body).answer(REFUSED), end)
+    assert topics_of(frames) == [("unknown", "status", {})]
+    (one,) = transactions(frames)
+    row = transaction_row(one)
+    assert (row["operation"], what(row), one.group) == ("unknown", "never sent whole", Group.WRONG)
+    for words in ("visu.variables == 0", "visu.declared == 0", 'visu.kind == "read"'):
+        assert not any(chosen(frames, words))
+    assert any(chosen(frames, 'visu.kind == "part"'))
 
 
 def test_topics_tell_a_write_of_unknown_length_as_any_other() -> None:

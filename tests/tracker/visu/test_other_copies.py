@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 from nvscope.tracker.other_copies import REACH_BYTES
 from nvscope.view.lines.plant.visu import remarks
 from tests.laws import examples
+from tests.oracle.builders import SECOND
+from tests.oracle.tcp import SYN
 from tests.oracle.tcp_line import Line
 from tests.packets import batch_of, cut
 from tests.tracker.visu.followed import by_the_rules, followed, told, writes_by_the_rules, writes_of
@@ -57,6 +59,33 @@ def test_the_same_copy_is_not() -> None:
 def test_a_byte_that_asks_whether_somebody_is_there_is_not() -> None:
     assert other_bytes(again(Line().open().ask(WRITE), b"\0", 1).answer(DONE)) == 0
     assert other_bytes(again(Line().open().ask(WRITE), b"\0", 2).answer(DONE)) == 1
+
+
+def one_way(before: int) -> Line:
+    """Return a client that nobody is seen to answer, of whose last write but one the begin was not captured."""
+    line = Line().segment(True, flags=SYN, seq=Line().begin[True] - 1, ack=0)
+    for _ in range(before):
+        line.ask(WRITE)
+    return line.lose(True, 9).ask(WRITE[9:]).ask(WRITE[:40]).ask(WRITE[40:])
+
+
+@pytest.mark.parametrize("before", [1, 3, 140])
+@pytest.mark.parametrize(
+    ("back", "told_as"),
+    [(1, 0), (2, 1), (len(WRITE) - 40, 1), (len(WRITE) - 39, 1), (2 * len(WRITE) - 9, 1), (2 * len(WRITE) + 1, 1)],
+)
+def test_so_one_asks_while_bytes_wait_behind_a_hole(before: int, back: int, told_as: int) -> None:
+    """Nothing says that the missing ones had come, and it asks again and again; a byte at another place is another."""
+    line = one_way(before)
+    for _ in range(3):
+        line = again(line.wait(2 * SECOND), b"\0", back)
+    assert other_bytes(line.wait(5 * SECOND).ask(WRITE)) == 3 * told_as
+
+
+def test_behind_an_end_that_waits_the_last_byte_asks_nothing() -> None:
+    """The end takes a place: who asks does so with that."""
+    assert other_bytes(again(one_way(1).close(True).wait(SECOND), b"\0", 1)) == 0
+    assert other_bytes(again(one_way(1).close(True).wait(SECOND), b"\0", 2)) == 1
 
 
 @pytest.mark.parametrize("more", [b"", b"GET / HTTP/1.1\r\n\r\n"])
@@ -107,11 +136,13 @@ def test_however_segments_overlap_the_rules_say_the_same(seed: int) -> None:
     begin = line.sent[True]
     while most < len(data):
         at = rng.randint(max(most - 90, 0), min(most + rng.choice((0, 0, 0, 40)), len(data)))
-        part = bytearray(data[at : at + rng.randint(1, 120)])
+        part = bytearray(data[at : at + rng.choice((1, rng.randint(1, 120)))])
         if part and rng.random() < 0.3:
             part[rng.randrange(len(part))] ^= 1
         most = max(most, at + len(part))
         line.segment(True, bytes(part), seq=begin + at)
+        if rng.random() < 0.3:
+            line.segment(True, b"\0", seq=begin + most - rng.choice((1, 1, 2)))
     rules = by_the_rules(line.frames)
     for packets in (1, rng.randint(2, 9), len(line.frames)):
         rows, findings = told(followed(cut(batch_of(line.frames), packets)))

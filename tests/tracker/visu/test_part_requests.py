@@ -191,3 +191,20 @@ def test_an_empty_request_behind_a_part_is_no_write_of_before() -> None:
     frames = line.ask(HEAD.replace(b"19", b"0")).answer(REFUSED).frames
     assert row(frames)["writes"] == 1
     assert [outcome for _, outcome in became(frames)] == ["confirmed"]
+
+
+@pytest.mark.parametrize("length", [b"Content-Length: x\r\n", b"Transfer-Encoding: chunked\r\n", b""])
+@pytest.mark.parametrize("asked_before", [b"", b"HEAD /plc/x HTTP/1.1\r\n\r\n"])
+def test_what_answers_it_comes_before_what_shows_that_it_has_no_body(length: bytes, asked_before: bytes) -> None:
+    """In which frame it is told is that of the answer, whichever batch has the next request."""
+    start = HEAD.split(b"Content-Length")[0] + length + b"Expect: 100-continue\r\n\r\n"
+    answers = (b"HTTP/1.1 304 n\r\nContent-Length: 19\r\n 20\r\n\r\n" if asked_before else b"") + DONE
+    for before in (Line(), Line().open()):
+        line = (before.ask(asked_before) if asked_before else before).ask(start[:18]).ask(start[18:])
+        for behind in (HEAD + OTHER, b"HEAD /plc/x HTTP/1.1\r\n\r\n"):
+            line = line.answer(answers).ask(behind).answer(DONE).ask(start)
+        rules = by_the_rules(line.frames)
+        for packets in range(1, len(line.frames) + 1):
+            state = followed(cut(batch_of(line.frames), packets))
+            assert told(state)[1] == rules.findings()
+            assert writes_of(state) == writes_by_the_rules(rules)

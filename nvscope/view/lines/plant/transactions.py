@@ -141,6 +141,8 @@ def told_of(row: Row, room: int) -> str:
 
 def what(row: Row) -> str:
     """Return what was asked for and said: ``rSpeed 21.5 → 30``, or ``rSpeed = 30, xRun = 1, … 5 more``."""
+    if row["operation"] == "unknown":
+        return "never sent whole"
     said: Sequence[Mapping[str, Any]] = row["variables"]
     shown = [_said(one, writes=row["operation"] == "write") for one in said[:_MOST_SAID]]
     if more := len(said) - len(shown) + row["left_out"]:
