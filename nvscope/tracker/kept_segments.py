@@ -17,7 +17,8 @@ class Kept:
     """Something that waits behind a hole, or is about to be passed on, at ``begin`` along the stream.
 
     ``source`` is where its data is in the batch's buffer, the data itself, or None where it was not captured; of SYN
-    and FIN (``kind`` ``BEGIN`` and ``END``), which take one place, it says nothing.
+    and FIN (``kind`` ``BEGIN`` and ``END``), which take one place, it says nothing. ``acknowledged`` is as in
+    ``Pieces``.
     """
 
     begin: int
@@ -26,6 +27,7 @@ class Kept:
     source: int | bytes | None
     frame: int
     time_ns: int
+    acknowledged: int = -1
     is_passed: bool = False
 
     @property
@@ -41,7 +43,7 @@ class Kept:
             source += skipped
         elif isinstance(source, bytes):
             source = source[skipped : skipped + end - begin]
-        return Kept(begin, end - begin, self.kind, source, self.frame, self.time_ns)
+        return Kept(begin, end - begin, self.kind, source, self.frame, self.time_ns, self.acknowledged)
 
 
 BEGIN = attrgetter("begin")

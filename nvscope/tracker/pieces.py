@@ -56,7 +56,9 @@ class Pieces(Columns):
     ``start`` is where the data begins in the batch's buffer, or, below 0, ``~start`` which of the ``kept`` pieces it
     is; ``size`` how many bytes there are. ``order`` is the frame that brought it, shifted left by ``ORDER_BITS``, with
     what came first in it (``Order``). ``arrival_ns`` is the latest time at which anything up to there came, which may
-    be long before that frame.
+    be long before that frame. ``behind`` is the sequence number of the byte behind it, and ``acknowledged`` what the
+    segment that carried it acknowledged, or -1; of a hole, what that in front of it did. Who makes captures up may
+    leave that 0, which says nothing.
     """
 
     stream: I64
@@ -65,6 +67,8 @@ class Pieces(Columns):
     size: I64
     order: I64
     arrival_ns: I64
+    behind: I64
+    acknowledged: I64
 
 
 class Again(NamedTuple):

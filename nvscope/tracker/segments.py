@@ -23,8 +23,9 @@ class StreamColumns(KeyedColumns):
     """One row a stream: where it is.
 
     ``next`` is the sequence number of its next byte, ``first`` that of its first one, -1 before it has begun;
-    ``acknowledged`` the highest one that the other end has acknowledged, -1 before it has. ``waits``: something
-    is kept of it. ``latest_ns`` is the latest time of what came of it.
+    ``acknowledged`` the highest one that the other end has acknowledged, -1 before it has. ``told`` is what the last
+    segment that brought something of it acknowledged, or -1. ``waits``: something is kept of it. ``latest_ns`` is the
+    latest time of what came of it.
     """
 
     begun: Bool
@@ -33,10 +34,11 @@ class StreamColumns(KeyedColumns):
     next: I64
     first: I64
     acknowledged: I64
+    told: I64
     latest_ns: I64
     COLUMNS: ClassVar = {
         **dict.fromkeys(("begun", "ended", "waits"), (np.bool_(False), 1)),
-        "next": (np.int64(0), 1), "first": (np.int64(-1), 1), "acknowledged": (np.int64(-1), 1),
+        **dict.fromkeys(("first", "acknowledged", "told"), (np.int64(-1), 1)), "next": (np.int64(0), 1),
         "latest_ns": (np.int64(0), 1),
     }  # fmt: skip
 

@@ -36,6 +36,8 @@ class SegmentsAtOnce:
         self._first_frame[stream] = whole.frame[start]
         self._syn, self._fin = (whole.flags & SYN) >> 1, whole.flags & FIN
         self._base = np.where(streams.begun[stream], streams.next[stream], whole.sequence[start])
+        told = (whole.flags & ACK > 0) & (whole.acknowledgement > 0)
+        self._acknowledgement = np.where(told, whole.acknowledgement, -1)
         self._own = np.zeros(len(whole), np.bool_)
         self._began = np.empty((2, 0), np.int64)
         peculiar = self._lay_along()
@@ -70,6 +72,8 @@ class SegmentsAtOnce:
         before[start] = 0
         self._along, self._end, self._top, self._before = along, end, top, before
         self._rises = end > before
+        # The last one up to each that brings something, wherever that is.
+        self._risen = np.maximum.accumulate(np.where(self._rises, np.arange(len(whole)), -1))
         far |= along > before
         return far
 
@@ -151,6 +155,9 @@ class SegmentsAtOnce:
         streams.next[moved] = (self._base[run] + self._top[last]) % WRAP
         streams.begun[moved] = True
         streams.latest_ns[moved] = self._latest[last]
+        risen = self._risen[last]
+        brings = risen >= start[run]
+        streams.told[moved[brings]] = self._acknowledgement[risen[brings]]
         streams.ended[whole.stream[self._ends[own[self._ends]]]] = True
         return is_taken
 
@@ -190,6 +197,8 @@ class SegmentsAtOnce:
             np.maximum.accumulate(latest, out=latest)
             streams.latest_ns[number] = self._latest[stop - 1]
             streams.next[number] = (self._base[run] + self._top[stop - 1]) % WRAP
+            if (risen := int(self._risen[stop - 1])) >= start:
+                streams.told[number] = self._acknowledgement[risen]
             streams.ended[number] = ((self._fin[span] > 0) & self._rises[span]).any()
 
     def _runs_of(self, connection: int) -> list[tuple[int, int]]:
@@ -206,24 +215,30 @@ class SegmentsAtOnce:
         """Return what the segments bring that were taken."""
         whole = self._whole
         order = whole.frame << ORDER_BITS | int(Order.OWN)
+        acknowledged = self._acknowledgement
         begin = np.maximum(self._along + self._syn, self._before)
         skipped = begin - self._along - self._syn
         size = whole.payload_bytes - skipped
+        first = whole.sequence + self._syn
+        last = first + whole.payload_bytes
         data = np.flatnonzero(self._own & (size > 0))
         ends = self._ends[self._own[self._ends]]
         begins, begun_as = self._began
 
-        def made(kind: PieceKind, place: I64, start: I64, size: I64) -> Pieces:
+        def made(kind: PieceKind, place: I64, start: I64, size: I64, behind: I64) -> Pieces:
             kinds = np.full(len(place), int(kind))
-            return Pieces(whole.stream[place], kinds, start, size, order[place], self._latest[place])
+            return Pieces(
+                whole.stream[place], kinds, start, size, order[place], self._latest[place], behind % WRAP,
+                acknowledged[place],
+            )  # fmt: skip
 
-        pieces = made(PieceKind.DATA, data, (whole.payload + skipped)[data], size[data])
+        pieces = made(PieceKind.DATA, data, (whole.payload + skipped)[data], size[data], last[data])
         if not (len(begins) or len(ends)):
             return pieces
         nothing = np.zeros(max(len(begins), len(ends)), np.int64)
         return Pieces.stacked([
-            made(PieceKind.BEGIN, begins, nothing[: len(begins)], begun_as), pieces,
-            made(PieceKind.END, ends, nothing[: len(ends)], nothing[: len(ends)]),
+            made(PieceKind.BEGIN, begins, nothing[: len(begins)], begun_as, first[begins]), pieces,
+            made(PieceKind.END, ends, nothing[: len(ends)], nothing[: len(ends)], last[ends] + 1),
         ])  # fmt: skip
 
     def again(self) -> I64:

@@ -52,6 +52,7 @@ class _Stream:
     next: int = 0
     first: int = -1
     acknowledged: int = -1
+    told: int = -1
     latest_ns: int = 0
     at: int = 0
     kept: list[Kept] = field(default_factory=list)
@@ -62,7 +63,7 @@ class _Stream:
     def forget(self) -> None:
         """Become a stream that has not begun."""
         self.begun = self.ended = False
-        self.first = self.acknowledged = -1
+        self.first = self.acknowledged = self.told = -1
         self.latest_ns = 0
 
     def distance(self, sequence: int) -> int:
@@ -98,7 +99,7 @@ class SegmentsInTurn:
         self._columns = columns
         self._waiting: dict[int, _Stream] = {}
         self._kept_bytes = 0
-        self._made: list[tuple[int, int, int, int, int, int]] = []
+        self._made: list[tuple[int, ...]] = []
         self.kept: list[bytes] = []
         self.again: list[Again] = []
         self.others: list[OtherBytes] = []
@@ -169,7 +170,7 @@ class SegmentsInTurn:
 
     def told(self) -> Pieces:
         """Return what the segments bring that were taken since this was asked for last."""
-        made, self._made = np.array(self._made, np.int64).reshape(-1, 6).T, []
+        made, self._made = np.array(self._made, np.int64).reshape(-1, len(Pieces.__match_args__)).T, []
         return Pieces(*made)
 
     def _taken(self, number: int) -> _Stream:
@@ -179,7 +180,8 @@ class SegmentsInTurn:
         columns = self._columns
         return _Stream(
             number, bool(columns.begun[number]), bool(columns.ended[number]), int(columns.next[number]),
-            int(columns.first[number]), int(columns.acknowledged[number]), int(columns.latest_ns[number]),
+            int(columns.first[number]), int(columns.acknowledged[number]), int(columns.told[number]),
+            int(columns.latest_ns[number]),
         )  # fmt: skip
 
     def _put_back(self, data: U8, ends: tuple[_Stream, _Stream]) -> None:
@@ -188,7 +190,8 @@ class SegmentsInTurn:
             number = stream.number
             columns.begun[number], columns.ended[number] = stream.begun, stream.ended
             columns.next[number], columns.first[number] = stream.next, stream.first
-            columns.acknowledged[number], columns.latest_ns[number] = stream.acknowledged, stream.latest_ns
+            columns.acknowledged[number], columns.told[number] = stream.acknowledged, stream.told
+            columns.latest_ns[number] = stream.latest_ns
             columns.waits[number] = bool(stream.kept)
             if stream.kept:
                 self._waiting[number] = stream
@@ -217,6 +220,7 @@ class SegmentsInTurn:
                     stream.forget()
         elif not (own.begun or other.begun) and (flags & RST or not (payload_bytes or flags & FIN)):
             return
+        told = acknowledgement if flags & ACK and acknowledgement else -1
         if flags & ACK and (other.acknowledged < 0 or _ahead(acknowledgement, other.acknowledged) > 0):
             other.acknowledged = acknowledgement
         while other.kept and other.hole_is_acknowledged:
@@ -231,10 +235,10 @@ class SegmentsInTurn:
         if not (payload_bytes or flags & (SYN | FIN)):
             return
         if not own.begun:
-            own.begun, own.next = True, sequence
+            own.begun, own.next, own.told = True, sequence, told
             own.first = (sequence + (flags & SYN) // SYN) % WRAP
             size = (IN_STEP if flags & SYN else 0) | (0 if other.begun else ANEW)
-            self._tell(own, PieceKind.BEGIN, 0, size, frame, Order.OWN)
+            self._tell(own, PieceKind.BEGIN, (0, size), frame, Order.OWN, own.first)
         begin = own.at + own.distance(sequence)
         if own.ended or abs(begin - own.at) > FAR:
             return
@@ -248,7 +252,7 @@ class SegmentsInTurn:
             if kind is PieceKind.DATA and size and begin < own.at and not asks:
                 self.again.append(Again(own.number, frame, own.at - begin, payload, min(size, own.at - begin), size))
             if size and begin + size > own.at:
-                part = Kept(begin, size, kind, source, frame, time_ns)
+                part = Kept(begin, size, kind, source, frame, time_ns, told)
                 parts.append(part.part(own.at, part.end) if begin < own.at else part)
             begin += size
         if not parts:
@@ -309,6 +313,8 @@ class SegmentsInTurn:
         stream.next = (stream.next + part.size) % WRAP
         if part.kind in (PieceKind.DATA, PieceKind.END):
             stream.latest_ns = max(stream.latest_ns, part.time_ns)
+        if part.kind is not PieceKind.HOLE:
+            stream.told = part.acknowledged
         if ended:
             return
         start, size = 0, part.size
@@ -321,10 +327,13 @@ class SegmentsInTurn:
         elif isinstance(part.source, bytes):
             start = ~len(self.kept)
             self.kept.append(part.source)
-        self._tell(stream, part.kind, start, size, frame, order)
+        self._tell(stream, part.kind, (start, size), frame, order, stream.next)
 
-    def _tell(self, stream: _Stream, kind: PieceKind, start: int, size: int, frame: int, order: Order) -> None:
-        self._made.append((stream.number, int(kind), start, size, frame << ORDER_BITS | int(order), stream.latest_ns))
+    def _tell(
+        self, stream: _Stream, kind: PieceKind, data: tuple[int, int], frame: int, order: Order, behind: int
+    ) -> None:  # fmt: skip
+        at = frame << ORDER_BITS | int(order)
+        self._made.append((stream.number, int(kind), *data, at, stream.latest_ns, behind, stream.told))
 
     def _break_off(
         self, ends: tuple[_Stream, _Stream], frame: int, time_ns: int, orders: tuple[Order, Order], by_client: int
@@ -337,7 +346,7 @@ class SegmentsInTurn:
                 self._give_up_hole(stream, frame, order)
             stream.begun = stream.ended = True
             stream.latest_ns = max(stream.latest_ns, time_ns)
-            self._tell(stream, PieceKind.END, 0, BROKEN_OFF | by_client, frame, order)
+            self._tell(stream, PieceKind.END, (0, BROKEN_OFF | by_client), frame, order, stream.next)
 
 
 def _ahead(sequence: int, known: int) -> int:

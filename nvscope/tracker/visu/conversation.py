@@ -1,6 +1,7 @@
 """Conversation: which response answers which request of a connection, whatever happens to it.
 
-A response answers the first request that waits. Where a direction loses step, nobody knows any more what waits.
+A response answers the first request that waits, if its server had that when it answered (``reach``). Where a direction
+loses step, nobody knows any more what waits, and, where bytes are missing, what answers the next request (``turns``).
 """
 
 from __future__ import annotations
@@ -17,15 +18,18 @@ from nvscope.tracker.visu.asking import NOTHING, Ask, fits
 from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.going_on import Closed
 from nvscope.tracker.visu.http_forms import Form, What
-from nvscope.tracker.visu.limits import MOST_WAITING
+from nvscope.tracker.visu.limits import MOST_EARLY, MOST_WAITING
 from nvscope.tracker.visu.messages import Kind
 from nvscope.tracker.visu.one_way import UNKNOWN
+from nvscope.tracker.visu.reach import NOWHERE, Reach, distance
+from nvscope.tracker.visu.turns import Turns
 
 
 class Waiting(NamedTuple):
     """A request that nobody has answered: what it asks for, its order, and when it had arrived.
 
     ``acknowledged`` is up to where its client had the server's bytes then, where none of these was captured; else -1.
+    ``reach`` is where it lies in the client's stream.
     """
 
     asked: Ask
@@ -33,13 +37,19 @@ class Waiting(NamedTuple):
     arrival_ns: int
     is_head: bool = False
     acknowledged: int = UNKNOWN
+    reach: Reach = NOWHERE
 
 
 class Early(NamedTuple):
-    """A response that came before the request was whole that it answers; its content, if it has any, is in its form."""
+    """A response that came before the request was whole that it answers; its content, if it has any, is in its form.
+
+    Of that request the head was there where it ``has_begun``; else ``reach`` tells whether it answers one that comes.
+    """
 
     form: Form
     arrival_ns: int
+    reach: Reach
+    has_begun: bool
 
 
 class Happened(NamedTuple):
@@ -63,8 +73,9 @@ class Conversation:
     ``beyond`` requests wait behind those that are ``waiting``: nobody remembers what they ask for. ``left_out`` are
     those of WebVisu pages of which that has not been told yet. ``closed`` is when the client closed its side: what
     waits then may still be answered. ``is_heard``: something that the server sent was captured, ``is_spoken``: the same
-    of the client. ``early`` answers the request that the client has begun, before that is whole. ``acknowledged`` is up
-    to where the server had the client's bytes, while none of them was captured, or -1.
+    of the client. ``early`` are responses that were captured before the requests that they may answer. ``acknowledged``
+    is up to where the server had the client's bytes, while none of them was captured, or -1. ``acknowledges``: the
+    server was seen to acknowledge what it answers, so that its acknowledgements tell what it does not answer.
     """
 
     connection: int
@@ -77,10 +88,15 @@ class Conversation:
     is_heard: bool = False
     is_spoken: bool = False
     acknowledged: int = UNKNOWN
-    early: Early | None = None
+    early: deque[Early] = field(default_factory=deque)
+    acknowledges: bool = False
+    turns: Turns = field(default_factory=Turns)
+    # Whether the last thing that happened to each direction was that bytes of it were missing.
+    _lacks: list[bool] = field(default_factory=lambda: [False, False])
 
     def take_from_client(
-        self, form: Form, asked: Ask, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
+        self, form: Form, asked: Ask, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None],
+        reach: Reach = NOWHERE,
     ) -> None:  # fmt: skip
         """Take what happens in the client's direction."""
         if form.what in (What.WHOLE, What.CUT):
@@ -89,20 +105,24 @@ class Conversation:
                 self._tell_request(kind, asked, order, message, tell)
                 self._tell_unbounded(form, order, tell)
             is_head = form.head is not None and form.head.method == "HEAD"
-            self._wait(Waiting(NOTHING if form.what is What.CUT else asked, order, arrival_ns, is_head))
+            asked = NOTHING if form.what is What.CUT else asked
+            self._wait(Waiting(asked, order, arrival_ns, is_head, reach=reach), tell)
         elif form.what is What.PART:
             of_page = self._is_of_page(form)
             if of_page:
                 self._tell_request(Kind.PART, asked, order, message, tell)
                 self._tell_unbounded(form, order, tell)
             # Who breaks off its own request waits for nothing, but for what has come before.
-            if form.broken_by is not Side.CLIENT or self.early is not None:
-                self._wait(Waiting(asked if of_page else NOTHING, order, arrival_ns))
+            if form.broken_by is not Side.CLIENT or self.has_early(reach):
+                self._wait(Waiting(asked if of_page else NOTHING, order, arrival_ns, reach=reach), tell)
         elif form.what is What.BROKEN:
             if self._is_of_page(form):
                 self._tell_request(Kind.CUT, NOTHING, order, message, tell)
-            self.early = None
+            if self.has_begun_early:
+                self.early.popleft()
             self._forget_waiting()
+            self.turns.miss(reach.acknowledged)
+            self._lose_turns(0)
         elif form.what is What.END:
             if form.broken_by is None:
                 self.closed = Closed(order, arrival_ns)
@@ -111,6 +131,12 @@ class Conversation:
         else:
             self._take_other(form, order, tell)
         self.is_spoken |= form.what is not What.END
+        self._lacks[0] = form.what is What.GAP
+
+    def _lose_turns(self, side: int) -> None:
+        """Take that a direction lost step: where bytes of it are missing, nobody knows how much was in them."""
+        if self._lacks[side]:
+            self.turns.lose()
 
     @property
     def waits(self) -> bool:
@@ -121,7 +147,26 @@ class Conversation:
         """Tell whether what is not whole is a request of a page: what says nothing of itself, where others were."""
         return form.touched is Likeness.YES or (form.touched is Likeness.PERHAPS and self.is_visu)
 
-    def _wait(self, one: Waiting) -> None:
+    @property
+    def has_begun_early(self) -> bool:
+        """Whether what the client has begun is answered."""
+        return bool(self.early) and self.early[0].has_begun
+
+    def has_early(self, reach: Reach) -> bool:
+        """Tell whether a request that lies there was answered before; forget what answers none to come."""
+        while self.early and not self.early[0].has_begun:
+            if distance(self.early[0].reach.acknowledged, reach.body_at) >= 0 and reach.body_at != UNKNOWN:
+                return True
+            self.early.popleft()
+        return bool(self.early)
+
+    def _wait(self, one: Waiting, tell: Callable[[Happened], None]) -> None:
+        if not self.turns.ask(one.reach):
+            # Something in front of it may have to be answered first.
+            self._tell_answer(Kind.UNCLEAR, one, one.order, 0, -1, tell)
+            self._forget_waiting()
+            self.early.clear()
+            return
         if self.beyond or len(self.waiting) >= MOST_WAITING:
             self.beyond += 1
             self.left_out += one.asked.request is not None
@@ -139,29 +184,43 @@ class Conversation:
         self.is_visu, self.gap_bytes = True, 0
 
     def take_from_server(
-        self, form: Form, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
+        self, form: Form, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None],
+        reach: Reach = NOWHERE,
     ) -> None:  # fmt: skip
         """Take what happens in the server's direction."""
         if form.what is What.ANEW:
             self._take_other(form, order, tell)
+        if form.what in (What.ANEW, What.BEGIN):
+            self._begin_server(reach.behind, order, tell)
         was_heard, self.is_heard = self.is_heard, self.is_heard or form.what is not What.END
-        self._take_from_server(form, order, arrival_ns, message, tell)
+        self._take_from_server(form, order, arrival_ns, message, tell, reach)
+        self._lacks[1] = form.what is What.GAP
         if not was_heard and self.is_heard and self.closed is not None:
             self.closed = self.closed._replace(order=order)
             self._tell_leaving(Kind.LEFT, order, tell)
 
+    def _begin_server(self, begin: int, order: int, tell: Callable[[Happened], None]) -> None:
+        """Take where the server's direction begins: bytes are missing in front that answered what had less of them."""
+        while self.waiting and distance(begin, self.waiting[0].reach.acknowledged) > 0:
+            self._tell_answer(Kind.UNCLEAR, self.waiting.popleft(), order, 0, -1, tell)
+            self.turns.is_doubtful = not self.waiting
+        self.turns.answered = begin
+
     def _take_from_server(
-        self, form: Form, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
+        self, form: Form, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None], reach: Reach
     ) -> None:  # fmt: skip
         if form.what in (What.WHOLE, What.CUT):
             is_interim = form.head is not None and form.head.is_interim
             if is_interim or form.answers_nobody:
                 return
             is_cut = form.what is What.CUT
+            if self.waiting and not self._may_answer(reach):
+                return
             if form.is_late and not is_cut and self.waiting and not fits(self.waiting[0].asked, form):
                 self._doubt(order, tell)
             if self.waiting:
                 asked = self.waiting.popleft()
+                self.turns.answer(asked.reach.acknowledged, reach.behind)
                 if is_cut:
                     self._tell_answer(Kind.CUT, asked, order, arrival_ns, message, tell)
                 elif asked.asked.is_part:
@@ -181,10 +240,19 @@ class Conversation:
             else:
                 self._tell_leaving(Kind.UNCLEAR, order, tell)
             self._forget_waiting()
+            self._lose_turns(1)
         elif form.what is What.END:
             self._tell_unanswered(order, arrival_ns, tell, by_client=form.broken_by is Side.CLIENT)
         elif form.what is not What.ANEW:
             self._take_other(form, order, tell)
+
+    def _may_answer(self, reach: Reach) -> bool:
+        """Tell whether a response may answer the first request that waits."""
+        told, body_at = reach.acknowledged, self.waiting[0].reach.body_at
+        if UNKNOWN in (told, body_at):
+            return True
+        self.acknowledges |= distance(told, body_at) >= 0
+        return distance(told, body_at) >= 0 or not self.acknowledges
 
     def _doubt(self, order: int, tell: Callable[[Happened], None]) -> None:
         """Take that a response may answer a request from before the capture: so may those that follow."""
@@ -193,13 +261,21 @@ class Conversation:
                 self._tell_answer(Kind.UNCLEAR, one, order, 0, -1, tell)
                 self.waiting[place] = one._replace(asked=NOTHING)
 
+    def keep(self, early: Early) -> None:
+        """Keep a response that may answer a request that is still to come."""
+        self._lacks[1] = False
+        self.early.append(early)
+        if len(self.early) > MOST_EARLY:
+            self.early.popleft()
+
     def answer_early(self, order: int, message: int, tell: Callable[[Happened], None]) -> None:
         """Take that the request is whole, with an order, that was answered before; the response is a message now."""
-        assert self.early is not None
-        form, arrival_ns = self.early
-        self.early = None
+        form, arrival_ns, reach, has_begun = self.early.popleft()
         if self.waiting:
-            self.take_from_server(form, order, max(arrival_ns, self.waiting[0].arrival_ns), message, tell)
+            arrival_ns = max(arrival_ns, self.waiting[0].arrival_ns)
+            # What answers a request that has begun may be sent before any more of that is there.
+            reach = reach._replace(acknowledged=UNKNOWN) if has_begun else reach
+            self.take_from_server(form, order, arrival_ns, message, tell, reach)
 
     def note_acknowledged(self, acknowledged: int) -> None:
         """Note up to where the client has the server's bytes, none of which was captured, with its last request."""
@@ -263,7 +339,9 @@ class Conversation:
     def _take_other(self, form: Form, order: int, tell: Callable[[Happened], None]) -> None:
         if form.what is What.ANEW:
             self._forget_waiting()
-            self.is_visu, self.gap_bytes, self.closed, self.early = False, 0, None, None
+            self.is_visu, self.gap_bytes, self.closed = False, 0, None
+            self.early.clear()
+            self.turns, self.acknowledges = Turns(), False
             self.is_heard, self.is_spoken, self.acknowledged = False, False, UNKNOWN
         elif form.what is What.GAP:
             if self.is_visu:

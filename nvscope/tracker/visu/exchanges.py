@@ -91,7 +91,7 @@ class Exchanges:
         are_head = [one.is_head for one in conversation.waiting]
         first = next(iter(conversation.waiting), None) if not conversation.is_heard else None
         begun = None if first is None else (first.order, first.acknowledged)
-        return Waiting(are_head, conversation.beyond, conversation.early is not None, begun)
+        return Waiting(are_head, conversation.beyond, conversation.has_begun_early, begun)
 
     def pass_time(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> None:
         """Take a batch without segments: time has passed for those who have closed their side."""

@@ -21,6 +21,7 @@ from nvscope.tracker.visu.http_forms import NOT_BEGUN, Form, Forms
 from nvscope.tracker.visu.http_reader import END_OF_HEAD, HttpReader
 from nvscope.tracker.visu.http_runs import Controls, are_short, begin_late_of, read_run, take_control
 from nvscope.tracker.visu.limits import MOST_HELD_BYTES
+from nvscope.tracker.visu.reach import Reaches
 from nvscope.tracker.visu.request_heads import EARLIER, ClientRows, RequestHeads
 from nvscope.tracker.visu.waiting_requests import Asked, Missed, Unheard, Waiting, WaitingRequests
 
@@ -35,7 +36,8 @@ class HttpMessages:
     A request that ends where it is answered, since it does not say how long it is, stands in front of what answers it.
     ``form`` is a place in ``forms``. Of a message whose content is as it came, that begins at ``start`` in ``data``.
     ``order`` and ``arrival_ns`` are those of the piece that made it whole (``nvscope.tracker.pieces``). ``clients``
-    know since when requests had begun, ``given_up`` is how many messages had begun for which there was no room.
+    know since when requests had begun, ``reach`` is where messages lie in streams, ``given_up`` how many had begun for
+    which there was no room.
     """
 
     data: bytes
@@ -46,6 +48,7 @@ class HttpMessages:
     order: I64
     arrival_ns: I64
     clients: ClientRows
+    reach: Reaches
     given_up: int = 0
 
     def __len__(self) -> int:
@@ -390,4 +393,6 @@ class HttpStreams:
             is_here = is_here and pieces.stream[last] == pieces.stream[last + 1]
             arrival_ns[place] = pieces.arrival_ns[last] if is_here else arrived_ns
         clients = ClientRows(self._heads(pieces, ends), found, stream, form, order)
-        return HttpMessages(data, found.forms, stream, form, at, order, arrival_ns, clients, given_up)
+        size = np.array(found.body_bytes, np.int64)[form]
+        reach = Reaches.of(pieces, ends, piece, stream, at, size)
+        return HttpMessages(data, found.forms, stream, form, at, order, arrival_ns, clients, reach, given_up)

@@ -7,6 +7,9 @@ from enum import IntEnum
 MOST_PAIRS = 1 << 17
 """Between so many clients and servers, by port, messages are followed."""
 
+MOST_EARLY = 4
+"""So many responses of a connection are kept that were captured before what they may answer."""
+
 MOST_WAITING = 256
 """So many requests of a connection are waited for at a time."""
 

@@ -107,8 +107,9 @@ class Pairing:
         begin, end = run
         least = _LEAST
         while begin < end:
-            both_ways = conversation.is_heard and conversation.is_spoken and conversation.early is None
-            if conversation.is_visu and end - begin >= _FEW and conversation.closed is None and both_ways:
+            both_ways = conversation.is_heard and conversation.is_spoken and conversation.closed is None
+            is_sure = not (conversation.early or conversation.turns.is_doubtful)
+            if conversation.is_visu and end - begin >= _FEW and both_ways and is_sure:
                 place = bisect_left(peculiar, begin)
                 stop = min(peculiar[place] if place < len(peculiar) else end, end, begin + _MANY)
                 stop = begin + self._in_front_of_surplus(conversation, rows[begin:stop])
@@ -155,18 +156,21 @@ class Pairing:
             if stream & 1:
                 if not conversation.is_spoken:
                     self._note_unasked(conversation, row)
-                elif not conversation.waits and self._is_early(conversation, row, order):
-                    conversation.early = self._early(row)
+                if not conversation.waits and (early := self._early(conversation, row, order)) is not None:
+                    conversation.keep(early)
                     continue
-                conversation.take_from_server(self._form(row), order, arrival_ns, row, tell)
+                conversation.take_from_server(self._form(row), order, arrival_ns, row, tell, http.reach.at(row))
                 if not conversation.is_spoken and http.forms[form].what in (What.BEGIN, What.ANEW):
                     conversation.acknowledged = self._one_way.acknowledged_at(stream, order)
             else:
-                conversation.take_from_client(http.forms[form], asks[ask], order, arrival_ns, row, tell)
+                reach = http.reach.at(row)
+                conversation.take_from_client(http.forms[form], asks[ask], order, arrival_ns, row, tell, reach)
                 if not conversation.is_heard and conversation.waiting and conversation.waiting[-1].order == order:
                     conversation.note_acknowledged(self._one_way.acknowledged_at(stream, order))
-                if conversation.early is not None and http.forms[form].what in (What.WHOLE, What.CUT, What.PART):
-                    self._later.append((conversation.early.form, stream + 1, order, conversation.early.arrival_ns))
+                is_request = http.forms[form].what in (What.WHOLE, What.CUT, What.PART)
+                if conversation.early and is_request and conversation.has_early(reach):
+                    early = conversation.early[0]
+                    self._later.append((early.form, stream + 1, order, early.arrival_ns))
                     conversation.answer_early(order, len(http) + len(self._later) - 1, tell)
 
     def _form(self, row: int) -> Form:
@@ -174,20 +178,22 @@ class Pairing:
         form = self._http.forms[int(self._http.form[row])]
         return replace(form, content=self._http.content(row), is_coded=True) if form.is_late else form
 
-    def _is_early(self, conversation: Conversation, row: int, order: int) -> bool:
-        """Tell whether a message of a server answers the request that its client has begun; none waits."""
-        form = self._http.forms[int(self._http.form[row])]
+    def _early(self, conversation: Conversation, row: int, order: int) -> Early | None:
+        """Return a response that is told when the request is whole that it answers, else None; no request waits.
+
+        It answers the one that its client has begun, or one of which the server had more than was captured so far.
+        """
+        http = self._http
+        form, reach = http.forms[int(http.form[row])], http.reach.at(row)
         is_lost = form.what is What.BROKEN and form.touched is Likeness.YES
         if not (is_lost or form.what in (What.WHOLE, What.CUT)) or form.answers_nobody:
-            return False
+            return None
         if form.head is not None and form.head.is_interim:
-            return False
-        return conversation.early is None and self._http.clients.has_begun(conversation.connection, order)
-
-    def _early(self, row: int) -> Early:
-        """Return a response that is told when the request is whole."""
-        http = self._http
-        form = http.forms[int(http.form[row])]
+            return None
+        has_begun = not conversation.early and conversation.is_spoken
+        has_begun = has_begun and http.clients.has_begun(conversation.connection, order)
+        if not has_begun and (is_lost or reach.acknowledged == UNKNOWN):
+            return None
         if form.what is What.WHOLE:
             content = http.content(row)
             if content is not None and len(content) > _MOST_EARLY_BYTES:
@@ -195,7 +201,7 @@ class Pairing:
             form = replace(form, content=content, is_coded=True)
         elif form.what is What.BROKEN:
             form = Form(What.CUT)
-        return Early(form, int(http.arrival_ns[row]))
+        return Early(form, int(http.arrival_ns[row]), reach, has_begun)
 
     def _miss(self, conversation: Conversation, before: int) -> None:
         """Tell that a reply was not captured, of a server of which nothing was, as far as that is known before."""

@@ -15,12 +15,14 @@ from dissectors.batch import I64, Bool
 from dissectors.columns import Columns
 from nvscope.engine.runs import distinct
 from nvscope.tracker.pieces import ORDER_BITS
+from nvscope.tracker.segments import HALF
 from nvscope.tracker.visu.asking import Ask
 from nvscope.tracker.visu.conversation import Conversation, Waiting
 from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.limits import MOST_WAITING
 from nvscope.tracker.visu.messages import Kind
+from nvscope.tracker.visu.reach import UNKNOWN, Reach, distances
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,12 +103,22 @@ def paired(
     replies = len(answers)
     if replies > len(order) or (order[:replies] >= http.order[answers]).any():
         return None
+    body_at, had = http.reach.body_at[asks], http.reach.acknowledged[asks]
+    if waiting:
+        body_at = np.append([one.reach.body_at for one in waiting], body_at)
+        had = np.append([one.reach.acknowledged for one in waiting], had)
+    acknowledges = _acknowledges(http.reach.acknowledged[answers], body_at[:replies], conversation.acknowledges)
+    if acknowledges is None:
+        return None
     answered = np.searchsorted(http.order[answers], order) if len(order) > MOST_WAITING else 0
     if (np.arange(1, len(order) + 1) - answered > MOST_WAITING).any():
         return None
+    conversation.acknowledges = acknowledges
+    conversation.turns.answer_all(had[:replies], http.reach.behind[answers], http.reach.acknowledged[asks])
     waiting.clear()
-    for number, at, time_ns in zip(*(column[replies:].tolist() for column in (own, order, arrival_ns)), strict=True):
-        waiting.append(Waiting(asked_for.asks[number], at, time_ns))
+    left = (column[replies:].tolist() for column in (own, order, arrival_ns, body_at, had))
+    for number, at, time_ns, body, acknowledged in zip(*left, strict=True):
+        waiting.append(Waiting(asked_for.asks[number], at, time_ns, reach=Reach(body, UNKNOWN, acknowledged)))
     is_request = asked_for.are_requests()
     requests = asks[is_request[asked[asks]]]
     answered = np.flatnonzero(is_request[own[:replies]])
@@ -122,3 +134,17 @@ def paired(
         np.append(asked[requests], own[:replies][answered]), latency_ns, asked_frame, np.zeros(count, np.int64),
         np.zeros(count, np.bool_),
     )  # fmt: skip
+
+
+def _acknowledges(told: I64, body_at: I64, did: bool) -> bool | None:
+    """Tell whether a server that ``did`` so or not has acknowledged what it answers, None where it lacks some of it.
+
+    ``told`` is what it acknowledges with responses, ``body_at`` where the heads of the requests end in front of them.
+    """
+    ahead = told - body_at
+    if len(told) and int(ahead.min()) >= 0 and int(body_at.min()) >= 0 and int(ahead.max()) < HALF:
+        return True
+    is_known = (told != UNKNOWN) & (body_at != UNKNOWN)
+    lacks = distances(told, body_at) < 0
+    has = did or bool((is_known & ~lacks).any())
+    return None if has and lacks.any() else has

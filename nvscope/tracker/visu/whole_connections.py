@@ -18,6 +18,7 @@ from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.limits import MOST_WAITING
 from nvscope.tracker.visu.messages import Kind
 from nvscope.tracker.visu.plain_exchanges import AskedFor, Said
+from nvscope.tracker.visu.reach import UNKNOWN, distances
 
 
 def take_whole(
@@ -62,15 +63,18 @@ def take_whole(
     if (closes & whole).any():
         whole &= ~closes
         ask, answer = ask[whole[group[ask]]], answer[whole[group[answer]]]
+    reach = http.reach
     early = http.order[answer] <= http.order[ask]
+    early |= distances(reach.acknowledged[answer], reach.body_at[ask]) < 0
     if early.any():
         whole[group[ask[early]]] = False
         ask, answer = ask[whole[group[ask]]], answer[whole[group[answer]]]
+    pairs = np.stack([group[ask], ask, answer])
     own = asked_for.are_requests()[asked[ask]]
     ask, answer = ask[own], answer[own]
     opens = np.ones(len(ask), np.bool_)
     opens[1:] = np.diff(group[ask]) != 0
-    _note(http, start, whole, count(what == What.END) == 2, group[ask[opens]], conversations)
+    _note(http, start, whole, count(what == What.END) == 2, group[ask[opens]], conversations, pairs)
     nothing, count_of = np.zeros(len(ask), np.int64), len(ask)
     said = Said(
         np.repeat([int(Kind.READ), int(Kind.REPLY)], count_of), np.tile(http.stream[ask] >> 1, 2),
@@ -90,9 +94,13 @@ def _last_order(http: HttpMessages, group: I64, answer: I64, groups: int) -> I64
 
 
 def _note(
-    http: HttpMessages, start: I64, whole: Bool, ended: Bool, visu: I64, conversations: dict[int, Conversation]
-) -> None:
-    """Note where whole connections are: nothing more is to be said of those that have ended."""
+    http: HttpMessages, start: I64, whole: Bool, ended: Bool, visu: I64, conversations: dict[int, Conversation],
+    pairs: I64,
+) -> None:  # fmt: skip
+    """Note where whole connections are: nothing more is to be said of those that have ended.
+
+    ``pairs`` are rows of connections, requests and replies, by the first.
+    """
     connection = http.stream[start] >> 1
     if conversations:
         for number in connection[whole].tolist():
@@ -100,5 +108,15 @@ def _note(
     spoke = np.zeros(len(start), np.bool_)
     spoke[visu] = True
     stays = whole & ~ended
-    for number, is_visu in zip(connection[stays].tolist(), spoke[stays].tolist(), strict=True):
-        conversations[number] = Conversation(number, is_visu=is_visu, is_heard=True, is_spoken=True)
+    if not stays.any():
+        return
+    group, ask, answer = pairs
+    reach, places = http.reach, np.flatnonzero(stays)
+    had, told, behind = reach.acknowledged[ask], reach.acknowledged[answer], reach.behind[answer]
+    acknowledges = (told != UNKNOWN) & (reach.body_at[ask] != UNKNOWN)
+    bounds = np.searchsorted(group, places), np.searchsorted(group, places, side="right")
+    for place, *bound in zip(places.tolist(), *(bound.tolist() for bound in bounds), strict=True):
+        number, own = int(connection[place]), slice(*bound)
+        conversations[number] = one = Conversation(number, is_visu=bool(spoke[place]), is_heard=True, is_spoken=True)
+        one.acknowledges = bool(acknowledges[own].any())
+        one.turns.answer_all(had[own], behind[own], had[own])

@@ -52,6 +52,8 @@ from tests.oracle.rules.http_bodies import (
     line_end,
     whole_chunks,
 )
+from tests.oracle.rules.http_message import Lost, Message
+from tests.oracle.rules.streams import Delivery
 
 METHODS = rb"GET|HEAD|POST|PUT|DELETE|OPTIONS|PATCH|CONNECT|TRACE"
 REQUEST_LINE = re.compile(rb"(%s) (\S{1,2048}) HTTP/1\.[01]" % METHODS)
@@ -59,41 +61,6 @@ STATUS_LINE = re.compile(rb"HTTP/1\.[01] (\d\d\d)(?:[ \t][^\r\n]{0,1000})?")
 REQUEST_SOMEWHERE = re.compile(rb"(?:%s) \S{1,2048} HTTP/1\.[01]\r?\n" % METHODS)
 STATUS_SOMEWHERE = re.compile(rb"HTTP/1\.[01] \d\d\d(?:[ \t][^\r\n]{0,1000})?\r?\n")
 LONGEST_REQUEST_LINE, LONGEST_STATUS_LINE = 2048 + len("CONNECT  HTTP/1.1\r\n"), 1000 + len("HTTP/1.1 200 \r\n")
-
-
-@dataclass
-class Message:
-    """A request or a response, or what was seen of one.
-
-    ``body`` is decoded; None where it is not known: cut, longer than its limit, or not to be decoded. ``seen`` is what
-    came of it before the first missing byte, as it came. ``whole`` tells whether it came to its end, cut or not;
-    ``broken_off``: that its end is the reset of the connection, and nobody knows whether more should have come;
-    ``part``: that it is a request of which the client sent no more than a part; ``unasked``: that it is a response to
-    HEAD, which was not captured; ``late``: that it may be one to a request from before the capture;
-    ``unbounded``: that nobody knows where it ends.
-    """
-
-    method: bytes = b""
-    target: bytes = b""
-    status: int = 0
-    body: bytes | None = None
-    seen: bytes = b""
-    cut: bool = False
-    whole: bool = True
-    arrival: int = 0
-    broken_off: bool = False
-    part: bool = False
-    unasked: bool = False
-    late: bool = False
-    unbounded: bool = False
-
-
-@dataclass
-class Lost:
-    """The direction has lost step; ``dropped`` is the message that a hole touched, if it was ``in_step`` before."""
-
-    dropped: Message | None = None
-    in_step: bool = False
 
 
 @dataclass
@@ -187,6 +154,8 @@ class Reader:
         self.head: Head | None = None
         self.framing: int | str = NO_BODY
         self.latest: int | None = None
+        self.sequence = 0
+        self.told: int | None = None
 
     @property
     def receiving(self) -> bool:
@@ -213,15 +182,23 @@ class Reader:
         self.happened["open request answered within a chunk"] += body is None
         is_part = self.expects and len(self.buffer) == self.head.end and not by_reset
         head, message = self.head, self.whole(len(self.buffer), body)
+        message.head_at = message.behind = message.told = None
         message.body, message.part = None if body is None else decoded(head.fields, body), is_part
         return message
 
-    def feed(self, data: bytes, time: int) -> Iterator[Message | Lost]:
+    def take(self, event: Delivery) -> Iterator[Message | Lost]:
+        """Take bytes, or missing ones."""
+        known = event.behind, event.told
+        return self.hole(event.missing, *known) if event.missing else self.feed(event.data, event.time, *known)
+
+    def feed(self, data: bytes, time: int, behind: int = 0, told: int | None = None) -> Iterator[Message | Lost]:
+        self.sequence, self.told = behind, told
         self.latest = time if self.latest is None else max(self.latest, time)
         self.buffer += data
         yield from self.advance()
 
-    def hole(self, size: int) -> Iterator[Message | Lost]:
+    def hole(self, size: int, behind: int = 0, told: int | None = None) -> Iterator[Message | Lost]:
+        self.sequence, self.told = behind, told
         head, length = self.head, self.framing
         if head is not None and isinstance(length, int) and len(self.buffer) + size <= head.end + length:
             self.happened["hole in a body of known length"] += 1
@@ -238,7 +215,7 @@ class Reader:
             self.happened["hole between messages" if self.in_step else "hole while searching"] += 1
         self.next_message(b"")
         in_step, self.in_step = self.in_step, False
-        yield Lost(dropped, in_step)
+        yield Lost(dropped, in_step, missing=True, told=told)
 
     def end(self, reset: bool, time: int) -> Iterator[Message | Lost]:
         """End the direction: a message may end with it; what is not whole is told of a request, or where it is cut."""
@@ -253,7 +230,9 @@ class Reader:
         elif self.head is not None and message is not None:
             if self.framing == TO_THE_END:
                 self.happened["body to the end"] += 1
-                yield self.whole(len(self.buffer), self.buffer[self.head.end :])
+                message = self.whole(len(self.buffer), self.buffer[self.head.end :])
+                message.head_at = message.behind = message.told = None
+                yield message
             elif self.response:
                 self.happened["response not whole at the end"] += 1
                 if self.missing_at is not None:
@@ -303,7 +282,7 @@ class Reader:
                 self.happened["foreign"] += 1
                 self.next_message(self.buffer[1:])
                 self.in_step = False
-                yield Lost()
+                yield Lost(told=self.told)
                 continue
             if message is None:
                 return
@@ -387,7 +366,11 @@ class Reader:
             message.body = b"" if content is None else decoded(self.head.fields, content)
             self.happened["body not known"] += message.body is None
             self.happened["body decoded"] += message.body not in (None, message.seen)
-        message.arrival = self.latest or 0
+        message.arrival, message.told = self.latest or 0, self.told
+        left = [len(self.buffer) - at for at in (self.head.end, end)]
+        message.head_at, message.behind = [(self.sequence - one) % 2**32 for one in left]
+        if message.cut or end - self.head.end > MOST_BODY:
+            message.head_at = message.behind
         message.late = self.is_late and not 100 <= message.status < 200
         self.is_late &= self.framing in (NO_BODY, 0)
         self.next_message(self.buffer[end:])

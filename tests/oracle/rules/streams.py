@@ -47,12 +47,19 @@ def distance(a: int, b: int) -> int:
     return (a - b + 2**31) % 2**32 - 2**31
 
 
+def told(segment: Segment) -> int | None:
+    """Return what a segment acknowledges, None where it says nothing."""
+    return segment.ack or None if segment.flags & ACK else None
+
+
 class Carried(NamedTuple):
     """A byte, None where it was not captured, and the frame that brought it; of a FIN just the latter."""
 
     byte: int | None
     frame: int
     time: int
+    told: int | None = None
+    """What its segment acknowledged."""
 
 
 @dataclass
@@ -73,6 +80,8 @@ class Direction:
     """Whether it ended by its FIN."""
     delivered: dict[int, int] = field(default_factory=dict)
     """What was delivered since the last hole, by place."""
+    told: int | None = None
+    """What the segment acknowledged whose bytes were delivered last."""
     latest: int = 0
     """When what came latest of what was delivered had come, its end too."""
 
@@ -98,6 +107,12 @@ class Direction:
         """The place behind all that was sent so far."""
         return max([self.next, *(place + 1 for place in [*self.kept, *self.fins])])
 
+    @property
+    def sequence(self) -> int:
+        """The sequence number of the byte that is delivered next."""
+        assert self.begin is not None
+        return (self.begin + self.next) % 2**32
+
     def first_kept(self) -> int | None:
         return min([*self.kept, *self.fins], default=None)
 
@@ -118,13 +133,19 @@ class Connection:
 
 
 class Delivery(NamedTuple):
-    """Bytes in order, all brought by one frame at ``time``; or ``missing`` ones."""
+    """Bytes in order, all brought by one frame at ``time``; or ``missing`` ones.
+
+    ``behind`` is the sequence number of the byte behind them; ``told`` what their segment acknowledges, or that of
+    those in front of missing ones. One that acknowledges 0 says nothing.
+    """
 
     connection: Connection
     from_client: bool
     data: bytes
     missing: int
     time: int
+    behind: int = 0
+    told: int | None = None
 
 
 class Ending(NamedTuple):
@@ -214,7 +235,7 @@ class Streams:
             return 0
         seq = (segment.seq + syn) % 2**32
         if own.begin is None:
-            own.begin, own.began_with_syn = seq, syn
+            own.begin, own.began_with_syn, own.told = seq, syn, told(segment)
             self.happened["began with SYN" if syn else "began before the capture"] += 1
         begin = own.place(seq)
         if abs(begin - own.next) > FARTHEST:
@@ -226,10 +247,10 @@ class Streams:
                 late += 1
                 continue
             byte = segment.payload[offset] if offset < len(segment.payload) else None
-            own.kept[begin + offset] = Carried(byte, number, time)
+            own.kept[begin + offset] = Carried(byte, number, time, told(segment))
         end = begin + segment.length
         if fin and end >= own.next and end not in own.kept:
-            own.fins.setdefault(end, Carried(None, number, time))
+            own.fins.setdefault(end, Carried(None, number, time, told(segment)))
         self.happened["in part late"] += 0 < late < segment.length
         self.happened["late"] += 0 < late == segment.length
         self.happened["kept behind a hole"] += begin > own.next
@@ -247,7 +268,9 @@ class Streams:
             if run and (found is None or (found.byte is None, found.frame) != (run[0].byte is None, run[0].frame)):
                 own.latest = max(own.latest, run[0].time) if run[0].byte is not None else own.latest
                 data = bytes(carried.byte for carried in run if carried.byte is not None)
-                yield Delivery(connection, from_client, data, len(run) - len(data), run[0].time)
+                own.told = run[0].told if data else own.told
+                missing = len(run) - len(data)
+                yield Delivery(connection, from_client, data, missing, run[0].time, own.sequence, own.told)
                 if data:
                     own.delivered |= dict(enumerate(data, own.next - len(run)))
                 else:
@@ -278,7 +301,7 @@ class Streams:
             self.happened[f"hole final by {why}"] += 1
             missing, own.next = first - own.next, first
             own.delivered.clear()
-            yield Delivery(connection, from_client, b"", missing, 0)
+            yield Delivery(connection, from_client, b"", missing, 0, own.sequence, own.told)
             yield from self.deliver(connection, from_client)
 
     def acknowledged(self, connection: Connection, from_client: bool) -> Iterator[Event]:

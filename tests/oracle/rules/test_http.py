@@ -7,7 +7,8 @@ import zlib
 
 import pytest
 
-from tests.oracle.rules.http import LONGEST_REQUEST_LINE, MOST_BODY, Lost, Message, Reader
+from tests.oracle.rules.http import LONGEST_REQUEST_LINE, MOST_BODY, Reader
+from tests.oracle.rules.http_message import Lost, Message
 
 GET, OK = b"GET /a HTTP/1.1\r\n\r\n", b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\nok"
 POST = b"POST /b HTTP/1.0\r\nContent-Length: 3\r\n\r\n"

@@ -21,13 +21,9 @@ Readings, where the rules leave a choice:
   the frame with which it is whole, and no latency, as far as it ever is
 - requests that become whole after the server's direction has ended are unanswered where the connection ends by RST or a
   new one; where it ends in order, nothing happens
-- the frame that ended a connection is the one with which the last byte of the direction was there, not the one that
-  brought the FIN
 - the same body is the same decoded bytes; a poll runs from the last read with this body, whatever came between
-- names are known by the server's address alone, its ports aside; an ADR has no name
 - events of a finding are in order of what happened: first and last are the times of the first and the last one, and the
   first ten are their frames (the same one several times where several entries came with it)
-- values written are seen, whatever they are; an empty value read is one
 """
 
 from __future__ import annotations
@@ -39,7 +35,7 @@ from typing import Any
 from tests.oracle.frame import Address as Node
 from tests.oracle.frame import Frame
 from tests.oracle.rules import visu_body, visu_others
-from tests.oracle.rules.http import Lost, Message
+from tests.oracle.rules.http_message import Lost, Message
 from tests.oracle.rules.keys import node_order
 from tests.oracle.rules.streams import Connection, Delivery, Ending, Event, Others, Streams
 from tests.oracle.rules.visu_body import Answered, Asked
@@ -49,6 +45,7 @@ from tests.oracle.rules.visu_leaving import given_up
 from tests.oracle.rules.visu_one_way import OneWay
 from tests.oracle.rules.visu_part import ask_in_part, settle, writes
 from tests.oracle.rules.visu_talk import Home, Pair, Talk, Told, Waiting, Written, known_value
+from tests.oracle.rules.visu_turns import begin_servers, has_early, keep, lose_client, wait
 
 SECOND = 1_000_000_000
 FRAMES_KEPT = 10
@@ -101,7 +98,7 @@ class Visu:
             talk.broken_off = isinstance(event, Ending) and event.reset and event.by_client
             if isinstance(event, Delivery):
                 talk.gap_bytes += event.missing
-                heard = reader.hole(event.missing) if event.missing else reader.feed(event.data, event.time)
+                heard = reader.take(event)
             else:
                 heard = reader.end(event.reset, event.time)
             for one in heard:
@@ -124,6 +121,7 @@ class Visu:
         while True:
             event = next(events, None)
             self.one_way.note_begin(self.streams.connections.values())
+            begin_servers(self.talks.values())
             if event is None:
                 return
             yield event
@@ -134,12 +132,13 @@ class Visu:
         if from_client:
             if what.dropped:
                 self.cut_request(talk, what.dropped)
-            talk.early = None
+            lose_client(talk, what)
             talk.forgotten = False in talk.readers and talk.readers[False].receiving
         else:
             if what.in_step:
                 self.response(talk, Message(cut=True, whole=False))
             talk.forgotten = False
+            talk.turns.doubtful |= what.missing and not talk.early
         talk.waiting.clear()
 
     def cut_request(self, talk: Talk, message: Message) -> None:
@@ -160,8 +159,8 @@ class Visu:
                 self.note_unbounded(talk, message)
         else:
             self.ask(talk, message)
-        if talk.early is not None:
-            early, talk.early, forgotten = talk.early, None, talk.forgotten
+        if has_early(talk, message) and talk.waiting:
+            early, forgotten = talk.early.pop(0), talk.forgotten
             early.arrival, talk.forgotten = max(early.arrival, message.arrival), False
             self.response(talk, early)
             talk.forgotten = forgotten
@@ -176,7 +175,7 @@ class Visu:
                 self.happened["not whole when it was broken off"] += 1
                 asked = None
         had = self.one_way.told_by(talk.connection, client=True)
-        talk.waiting.append(Waiting(asked, message, self.number, self.written(talk, asked), acknowledged=had))
+        wait(talk, Waiting(asked, message, self.number, self.written(talk, asked), acknowledged=had))
         self.happened["several wait"] += len(talk.waiting) > 1
         if asked is None or message.body is None:
             self.happened["other request"] += 1
@@ -252,12 +251,13 @@ class Visu:
             talk.had_request = True
             self.known[talk.pair].counts["cut"] += 1
             self.find("NV808", talk)
-        if not (forgotten or talk.waiting or talk.early) and True in talk.readers and talk.readers[True].begun:
-            self.happened["early response"] += 1
-            talk.early = message
+        if not (forgotten or talk.waiting) and keep(talk, message):
             return
         if forgotten or not talk.waiting:
             self.happened["response to a forgotten request" if forgotten else "response to nobody"] += 1
+            return
+        if not talk.turns.answers_first(message, talk.waiting[0].message):
+            self.happened["response to what was not captured"] += 1
             return
         self.happened["may answer what was not captured"] += doubt(talk, message)
         waiting = talk.waiting.pop(0)

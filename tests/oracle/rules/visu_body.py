@@ -11,6 +11,8 @@ Readings, where the rules leave a choice:
 - CR and LF beside a `|` are taken out of requests, and only at the ends of replies
 - a variable is a password where it has a byte in common with one that a list calls so, whatever its own name and type
 - a cut body that was compressed is looked at as it came
+- names are known by the server's address alone, its ports aside; an ADR has no name
+- values written are seen, whatever they are; an empty value read is one
 """
 
 from __future__ import annotations

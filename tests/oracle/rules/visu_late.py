@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from tests.oracle.rules import visu_body
 
 if TYPE_CHECKING:
-    from tests.oracle.rules.http import Message
+    from tests.oracle.rules.http_message import Message
     from tests.oracle.rules.visu_talk import Talk
 
 

@@ -9,6 +9,8 @@ Readings, where the rules leave a choice:
   port, 1 s or more after its FIN, at the time of that
 - where nothing that the server sent was captured but acknowledgements, nobody knows whether it answered. Of who was
   heard later, frames count from then on
+- the frame that ended a connection is the one with which the last byte of the direction was there, not the one that
+  brought the FIN
 """
 
 from __future__ import annotations

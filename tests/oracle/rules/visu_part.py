@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING
 
 from tests.oracle.rules import visu_body
 from tests.oracle.rules.visu_talk import Talk, Waiting
+from tests.oracle.rules.visu_turns import has_early, wait
 
 if TYPE_CHECKING:
-    from tests.oracle.rules.http import Message
+    from tests.oracle.rules.http_message import Message
 
 
 def ask_in_part(talk: Talk, message: Message, frame: int, acknowledged: int | None) -> bool:
@@ -27,8 +28,8 @@ def ask_in_part(talk: Talk, message: Message, frame: int, acknowledged: int | No
         message.seen, message.target, had_request=talk.had_request
     )  # fmt: skip
     talk.had_request |= of_page
-    if not talk.broken_off or talk.early is not None:
-        talk.waiting.append(Waiting(None, message, frame, [], of_page, acknowledged))
+    if not talk.broken_off or has_early(talk, message):
+        wait(talk, Waiting(None, message, frame, [], of_page, acknowledged))
     return of_page
 
 

@@ -8,9 +8,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from tests.oracle.frame import Address as Node
-from tests.oracle.rules.http import Message, Reader
+from tests.oracle.rules.http import Reader
+from tests.oracle.rules.http_message import Message
 from tests.oracle.rules.streams import Connection, End
 from tests.oracle.rules.visu_body import Address, Asked
+from tests.oracle.rules.visu_turns import Turns
 
 Pair = tuple[Node, Node, int]
 """Client, server, port."""
@@ -72,7 +74,8 @@ class Talk:
         """Whether the response that is being received answers nobody."""
         self.broken_off = False
         """Whether the client broke the connection off."""
-        self.early: Message | None = None  # answers the request that is being received
+        self.early: list[Message] = []  # responses to requests that are being received, or still to come
+        self.turns = Turns()
         self.readers: dict[bool, Reader] = {}
         self.closed: int | None = None  # when the client closed its side
         self.others: Counter[bool] = Counter()  # bytes that came again as others, by whether the client sent them
@@ -92,7 +95,9 @@ class Talk:
         if self.waiting:
             return self.waiting[0].message.method == b"HEAD"
         asks = self.readers.get(True)
-        return asks is not None and asks.head is not None and self.early is None and asks.head.message.method == b"HEAD"
+        if asks is None or asks.head is None or (self.early and self.early[0].told is None):
+            return False
+        return asks.head.message.method == b"HEAD"
 
 
 def known_value(

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from tests.oracle.rules import visu_body
-from tests.oracle.rules.http import Message
+from tests.oracle.rules.http_message import Message
 from tests.oracle.rules.visu import Visu
 from tests.oracle.rules.visu_talk import Home, Talk
 

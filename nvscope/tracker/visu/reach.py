@@ -1,0 +1,96 @@
+"""Reach: where in its stream a message lies, and how far its sender had the bytes of the other direction.
+
+A response answers only a request whose head its server had when it sent the last of it: acknowledgements tell that,
+whatever the order in which segments were captured (RFC 9293, section 3.4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from dissectors.batch import I64, Bool
+from dissectors.columns import Columns
+from nvscope.tracker.pieces import PieceKind, Pieces
+from nvscope.tracker.segments import HALF, WRAP
+
+UNKNOWN = -1
+
+
+class Reach(NamedTuple):
+    """Sequence numbers of a message, ``UNKNOWN`` where nobody knows them.
+
+    ``body_at`` is that of the first byte behind its head, or where the message is, if not all of it is known;
+    ``behind`` that of the first byte behind all of it. ``acknowledged`` is up to where its sender had the bytes of the
+    other direction, by the segment with which it was whole.
+    """
+
+    body_at: int = UNKNOWN
+    behind: int = UNKNOWN
+    acknowledged: int = UNKNOWN
+
+
+NOWHERE = Reach()
+
+
+@dataclass(frozen=True, slots=True)
+class Reaches(Columns):
+    """The same of some messages, as columns of int64, shape (n,)."""
+
+    body_at: I64
+    behind: I64
+    acknowledged: I64
+
+    @staticmethod
+    def of(pieces: Pieces, ends: I64, piece: I64, stream: I64, at: I64, size: I64) -> Reaches:
+        """Return those of messages by stream that were whole with some pieces, which end in the data at ``ends``.
+
+        ``at`` is where their bodies begin in the data, below 0 which piece they are; ``size`` how long these are.
+        """
+        first = pieces.behind[piece] - np.where(at >= 0, ends[piece] - at, 0)
+        # What ends where it is answered is told with a piece of the other direction, and what ends with its stream with
+        # one that says nothing of it.
+        is_own = (pieces.stream[piece] == stream) & (pieces.kind[piece] != int(PieceKind.END))
+        columns = first % WRAP, (first + size) % WRAP, pieces.acknowledged[piece]
+        return Reaches(*(np.where(is_own, column, UNKNOWN) for column in columns))
+
+    def at(self, row: int) -> Reach:
+        """Return that of one message."""
+        return Reach(int(self.body_at[row]), int(self.behind[row]), int(self.acknowledged[row]))
+
+
+def distance(sequence: int, known: int) -> int:
+    """Return how far one sequence number is behind another one, 0 where one of them is not known."""
+    return 0 if UNKNOWN in (sequence, known) else (sequence - known + HALF) % WRAP - HALF
+
+
+def latest(numbers: Sequence[int]) -> int:
+    """Return the last one of some sequence numbers, of those that are known."""
+    found = UNKNOWN
+    for one in numbers:
+        if found == UNKNOWN or distance(one, found) > 0:
+            found = one
+    return found
+
+
+def latest_of(known: int, numbers: I64) -> int:
+    """Return the last one of a sequence number and a column, none of which are far from each other."""
+    if not len(numbers):
+        return known
+    low, high = int(numbers.min()), int(numbers.max())
+    if UNKNOWN not in (known, low) and max(known, high) - min(known, low) < HALF:
+        return max(known, high)
+    numbers = numbers[numbers != UNKNOWN]
+    if not len(numbers):
+        return known
+    first = int(numbers[0]) if known == UNKNOWN else known
+    return (first + max(int(((numbers - first + HALF) % WRAP).max()) - HALF, 0)) % WRAP
+
+
+def distances(sequence: I64, known: I64) -> I64:
+    """Return the same of columns as ``distance``."""
+    are_known: Bool = (sequence != UNKNOWN) & (known != UNKNOWN)
+    return np.where(are_known, (sequence - known + HALF) % WRAP - HALF, 0)

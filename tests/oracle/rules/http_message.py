@@ -1,0 +1,47 @@
+"""What is found in one direction of a connection: messages of HTTP, and where step was lost."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass
+class Message:
+    """A request or a response, or what was seen of one.
+
+    ``body`` is decoded; None where it is not known: cut, longer than its limit, or not to be decoded. ``seen`` is what
+    came of it before the first missing byte, as it came. ``whole`` tells whether it came to its end, cut or not;
+    ``broken_off``: that its end is the reset of the connection, and nobody knows whether more should have come;
+    ``part``: that it is a request of which the client sent no more than a part; ``unasked``: that it is a response to
+    HEAD, which was not captured; ``late``: that it may be one to a request from before the capture;
+    ``unbounded``: that nobody knows where it ends. ``head_at`` and ``behind`` are the sequence numbers behind its head,
+    and behind all of it, or both the latter where not all of it came; ``told`` is what the segment with which it was
+    whole acknowledges. Of what ends otherwise than by what it says, nobody knows them.
+    """
+
+    method: bytes = b""
+    target: bytes = b""
+    status: int = 0
+    body: bytes | None = None
+    seen: bytes = b""
+    cut: bool = False
+    whole: bool = True
+    arrival: int = 0
+    broken_off: bool = False
+    part: bool = False
+    unasked: bool = False
+    late: bool = False
+    unbounded: bool = False
+    head_at: int | None = None
+    behind: int | None = None
+    told: int | None = None
+
+
+@dataclass
+class Lost:
+    """The direction has lost step; ``dropped`` is the message that a hole touched, if it was ``in_step`` before."""
+
+    dropped: Message | None = None
+    in_step: bool = False
+    missing: bool = False
+    told: int | None = None
