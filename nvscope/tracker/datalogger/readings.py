@@ -127,7 +127,9 @@ class ReadRows:
             self.holes.append(holes._replace(variables=wanted, row=packet[holes.row]))
         begins = restarts if counted is not None else self._begins(table, lost, holes.row)
         unknown = find.of(records, begins)
-        stretch = self._stretches(table, lost, restarts | unread)
+        others = restarts | unread
+        others[holes.row] = True
+        stretch = self._stretches(table, lost, others)
         return _TableRows(table, rows, records, numbers, stretch, unknown)
 
     def _begins(self, table: RowTable, lost: Bool, unread: I64) -> Bool:
