@@ -3,8 +3,10 @@
 While one does, ``x.db.lock`` lies beside ``x.db``, and the system holds a lock on it for that process, as long as it
 lives and no longer. So a file that one left that was killed keeps nobody out, and goes with the next one: who makes it
 writes that into it, and what does not say so is somebody else's, and stays. Readers take no notice of it. Where a file
-system knows no locks, nobody is kept apart, and that is told. Of the files of a series not only ``x.db`` is its logger's: who would log to ``x.db.3`` or
-``x.db.begun`` shares the lock of ``x.db`` with others of such names, and not with its logger.
+system knows no locks, nobody is kept apart, and that is told.
+
+Of the files of a series not only ``x.db`` is its logger's: who would log to ``x.db.3`` or ``x.db.begun`` shares the
+lock of ``x.db`` with others of such names, and not with its logger.
 """
 
 from __future__ import annotations
