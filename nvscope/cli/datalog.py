@@ -200,7 +200,10 @@ def datalog(
     assert source is not None
     check_names(planned, is_input)
     _check_ending(write)
-    with Claims([one.path for one in planned if one.path]):
+    with Claims([one.path for one in planned if one.path]) as claims:
+        for path in claims.unguarded:
+            what = "its file system knows no locks: take care that nothing else logs there at the same time"
+            echo(f"nvscope: {visible(path)}: {what}.", err=True)
         check_leave(planned, append=append, force=force)
         aside = set_aside(planned if force else ())
         try:

@@ -49,6 +49,9 @@ def _copies(log: SessionLog, heard: Heard) -> Iterator[str]:
 def _missing(log: SessionLog, heard: Heard) -> Iterator[str]:
     """Yield which lists, and which telegrams of them, sent nothing that could be logged; where all did, and there is no
     row, why."""
+    if not heard.frames:
+        yield "there was not one frame to read: capture while the controller sends, or ask for another time"
+        return
     since = f"in {duration(heard.duration_ns)}, among {count_of(heard.frames, 'frame')}"
     for key in sorted(log.keys, key=str):
         if heard.came.get(key):

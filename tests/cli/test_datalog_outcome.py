@@ -220,3 +220,16 @@ def test_a_forecast_knows_what_is_there(here: Path, sink: str, line: str) -> Non
     assert any(one.startswith(f"  {line}") for one in said), said
     assert not any("are there" in one for one in run_text(*words, cwd=here).stdout.splitlines())
     assert (here / "log.db").read_bytes() == before
+
+
+def test_of_a_capture_without_a_frame_no_list_is_blamed(here: Path) -> None:
+    whole = (here / "plant.pcap").read_bytes()
+    (here / "plant.pcap").write_bytes(whole[:24])
+    (here / "c.xml").write_text(configuration(["a/dwFirst"], CYCLES), encoding="utf-8")
+    done = run_text("datalog", "plant.pcap", "--config", "c.xml", "--gvl", ".", cwd=here)
+    assert done.returncode == 0
+    assert done.stderr.splitlines() == [
+        "nvscope: session: 0 rows of 1 variable, and no file was made.",
+        "nvscope: session: there was not one frame to read: capture while the controller sends, or ask for another "
+        "time.",
+    ]  # fmt: skip

@@ -368,7 +368,7 @@ class TableAudit:
         # Their intervals were others: these are found when the rows are read again, by what is known then.
         self._have_joined = True
         kept = self._of_task.setdefault(other, self._new_task(other))
-        kept.rows += task.rows
+        kept.own_rows += task.rows
         kept.timed_rows += task.timed_rows
         kept.set_back += task.set_back
         if (task.file, task.time_ns) > (kept.file, kept.time_ns):

@@ -60,6 +60,7 @@ class ReadRows:
         self.missed = 0
         self._came: list[tuple[I64, I64, I64]] = []
         self._unknown: dict[RowTable, CountedUnknown | SampledUnknown] = {}
+        self._was_lost: dict[RowTable, bool] = {}
         self._apart: dict[int, int] = {}
         """How often variables were unknown that had a value before, by number."""
         self._apart_at: dict[int, list[I64]] = {}
@@ -124,9 +125,20 @@ class ReadRows:
         self.told_ns.append((wanted, int(time_ns[-1])))
         if len(holes.row):
             self.holes.append(holes._replace(variables=wanted, row=packet[holes.row]))
-        unknown = find.of(records, restarts) if isinstance(find, CountedUnknown) else find.of(records)
-        stretch = self._stretches(table, lost, restarts | unread)
+        begins = restarts if counted is not None else self._begins(table, lost, holes.row)
+        unknown = find.of(records, begins)
+        others = restarts | unread
+        others[holes.row] = True
+        stretch = self._stretches(table, lost, others)
         return _TableRows(table, rows, records, numbers, stretch, unknown)
+
+    def _begins(self, table: RowTable, lost: Bool, unread: I64) -> Bool:
+        """Return with which rows a part of a table begins: behind a loss that is told, or that cannot be read."""
+        # Where several tasks begin, each says so in a row of its own.
+        found: Bool = lost & ~np.append(self._was_lost.get(table, False), lost[:-1])
+        found[unread] = True
+        self._was_lost[table] = bool(lost[-1])
+        return found
 
     def _set_apart(self, part: RowBatch, column: _Column) -> _Column:
         """Let a variable be unknown behind a value only, and each such row begin a stretch of its own."""
