@@ -6,13 +6,13 @@ import re
 import shutil
 import subprocess
 from collections import Counter
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
-from tests.once import made_once
 from tests.oracle.frame import ETHERNET, RAW, SLL, Frame
 from tests.oracle.pcap import write_pcap
 from tests.oracle.rules.visu import Visu
@@ -47,7 +47,7 @@ FIGURES = {
 }  # fmt: skip
 
 
-frames_of = made_once(conversations)
+frames_of = cache(conversations)
 
 
 def observed(frames: list[Frame], ports: tuple[int, ...] = (80, 8080)) -> Visu:
