@@ -77,8 +77,7 @@ class TableAudit:
     def begin_file(self, path: str, encoding: str) -> None:
         """Say which file the next rows are of."""
         if self._judge is not None and self._notes:
-            self._judge.end(self._notes[-1])
-            self._judge.begin_file()
+            self._judge.begin_file(self._notes[-1])
         self._files.append(path)
         self._notes.append(Notes())
         self._values.use(encoding)

@@ -78,6 +78,12 @@ SLOWER = Topic(
 )
 MISSED = Topic(CHANGES_MISSED, _missed)
 BACK = Topic(COUNTER_CORRUPT, lambda noted: f"The counter goes back {_times(noted)}, and the row is no restart.")
+AHEAD = Topic(
+    COUNTER_CORRUPT,
+    lambda noted: (
+        f"The counter is ahead {_times(noted)}, of that before it and of that behind it: no change is missing."
+    ),
+)
 STUCK = Topic(
     COUNTER_CORRUPT, lambda noted: f"The value changes {_times(noted)} while its counter stands still."
 )  # fmt: skip
