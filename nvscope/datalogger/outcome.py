@@ -32,6 +32,11 @@ def outcome(log: SessionLog, heard: Heard) -> Iterator[str]:
             f"{name}: the ring buffer had no room for {lost}: bufferCapacity is {session.capacity}, "
             f"and up to {session.sets_a_publishing} come in a publishInterval."
         )
+    if counted.not_taken:
+        yield (
+            f"{name}: {count_of(counted.not_taken, 'data set')} not taken: the clock of the capture went back, by less "
+            "than a second each time, and no row has a time twice."
+        )
     if counted.not_written:
         yield f"{name}: {count_of(counted.not_written, 'row')} not written: another program held the database."
     yield from (f"{name}: {told}." for told in _copies(log, heard))

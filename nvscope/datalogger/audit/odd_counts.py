@@ -1,7 +1,7 @@
 """Counters of single cells that are wrong, told from changes that were missed by the counters around them.
 
-Where a counter goes on, behind a cell that does not fit, as if that cell had counted rightly, no change is missing: the
-counter of that one cell is corrupt, and nothing is wrong with the one behind it. A cell may be the last of a chunk: what
+Where a counter goes on, behind a cell that does not fit, as if that cell had counted rightly, no change is missing: its
+counter alone is corrupt, and nothing is wrong with the one behind it. A cell may be the last of a chunk: what
 follows it says later what it is.
 """
 
