@@ -210,7 +210,9 @@ class _Table:
         if self._breaks:
             places = np.searchsorted(rowid, np.array(self._breaks), "right")
             found[places[places < len(rowid)]] = True
-            self._breaks = [row for row, place in zip(self._breaks, places.tolist(), strict=True) if place == len(rowid)]
+            self._breaks = [
+                row for row, place in zip(self._breaks, places.tolist(), strict=True) if place == len(rowid)
+            ]
         return found
 
     def _leave_out(self, rowid: I64) -> None:

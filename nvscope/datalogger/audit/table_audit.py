@@ -145,6 +145,7 @@ class TableAudit:
         for path, notes in zip(self._files, self._notes, strict=True):
             if any(map(notes.has, (topics.GAP, topics.SLOWER, topics.MISSED))):
                 notes.drop(topics.DELETED)  # that rows are missing is said, and for how long
+            notes.drop(topics.OF_FORM[self._stamps.usual])
             found += notes.findings(path, self.table.name, self.names)
         found += [
             Finding(

@@ -267,6 +267,15 @@ def test_a_time_of_another_form_is_found(tmp_path: Path, changes: bool, base: Fo
 
 
 @pytest.mark.parametrize("changes", [False, True])
+@pytest.mark.parametrize(("base", "other"), [("iso", "raw"), ("raw", "iso")])
+def test_the_fewer_ones_are_those_of_another_form(tmp_path: Path, changes: bool, base: Form, other: Form) -> None:
+    rows = altered(only_changes() if changes else every_value(), 0, form=other)
+    write(tmp_path / "x.db", altered(rows, 7, form=other), DECLARED, changes=changes, form=base)
+    (finding,) = audited([str(tmp_path / "x.db")]).findings
+    assert (finding.kind.code, finding.rows) == ("NV956", (1, 8))
+
+
+@pytest.mark.parametrize("changes", [False, True])
 def test_local_time_that_ends_summer_is_no_clock_that_was_set(tmp_path: Path, changes: bool) -> None:
     rows = [replace(row, form="local") for row in (only_changes(200) if changes else every_value(200))]
     hour = 3_600_000
