@@ -29,6 +29,7 @@ class Heard:
 
     ``copies`` are those of the former that came again, and make no row where each cycle makes one. ``unseen`` are, by
     list, the elements that no telegram had, each with the SubIndexes of those that have it by the definition.
+    ``silent_ns`` is for how long lists have sent nothing in the end that have stopped.
     """
 
     frames: int
@@ -37,6 +38,7 @@ class Heard:
     left_out: Mapping[ListKey, int]
     copies: Mapping[ListKey, int]
     unseen: Mapping[ListKey, Mapping[str, frozenset[int]]]
+    silent_ns: Mapping[ListKey, int]
 
 
 class DataLog:
@@ -75,7 +77,8 @@ class DataLog:
         left_out = {key: sum(found.values()) for key, found in self._telegrams.left_out.items()}
         copies = dict(zip(keys, self._copied.tolist(), strict=True))
         begin_ns = self._end_ns if self._begin_ns is None else self._begin_ns
-        return Heard(self._telegrams.frames, self._end_ns - begin_ns, came, left_out, copies, self._unseen())
+        silent_ns = self._stops.silent_ns(self._last_ns)
+        return Heard(self._telegrams.frames, self._end_ns - begin_ns, came, left_out, copies, self._unseen(), silent_ns)
 
     def _unseen(self) -> dict[ListKey, dict[str, frozenset[int]]]:
         found: dict[ListKey, dict[str, frozenset[int]]] = {key: {} for key in self._telegrams.keys}
@@ -227,6 +230,19 @@ class _Stops:
             if not late.any():
                 return late
         return _after_stop(before, time_ns, interval_of(key, self._judge.judged().intervals_ns))
+
+    def silent_ns(self, now_ns: int) -> Mapping[ListKey, int]:
+        """Return the lists that have stopped by a time, and for how long they have sent nothing."""
+        found: dict[ListKey, int] = {}
+        for key, last_ns in zip(self._keys, self._last_ns.tolist(), strict=True):
+            least_ns = self._least_ns.get(key)
+            # Of one that is not defined as cyclic, nothing is expected.
+            if not least_ns or _NEVER in (last_ns, now_ns) or now_ns - last_ns <= STOPPED_INTERVALS * least_ns:
+                continue
+            interval_ns = interval_of(key, self._judge.judged().intervals_ns)
+            if interval_ns and now_ns - last_ns > STOPPED_INTERVALS * interval_ns:
+                found[key] = now_ns - last_ns
+        return found
 
     def forget(self) -> None:
         """Let what comes next follow nothing: nobody captured for a while."""

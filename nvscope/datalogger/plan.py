@@ -18,7 +18,7 @@ from nvscope.datalogger.datalog import DataLog, interval_of
 from nvscope.datalogger.existing import unlike_logger
 from nvscope.datalogger.instants import Cycles, Interval
 from nvscope.datalogger.judging import Judge
-from nvscope.datalogger.logged import Logged, Resolved, list_of_task, resolve, task_list
+from nvscope.datalogger.logged import Logged, Resolved, list_of_task, near_name, resolve, task_list
 from nvscope.datalogger.session_log import Schedule, SessionLog
 from nvscope.datalogger.set_aside import SetAside
 from nvscope.definition.layouts import Layouts
@@ -125,6 +125,21 @@ def plan(
                     where=str(other.session.position), next_step="write this one to a file of another name",
                 )  # fmt: skip
     return planned
+
+
+def near_tasks(sessions: Sequence[Session], settings: DataLoggerSettings) -> list[str]:
+    """Return sentences on tasks of the project that no variable names, though some name a task that is near.
+
+    These are taken in an interval, which may be meant so.
+    """
+    fronts = [one.uri.rpartition("/")[0].rpartition("/")[2] for session in sessions for one in session.variables]
+    used = {*filter(None, fronts), *(session.task for session in sessions)}
+    others = used - {task for task, _ in settings.tasks}
+    near = {task: near_name(task, others) for task, _ in settings.tasks if task not in used}
+    return [
+        f"[datalogger.tasks] '{task}': no variable is of this task; some are of '{other}', and taken in an interval"
+        for task, other in near.items() if other
+    ]  # fmt: skip
 
 
 def _check_columns(session: Session, logged: Sequence[Logged]) -> None:

@@ -55,7 +55,7 @@ def test_what_would_be_logged_is_told_and_nothing_is_written(here: Path) -> None
     assert done.stdout.splitlines() == [
         "session: 2 variables into log.db",
         "  A row every 100.0 ms, about 56 bytes, times as texts, changes only",
-        "  At most 864000 rows a day, 48.1 MB",
+        "  At most 648000 rows a day, 36.1 MB",
         "  At 5.0 MB, every 2 h 30 min, another file is begun; 3 are kept",
         "  The ring buffer is too small: 20 data sets come in a publishInterval, and bufferCapacity is 15: 5 of them "
         "are lost each time",
@@ -306,3 +306,22 @@ def test_a_capture_that_is_not_there_is_told_also_where_nothing_would_be_written
     done = datalog(here, "none.pcap", "--config", "c.xml", "--gvl", ".", "--dry-run")
     assert done.returncode != 0
     assert "none.pcap" in done.stderr
+
+
+def test_names_of_the_project_that_are_nearly_those_of_a_session_are_told(here: Path) -> None:
+    variables = '[datalogger.variables]\n"Arp.Plc.Eclr/Prg.Sped" = "list1:dwFirst"\n'
+    (here / "p.toml").write_text(variables + '[datalogger.tasks]\nCyclic10 = "list1"\n', encoding="utf-8")
+    words = ("plant.pcap", "--config", "d.xml", "--gvl", ".", "--project", "p.toml", "--dry-run")
+    (here / "d.xml").write_text(configuration(["Arp.Plc.Eclr/Prg.Speed"]), encoding="utf-8")
+    done = datalog(here, *words)
+    near = "[datalogger.variables] has one near it: 'Arp.Plc.Eclr/Prg.Sped'."
+    assert (done.returncode, near in done.stderr) == (2, True)
+    (here / "d.xml").write_text(configuration(["a/dwFirst", "b/dwSecond"], 'taskContext="cyclic10"'), encoding="utf-8")
+    done = datalog(here, *words)
+    assert (done.returncode, "It has one near it: 'Cyclic10'." in done.stderr) == (2, True)
+    (here / "d.xml").write_text(configuration(["Plc/Cyclic100/dwFirst"]), encoding="utf-8")
+    done = datalog(here, *words)
+    told = "nvscope: [datalogger.tasks] 'Cyclic10': no variable is of this task; some are of 'Cyclic100', and taken in"
+    assert (done.returncode, done.stderr.startswith(told)) == (0, True)
+    (here / "d.xml").write_text(configuration(["Plc/Main/dwFirst"]), encoding="utf-8")
+    assert (datalog(here, *words).returncode, datalog(here, *words).stderr) == (0, "")
