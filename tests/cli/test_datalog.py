@@ -56,7 +56,7 @@ def test_what_would_be_logged_is_told_and_nothing_is_written(here: Path) -> None
         "session: 2 variables into log.db",
         "  A row every 100.0 ms, about 56 bytes, times as texts, changes only",
         "  At most 648000 rows a day, 36.1 MB",
-        "  At 5.0 MB, every 2 h 30 min, another file is begun; 3 are kept",
+        "  At 5.0 MB, every 3 h 20 min, another file is begun; 3 are kept",
         "  The ring buffer is too small: 20 data sets come in a publishInterval, and bufferCapacity is 15: 5 of them "
         "are lost each time",
         "  a/dwFirst   INT       dwFirst of udp/1202/1",
