@@ -119,20 +119,19 @@ class ReadRows:
         lost, packet, numbers = ~consistent(records), part.row[rows], self.numbers_of(table, told.max_streams)
         time_ns = told.packets.ts_ns[packet]
         unread, holes = self._unread.of(
-            table, records, part.logged.rowid[rows], time_ns, lost | restarts, counted
+            table, records, part.logged.take(rows), time_ns, lost | restarts, counted
         )  # fmt: skip
         wanted = numbers[numbers >= 0]
         self.told_ns.append((wanted, int(time_ns[-1])))
         if len(holes.row):
             self.holes.append(holes._replace(variables=wanted, row=packet[holes.row]))
-        begins = restarts if counted is not None else self._begins(table, lost, holes.row)
+        unread[holes.row] = True
+        begins = restarts if counted is not None else self._begins(table, lost, unread)
         unknown = find.of(records, begins)
-        others = restarts | unread
-        others[holes.row] = True
-        stretch = self._stretches(table, lost, others)
+        stretch = self._stretches(table, lost, restarts | unread)
         return _TableRows(table, rows, records, numbers, stretch, unknown)
 
-    def _begins(self, table: RowTable, lost: Bool, unread: I64) -> Bool:
+    def _begins(self, table: RowTable, lost: Bool, unread: Bool) -> Bool:
         """Return with which rows a part of a table begins: behind a loss that is told, or that cannot be read."""
         # Where several tasks begin, each says so in a row of its own.
         found: Bool = lost & ~np.append(self._was_lost.get(table, False), lost[:-1])
