@@ -46,7 +46,7 @@ WORDS = {
 }
 _WHOLE = (FieldType.UNSIGNED, FieldType.SIGNED)
 NUMBERS = (*_WHOLE, FieldType.REAL)
-_MAX_VALUES = 64
+_MAX_VALUES = 4096
 _MAX_PARTS = 8
 _VARIABLE = "var."
 
