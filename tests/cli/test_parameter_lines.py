@@ -1,4 +1,4 @@
-"""Lines of ``nvscope packets`` about parameters: the names and types of the project, and values, with and without -Y."""
+"""Lines of ``nvscope packets`` about parameters: names, and values by the types of the project, with and without -Y."""
 
 from __future__ import annotations
 

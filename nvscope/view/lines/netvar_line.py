@@ -12,8 +12,8 @@ from dissectors import address
 from dissectors.batch import Bool
 from dissectors.headers import IPV4_HIGH
 from dissectors.netvar import HEADER, PORT, Service, TelegramBatch
-from nvscope.view.escape import visible
 from nvscope.view.documents.parameter_values import ParameterValues
+from nvscope.view.escape import visible
 from nvscope.view.fields.frame import FIELDS
 from nvscope.view.lines import cells, moments, words
 from nvscope.view.lines.fit import cut
