@@ -22,8 +22,8 @@ COUNTER_SHARED = FindingKind(
         "A node sends single telegrams of a list whose Counter goes on where another sender stands, again and again, "
         "although its own telegrams do not follow each other: it counts along with that sender, as who wants to pass "
         "for it does. Two that count for themselves meet so once in 65 536 telegrams; one device that sends from two "
-        "addresses is none of these, unless their frames come from different hardware addresses: those are two senders, "
-        "and each of them may count along with the other."
+        "addresses is none of these, unless their frames come from different hardware addresses: those are two "
+        "senders, and each of them may count along with the other."
     ),
     causes=(
         "somebody who slips in telegrams in the name of a sender",

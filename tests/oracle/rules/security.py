@@ -6,8 +6,8 @@ Readings, where the rules leave a choice:
 - a list that anybody sends, even telegrams that are malformed, or that the project names, is asked for by readers
 - a sender counts along from the first telegram of a second sender of its (list, SubIndex) on; a telegram that repeats
   the Counter of its own stream is none
-- two of which each counts along with the other are one device with two addresses, unless the hardware addresses of their
-  frames have none in common: then steps behind the other one count as steps by 1
+- two of which each counts along with the other are one device with two addresses, unless the hardware addresses of
+  their frames have none in common: then steps behind the other one count as steps by 1
 - of more than eight nodes, or hosts, of which the same is said, one finding tells
 
 Two devices with one address (NV963) are not judged here: ``tests/findings/test_security.py`` has them one by one.
