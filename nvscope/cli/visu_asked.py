@@ -27,7 +27,8 @@ _CODES = {
     "no_list": ExitCode.ASSERTION_FAILED, "no_visu": ExitCode.ASSERTION_FAILED, "unreadable": ExitCode.DATA_LOSS,
     "unverified": ExitCode.DATA_LOSS, "misfit": ExitCode.DATA_LOSS, "miscounted": ExitCode.DATA_LOSS,
     "ambiguous": ExitCode.DATA_LOSS, "silent": ExitCode.DATA_LOSS, "broken": ExitCode.DATA_LOSS,
-    "no_http": ExitCode.DATA_LOSS, "oversized": ExitCode.DATA_LOSS, "undelivered": ExitCode.CAPTURE, "cancelled": ExitCode.ASSERTION_FAILED,
+    "no_http": ExitCode.DATA_LOSS, "oversized": ExitCode.DATA_LOSS, "undelivered": ExitCode.CAPTURE,
+    "cancelled": ExitCode.ASSERTION_FAILED,
 }  # fmt: skip
 
 UrlArgument = Annotated[
