@@ -237,7 +237,7 @@ def packets(
         what = why_no_row(infos) if are_databases(infos) else "0 frames, no telegram of network variables"
         echo(f"nvscope: {what}; `nvscope report` tells what to check.", err=True)
     elif not telegrams.shown:
-        of_rows = "row" if are_databases(source.infos) else "telegram"
+        of_rows = "row" if are_databases(source.infos) else "frame" if telegrams.has_others else "telegram"
         read_count = units.count_of(telegrams.telegrams, "frame" if all_frames else of_rows)
         of_any = count is None and chosen_by and chosen_by.of_any_frame
         left = telegrams.frames - telegrams.telegrams if of_any else 0

@@ -98,9 +98,11 @@ def _values(part: VisuBatch, message: int, *, secrets: bool) -> Iterable[str]:
     return (one.value for one in variables_of(part, message, secrets=secrets) if one.value is not None)
 
 
-def _field(name: str, label: str, text: str, last: _LastPart) -> TelegramField:
+def _field(name: str, label: str, text: str, last: _LastPart, *, any_case: bool = False) -> TelegramField:
     first, *further = (
-        TelegramField(name, FieldType.TEXT, label, text, last.reader(place), last.known(place), of=_NAME)
+        TelegramField(
+            name, FieldType.TEXT, label, text, last.reader(place), last.known(place), of=_NAME, any_case=any_case
+        )
         for place in range(MOST_VARIABLES)
     )
     return replace(first, further=tuple(further))
@@ -109,7 +111,7 @@ def _field(name: str, label: str, text: str, last: _LastPart) -> TelegramField:
 def variable_field() -> TelegramField:
     """Return the field; a frame has it once for each variable, at most ``MOST_VARIABLES`` times."""
     text = "that is asked for, written or answered; a frame may have several"
-    return _field("visu.variable", "Variable", text, _LastPart(_names, asked=True))
+    return _field("visu.variable", "Variable", text, _LastPart(_names, asked=True), any_case=True)
 
 
 def value_field(*, secrets: bool = False) -> TelegramField:

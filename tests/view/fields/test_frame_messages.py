@@ -71,6 +71,7 @@ def both() -> list[Frame]:
         ('visu.kind in {"write", "part"}', [4]),
         ('visu.variable == "4,10,2,1"', [4, 5]),
         ('visu.value == "99"', [4]),
+        ('visu.value == "0X63"', []),
         ('visu.value == "1"', [5]),
         ("visu.declared - visu.variables == 0", [4, 5]),
         ("count(visu.kind) == 2", [4, 5]),
