@@ -68,7 +68,8 @@ def message_words(part: VisuBatch, message: int, *, secrets: bool = False) -> st
     if kind is Kind.GAP:
         return f"{units.count_of(int(messages.gap_bytes[message]), 'byte')} missing"
     if kind is Kind.CUT:
-        return "cut: bytes are missing"
+        unread = messages.outcome[message] == Outcome.UNREAD
+        return "not read: too long, or in an unknown coding" if unread else "cut: bytes are missing"
     if kind in (Kind.OTHER_BYTES, Kind.OTHER_REPLY_BYTES):
         differ = units.count_of(int(messages.fields[message]), "byte")
         sent = "sent again with other bytes"
