@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import gzip
+from pathlib import Path
 
 import pytest
 
+from tests.oracle.pcap import write_pcap
 from tests.oracle.tcp_line import Line
+from tests.program import run_text
 from tests.tracker.visu.followed import told
 from tests.tracker.visu.test_limits import left_out, state_of
 
@@ -112,3 +115,31 @@ def test_a_response_whose_head_never_ends_answers_what_waits() -> None:
     (row,), _ = told(state)
     assert (row["reads"], row["replies"], row["cut"]) == (1, 0, 1)
     assert "1 web visualization message that nobody reads" in left_out(state)
+
+
+@pytest.mark.parametrize(
+    ("status", "body", "words"),
+    [
+        (b"404 Not Found", b"<html/>", "HTTP status 404, no variable list"),
+        (b"304 Not Modified", b"", "HTTP status 304, the file that may list variables has not changed"),
+        (b"200 OK", b'<?xml version="1.0"?><rss/>', "XML, no variable list (27 bytes)"),
+        (b"200 OK", b"<visualisation><variablelist/></visualisation>", "variable list (46 bytes)"),
+    ],
+)
+def test_what_comes_in_place_of_a_list_is_called_what_it_is(
+    tmp_path: Path, status: bytes, body: bytes, words: str
+) -> None:  # fmt: skip
+    line = Line().open().ask(b"GET /plc/plc_visu.xml HTTP/1.1\r\n\r\n")
+    line.answer(b"HTTP/1.1 %s\r\nContent-Length: %d\r\n\r\n%s" % (status, len(body), body)).ask(READ).answer(DONE)
+    write_pcap(line.frames, tmp_path / "c.pcap")
+    told = run_text("packets", str(tmp_path / "c.pcap")).stdout
+    assert f"visu  {words}\n" in told
+
+
+def test_counts_are_told_as_they_came_and_nothing_stands_behind_a_colon(tmp_path: Path) -> None:
+    line = Line().open().ask(post(b"|1|1|x|4|0|4|6|1|")).answer(DONE).ask(post(b"|0|%d|" % 10**30)).answer(DONE)
+    write_pcap(line.frames, tmp_path / "c.pcap")
+    told = run_text("packets", str(tmp_path / "c.pcap")).stdout
+    assert "visu  write 0 variables, declares 1\n" in told
+    assert "visu  read 0 variables, declares 1000000000000000000 or more\n" in told
+    assert "visu  1 value for 0 (" in told
