@@ -143,3 +143,11 @@ def test_counts_are_told_as_they_came_and_nothing_stands_behind_a_colon(tmp_path
     assert "visu  write 0 variables, declares 1\n" in told
     assert "visu  read 0 variables, declares 1000000000000000000 or more\n" in told
     assert "visu  1 value for 0 (" in told
+
+
+def test_who_may_have_written_what_nobody_reads_is_not_known(tmp_path: Path) -> None:
+    write_pcap(spoken(post(PADDED)).frames, tmp_path / "c.pcap")
+    (tmp_path / "r.toml").write_text('[[rule]]\nid = "by"\ncheck = "writes"\nonly_by = ["1.2.3.4"]\n')
+    told = run_text("check", str(tmp_path / "c.pcap"), "--rules", str(tmp_path / "r.toml"))
+    assert "1 rule could not be decided" in told.stdout
+    assert "a message of its is too long to be read, or in an unknown" in " ".join(told.stdout.split())
