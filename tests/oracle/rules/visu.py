@@ -9,9 +9,8 @@ Readings, where the rules leave a choice:
 - a response that comes to nothing (a malformed chunk) takes no request with it but by the step that is lost
 - a hole in the server's direction, while that is in step, is in the response to the first request that waits, whatever
   of it was seen. What is not whole at the end, though no byte is missing, is no reply
-- a cut request counts in `cut` and makes its connection count, and that is all: its reply, or that it has none, counts
-  nowhere
-- a request whose body is not known is none, whatever its target says; a reply is one that tells no more than its status
+- a cut request counts in `cut` and makes its connection count, and that is all: what becomes of it counts nowhere
+- a POST whose body is not known counts as a cut one, but is no NV808; a reply is one that tells no more than its status
 - a request that does not say where it ends is whole where something comes that answers a request, and none waits: with
   the frame of that, and the time at which the latest of it came. A response that is whole or cut is such a thing, a
   hole in the server's direction while that is in step, and the end of that in order
@@ -21,13 +20,11 @@ Readings, where the rules leave a choice:
   the frame with which it is whole, and no latency, as far as it ever is
 - requests that become whole after the server's direction has ended are unanswered where the connection ends by RST or a
   new one; where it ends in order, nothing happens
-- the frame that ended a connection is the one with which the last byte of the direction was there, not the one that
-  brought the FIN
-- the same body is the same decoded bytes; a poll runs from the last read with this body, whatever came between
-- names are known by the server's address alone, its ports aside; an ADR has no name
+- what ended a connection is the frame with which the last byte of the direction was there, not that of the FIN
+- the same body is the same decoded bytes; a poll runs from the last read with this body
 - events of a finding are in order of what happened: first and last are the times of the first and the last one, and the
   first ten are their frames (the same one several times where several entries came with it)
-- values written are seen, whatever they are; an empty value read is one
+- values written are seen; an empty value read is one
 """
 
 from __future__ import annotations
@@ -138,7 +135,7 @@ class Visu:
             talk.forgotten = False in talk.readers and talk.readers[False].receiving
         else:
             if what.in_step:
-                self.response(talk, Message(cut=True, whole=False))
+                self.response(talk, what.dropped or Message(cut=True, whole=False))
             talk.forgotten = False
         talk.waiting.clear()
 
@@ -148,7 +145,11 @@ class Visu:
         ):  # fmt: skip
             self.happened["cut request"] += 1
             talk.had_request = True
-            self.known[talk.pair].counts["cut"] += 1
+            self.cut(talk, message)
+
+    def cut(self, talk: Talk, message: Message) -> None:
+        self.known[talk.pair].counts["cut"] += 1
+        if not message.unread:
             self.find("NV808", talk)
 
     def request(self, talk: Talk, message: Message) -> None:
@@ -168,9 +169,10 @@ class Visu:
 
     def ask(self, talk: Talk, message: Message) -> None:
         asked = None
-        if message.cut:
+        if message.cut or (message.unread and message.method == b"POST"):
             self.cut_request(talk, message)
-        elif message.body is not None:
+        elif message.body is not None or message.unread:
+            message.body = message.body or b""
             asked = visu_body.asked(message.method, message.target, message.body)
             if message.broken_off and message.method == b"POST" and not visu_body.is_whole(asked, message.body):
                 self.happened["not whole when it was broken off"] += 1
@@ -250,8 +252,7 @@ class Visu:
             self.happened["request of a client that nobody heard"] += 1
             talk.gap_bytes += size
             talk.had_request = True
-            self.known[talk.pair].counts["cut"] += 1
-            self.find("NV808", talk)
+            self.cut(talk, message)
         if not (forgotten or talk.waiting or talk.early) and True in talk.readers and talk.readers[True].begun:
             self.happened["early response"] += 1
             talk.early = message
@@ -270,8 +271,7 @@ class Visu:
         self.note_unbounded(talk, message)
         if message.cut:
             self.happened["cut reply"] += 1
-            row.counts["cut"] += 1
-            self.find("NV808", talk)
+            self.cut(talk, message)
             return
         if waiting.asked is None:
             if message.status != 200:
