@@ -15,10 +15,10 @@ MOST_HEAD_BYTES = 1 << 16
 MOST_BODY_BYTES = 1 << 20
 """Longer bodies are passed over, and longer ones are not made of compressed ones."""
 
-_MOST_TARGET_BYTES = 2048
+_MOST_OTHER_BYTES = 2048
 _MOST_LENGTH = 1 << 30
 _METHODS = b"GET|HEAD|POST|PUT|DELETE|OPTIONS|PATCH|CONNECT|TRACE"
-_REQUEST = rb"(?P<method>" + _METHODS + rb") (?P<target>[^\s]{1,%d}) HTTP/1\.[01]\r?\n" % _MOST_TARGET_BYTES
+_REQUEST = rb"(?P<method>" + _METHODS + rb") (?P<target>[^\s]{1,%d}) HTTP/1\.[01]\r?\n" % MOST_HEAD_BYTES
 _MOST_REASON_BYTES = 1000
 _RESPONSE = rb"HTTP/1\.[01] (?P<status>\d{3})(?:[ \t][^\r\n]{0,%d})?\r?\n" % _MOST_REASON_BYTES
 _END_OF_HEAD = re.compile(rb"\n\r?\n")
@@ -45,11 +45,11 @@ class Body(IntEnum):
 
 
 _LINES = {Side.CLIENT: re.compile(_REQUEST), Side.SERVER: re.compile(_RESPONSE)}
-LONGEST_LINE = {
-    Side.CLIENT: len(b"CONNECT  HTTP/1.1\r\n") + _MOST_TARGET_BYTES,
-    Side.SERVER: len(b"HTTP/1.1 200 \r\n") + _MOST_REASON_BYTES,
-}
-"""How long the first line of a message may be, with its end."""
+LONGEST_LINE = {Side.CLIENT: MOST_HEAD_BYTES, Side.SERVER: len(b"HTTP/1.1 200 \r\n") + _MOST_REASON_BYTES}
+"""How long the first line of a message may be, with its end: older pages write many variables in one."""
+
+_LONGEST_OTHER_LINE = len(b"CONNECT  HTTP/1.1\r\n") + _MOST_OTHER_BYTES
+"""Of what does not begin with a method, so much is looked through for the end of a line."""
 
 _BEGINS = {
     Side.CLIENT: tuple(method + b" " for method in _METHODS.split(b"|")), Side.SERVER: (b"HTTP/1.0 ", b"HTTP/1.1 "),
@@ -92,9 +92,22 @@ def start_of_message(data: bytes, start: int, stop: int, side: Side) -> int:
     return -1 if found is None else found.start()
 
 
-def keep_from(start: int, stop: int, side: Side) -> int:
+def longest_line(data: bytes, start: int, stop: int, side: Side) -> int:
+    """Return of how many bytes the end of the first line has to be among them, where a message is to begin."""
+    longest = LONGEST_LINE[side]
+    return longest if data.startswith(_BEGINS[side], start, stop) else min(longest, _LONGEST_OTHER_LINE)
+
+
+def keep_from(data: bytes, start: int, stop: int, side: Side) -> int:
     """Return from where on data may hold the begin of a start line that was not found in it."""
-    return max(start, stop - LONGEST_LINE[side])
+    first = max(start, stop - LONGEST_LINE[side])
+    if side is Side.SERVER:
+        return first
+    # A blank stands behind the method, another one behind the target.
+    behind_target = data.rfind(b" ", first, stop)
+    behind_method = data.rfind(b" ", first, behind_target) if behind_target >= 0 else -1
+    last = behind_method if behind_method >= 0 else behind_target if behind_target >= 0 else stop
+    return max(first, last - _LONGEST_BEGIN)
 
 
 def behind_blank_lines(data: bytes, start: int, stop: int) -> int:
@@ -304,6 +317,18 @@ def decoded(content: bytes, coding: str) -> bytes | None:
         found = _inflated(content, zlib.MAX_WBITS)
         return _inflated(content, -zlib.MAX_WBITS) if found is None else found
     return None
+
+
+def begin_of(content: bytes, coding: str, most_bytes: int) -> bytes:
+    """Return the first bytes of what a coded content was, as far as it can be decoded."""
+    if not coding:
+        return content[:most_bytes]
+    for bits in {"gzip": (31,), "x-gzip": (31,), "deflate": (15, -15)}.get(coding, ()):
+        try:
+            return zlib.decompressobj(bits).decompress(content, most_bytes)
+        except zlib.error:
+            continue
+    return b""
 
 
 def _inflated(content: bytes, bits: int) -> bytes | None:

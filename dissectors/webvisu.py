@@ -28,6 +28,9 @@ _BIT_AREAS = (1, 2)
 MOST_ENTRIES = 10_000
 """So many entries of a request are read."""
 
+MOST_DECLARED = 10**18
+"""Of more entries than that, a request says no more than that it has so many."""
+
 MOST_ADDRESS_CHARACTERS = 256
 """Addresses of older pages, and names of variables, are cut behind so many characters."""
 
@@ -192,7 +195,8 @@ def read_request(body: bytes) -> Request | None:
     if head is None:
         return None
     writes = head[1] == b"1"
-    declared = int(head[2][:20])
+    digits = head[2].lstrip(b"0")
+    declared = MOST_DECLARED if len(digits) >= len(str(MOST_DECLARED)) else int(digits or b"0")
     fields = tidy.decode("latin-1").split("|")[1:]
     if fields and not fields[-1]:
         fields.pop()

@@ -1,9 +1,10 @@
 """The program as a process of its own, as a person or a script runs it: words in; exit code, stdout and stderr out.
 
-Each run is forked from a process that has imported the program and has run nothing (``tests.program_server``), so that
-it begins as clean as ``python -m nvscope``, without the time in which that imports what it needs. What the start of a
-program is about is tested with ``COMMAND``: imports, interrupts, terminals, limits, and pipes that somebody closes. The
-order of sets is the same in all runs that one server forks: that nothing depends on it is tested with several.
+Each run is forked from a process that has imported the program, has loaded its grammars and has run nothing
+(``tests.program_server``), so that it begins as clean as ``python -m nvscope``, without the time in which that imports
+what it needs. What the start of a program is about is tested with ``COMMAND``: imports, interrupts, terminals, limits,
+and pipes that somebody closes. The order of sets is the same in all runs that one server forks: that nothing depends on
+it is tested with several.
 """
 
 from __future__ import annotations

@@ -18,6 +18,9 @@ import traceback
 from typing import Any, NoReturn, TextIO
 
 import nvscope
+from nvscope.definition.declarations import parse_declarations
+from nvscope.definition.source import Source
+from nvscope.expression.syntax import parse
 
 _STREAMS = 3
 _MOST_AT_ONCE = 1 << 16
@@ -35,7 +38,14 @@ def import_program() -> None:
     for name in _LATE:
         importlib.import_module(name)
     assert "polars" not in sys.modules, "a module imports polars that is not kept out of the server"
+    _load_grammars()
     gc.freeze()  # what is there now is not to be copied by looking through it
+
+
+def _load_grammars() -> None:
+    """Have the parsers made, which are the same for all texts, and take longer than most of what is parsed."""
+    parse_declarations(Source("a.gvl", "VAR_GLOBAL a : INT; END_VAR"))
+    parse("nv.index == 1")
 
 
 def serve(channel: socket.socket) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import subprocess
 import sys
 import tomllib
@@ -41,10 +42,15 @@ def here(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
+def test_a_shell_passes_words_on_as_they_are_read_here(command: str) -> None:
+    """So that commands are run as they stand there, without a shell and a Python of their own for each."""
+    plain = re.sub("'[^']*'", "", command)
+    assert not re.search(r"""[][*?$`|&;<>(){}~#!\\"]""", plain)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
 def test_commands(command: str, here: Path) -> None:
-    done = subprocess.run(
-        f'"{sys.executable}" -m nvscope {command}', shell=True, cwd=here, capture_output=True, text=True, check=False
-    )
+    done = run_text(*shlex.split(command), cwd=here)
     assert done.returncode == 0, done.stderr
     assert done.stdout or "-w" in command
 

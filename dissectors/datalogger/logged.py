@@ -36,25 +36,29 @@ class RowTable:
 
 @dataclass(frozen=True, slots=True)
 class Logged:
-    """A row a packet: the number of its table, ``NO_TABLE`` for none, and the row id. Shapes (n,)."""
+    """A row a packet: the number of its table, ``NO_TABLE`` for none, and the row id. Shapes (n,).
+
+    ``unread`` are the rows in front of which others are in the file that nobody can read.
+    """
 
     tables: tuple[RowTable, ...]
     table: I64
     rowid: I64
+    unread: Bool
 
     def __len__(self) -> int:
         return len(self.table)
 
     def take(self, rows: I64 | Bool | slice) -> Logged:
         """Return those of some packets."""
-        return Logged(self.tables, self.table[rows], self.rowid[rows])
+        return Logged(self.tables, self.table[rows], self.rowid[rows], self.unread[rows])
 
     @staticmethod
-    def of(table: RowTable, rowid: I64) -> Logged:
+    def of(table: RowTable, rowid: I64, unread: Bool) -> Logged:
         """Return rows that all are of one table."""
         number = np.array(0, np.int64)
         number.flags.writeable = False
-        return Logged((table,), np.ndarray((len(rowid),), np.int64, number, 0, (0,)), rowid)
+        return Logged((table,), np.ndarray((len(rowid),), np.int64, number, 0, (0,)), rowid, unread)
 
     @staticmethod
     def joined(parts: Sequence[Logged | None], counts: Sequence[int]) -> Logged | None:
@@ -62,14 +66,16 @@ class Logged:
         if all(part is None for part in parts):
             return None
         tables: dict[RowTable, int] = {}
-        table, rowid = [], []
+        table, rowid, unread = [], [], []
         for part, count in zip(parts, counts, strict=True):
             if part is None:
                 table.append(np.full(count, NO_TABLE))
                 rowid.append(np.zeros(count, np.int64))
+                unread.append(np.zeros(count, np.bool_))
                 continue
             # Behind the last one stands that there is none, whose number is -1.
             numbers = np.array([*(tables.setdefault(one, len(tables)) for one in part.tables), NO_TABLE], np.int64)
             table.append(numbers[part.table])
             rowid.append(part.rowid)
-        return Logged(tuple(tables), np.concatenate(table), np.concatenate(rowid))
+            unread.append(part.unread)
+        return Logged(tuple(tables), np.concatenate(table), np.concatenate(rowid), np.concatenate(unread))

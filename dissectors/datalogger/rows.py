@@ -49,7 +49,8 @@ def dissect_rows(packets: PacketBatch) -> RowBatch:
     """Return the rows of databases of a packet batch. Total: what is no row of a known table is left out."""
     logged = packets.logged
     if logged is None:
-        return RowBatch(packets, np.empty(0, np.int64), Logged((), np.empty(0, np.int64), np.empty(0, np.int64)))
+        nothing = np.empty(0, np.int64)
+        return RowBatch(packets, nothing, Logged((), nothing, nothing, nothing.astype(np.bool_)))
     own = np.flatnonzero((packets.link == LinkType.DATABASE_ROW) & (logged.table != NO_TABLE))
     return RowBatch(packets, own, logged.take(own))
 

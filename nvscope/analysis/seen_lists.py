@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import ClassVar
 
+import numpy as np
+
+from dissectors.batch import LinkType
 from nvscope.definition.model import Definition, ListDefinition
 from nvscope.engine.keys import Keys
 from nvscope.engine.told import Told
@@ -27,7 +30,8 @@ class SeenLists:
         on_can = 0 if told.can is None else len(told.can)
         if on_can:
             self._captured.add(Transport.CAN)
-        if len(told) > on_can:
+        rows_of_databases = int(np.count_nonzero(told.packets.link == LinkType.DATABASE_ROW))
+        if len(told) > on_can + rows_of_databases:
             self._captured.add(Transport.UDP)
 
     def saw_any(self, entries: Iterable[ListDefinition]) -> bool:

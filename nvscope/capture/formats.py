@@ -224,6 +224,9 @@ BEGUN = next(known for known in FORMATS if known.holds_rows)
 CAN_LOGS = frozenset(known.name for known in FORMATS if known.only_can)
 """The names of formats that hold CAN frames and nothing else."""
 
+LIVE_FORMATS = ("can", "interface", "stream", "udp")
+"""What stands in the place of a format where no file is read; a stream is one until its format is known."""
+
 DATABASES = frozenset(known.name for known in FORMATS if known.holds_rows)
 """The names of formats of which packets are rows of a database."""
 

@@ -49,7 +49,7 @@ def judge_others(case: Case) -> Iterator[Explained]:
         )
         name = f"{capitalised(lists_in_words(case, lists))}: " if lists else ""
         told = finding.message.removesuffix(".")
-        if finding.kind.of_security or finding.kind.protocol:
+        if finding.kind.of_security or finding.kind.protocol or not lists:
             told = nodes_by_name(case, told)
         draft = Draft(
             OTHER, f"{name}{told}", finding.hint or finding.kind.next_steps[0], (), lists,

@@ -42,7 +42,8 @@ class WrittenWhile:
     """An observer, and a listener of the state's events, of writes while something ``holds``, None for always.
 
     ``left_out``: how many writes there was no room for; ``cut`` are clients of WebVisu of whose messages some are not
-    whole: nobody knows whether these wrote something. ``unclear`` are those of whose writes nobody knows all variables.
+    whole: nobody knows whether these wrote something, nor of those that are ``unread``: a message is too long, or in an
+    unknown coding. ``unclear`` are those of whose writes nobody knows all variables.
     """
 
     by_stream: ClassVar[bool] = True
@@ -54,6 +55,7 @@ class WrittenWhile:
         self._visu: dict[Written, Times] = {}
         self._pairs: dict[int, Pair] = {}
         self.cut: set[Pair] = set()
+        self.unread: set[Pair] = set()
         self.unclear: set[Pair] = set()
         self.left_out = 0
 
@@ -96,18 +98,19 @@ class WrittenWhile:
             self._sdo[key].frames.add(events.frame[row], events.time_ns[row])
 
     def _take_messages(self, told: Told, part: VisuBatch) -> None:
-        from nvscope.tracker.visu.messages import Kind  # noqa: PLC0415
+        from nvscope.tracker.visu.messages import Kind, Outcome  # noqa: PLC0415
         from nvscope.view.lines.visu_words import variables_of  # noqa: PLC0415
 
         messages = part.messages
         frame, time_ns = messages.row + told.first_frame, told.packets.ts_ns[messages.row]
         judged = self._judged(frame, time_ns)
-        cut = ((messages.kind == Kind.CUT) | (messages.gap_bytes > 0)) & judged
+        unread = (messages.kind == Kind.CUT) & (messages.outcome == Outcome.UNREAD) & judged
+        cut = ((messages.kind == Kind.CUT) | (messages.gap_bytes > 0)) & judged & ~unread
         more = np.array([one.may_write_more for one in part.requests] + [False], np.bool_)[messages.asked]
         behind_part = np.append(False, messages.kind[:-1] == Kind.PART)
         unclear = ((messages.kind == Kind.WRITE) & more) | ((messages.kind == Kind.UNBOUNDED) & behind_part)
         unclear = (unclear | (messages.kind == Kind.OTHER_BYTES)) & judged
-        for rows, pairs in ((cut, self.cut), (unclear, self.unclear)):
+        for rows, pairs in ((cut, self.cut), (unread, self.unread), (unclear, self.unclear)):
             for number in distinct(messages.pair[rows]).tolist():
                 if len(pairs) < MOST_PLACES:
                     pairs.add(self._pair(part, number))

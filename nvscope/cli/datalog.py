@@ -161,7 +161,7 @@ def datalog(
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.progress import watching
     from nvscope.datalogger.claims import Claims
-    from nvscope.datalogger.plan import Targets, check_leave, check_names, plan, set_aside
+    from nvscope.datalogger.plan import Targets, check_leave, check_names, near_tasks, plan, set_aside
     from nvscope.view.escape import visible
     from nvscope.whole_files import identity_of
 
@@ -170,6 +170,8 @@ def datalog(
     between = asked_range(from_time, to_time, utc=True)
     inquiry = Inquiry(captured(paths, live, plant, ports), plant, ports, watch=watching(quiet=quiet), asked=between)
     planned = plan(sessions, inquiry.defined_layouts(), plant.datalogger, Targets(write, folder), partly=partly)
+    for told in near_tasks(sessions, plant.datalogger):
+        echo(f"nvscope: {visible(told)}.", err=True)
     _tell_of_plan(planned, append=append)
     infos: Sequence[SourceInfo] = ()
     source = None
@@ -200,7 +202,10 @@ def datalog(
     assert source is not None
     check_names(planned, is_input)
     _check_ending(write)
-    with Claims([one.path for one in planned if one.path]):
+    with Claims([one.path for one in planned if one.path]) as claims:
+        for path in claims.unguarded:
+            what = "its file system knows no locks: take care that nothing else logs there at the same time"
+            echo(f"nvscope: {visible(path)}: {what}.", err=True)
         check_leave(planned, append=append, force=force)
         aside = set_aside(planned if force else ())
         try:
@@ -211,6 +216,7 @@ def datalog(
                 echo(f"nvscope: {visible(told)}.", err=True)
     if not quiet:
         _tell(log)
+        _tell_of_drops(source)
     for path in stays:
         echo(f"nvscope: {visible(path)}: what was there stays: no row came to take its place.", err=True)
     lost = bool(troubles) or any(one.counted.not_written for one in log.sessions)
@@ -322,6 +328,18 @@ def _tell_of_plan(planned: Sequence[Planned], *, append: bool) -> None:
             echo(f"nvscope: {visible(error.where)}: {visible(error.what)}; left out.", err=True)
         if told := always_full(one, append=append):
             echo(f"nvscope: {visible(told)}.", err=True)
+
+
+def _tell_of_drops(source: Source) -> None:
+    """Say which captures tell of packets that were dropped; of live sources it is said anyway."""
+    from nvscope.units import count_of
+    from nvscope.view.escape import visible
+
+    for info in source.infos:
+        if info.drops and not info.is_live:
+            what = f"{count_of(info.drops, 'packet')} dropped while capturing"
+            rows = "rows tell of those that a row came behind, and of no others"
+            echo(f"nvscope: {visible(info.path)}: the capture says {what}; {rows}.", err=True)
 
 
 def _tell(log: DataLog) -> None:

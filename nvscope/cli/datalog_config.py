@@ -63,7 +63,7 @@ def config(
     variables = chosen(layouts, names or ())
     session = session_of(variables, plant.definition.nominal_intervals_ns(), settings or ())
     called = uris(variables, layouts, prefix)
-    taken = taken_names(called, only_changes=session.only_changes)
+    taken = taken_names(called)
     if twice := next((uri for uri in called if uri.lower() in taken), None):
         raise UsageError(f"'{twice}' is what another column of the database is called", next_step=next_step_of(twice))
     text = written(session, called)

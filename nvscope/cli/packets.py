@@ -42,6 +42,7 @@ from nvscope.errors import UsageError
 if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.capture.source import Source
+    from nvscope.definition.parameters import Parameters
     from nvscope.definition.pdos import Pdos
     from nvscope.report.packets.records import Face
     from nvscope.tracker.can.canopen_since import CanOpenSince
@@ -164,8 +165,11 @@ def packets(
     inquiry = None
     if asked or captures is not paths:
         from nvscope.analysis.inquiry import Inquiry
+        from nvscope.protocols.table import PROTOCOLS
+        from nvscope.protocols.visu import with_secrets
 
-        inquiry = Inquiry(captures, plant, ports, watch=watching(quiet=quiet), asked=between)
+        protocols = with_secrets(PROTOCOLS) if show_secrets else PROTOCOLS
+        inquiry = Inquiry(captures, plant, ports, watch=watching(quiet=quiet), asked=between, protocols=protocols)
     named = []
     with flaws_told_first(plant.definition):
         if inquiry and fields:
@@ -186,8 +190,8 @@ def packets(
     canopen = CanOpenSince(pdos.cob_ids if pdos else ())
     make = _face(
         output, trees, dumps, named, settings or (), moment, colour_wanted(colour),
-        {} if no_names else plant.node_names, inquiry, pdos, canopen, all_frames=all_frames, wide=wide,
-        secrets=show_secrets, page_ports=page_ports(plant.webvisu),
+        {} if no_names else plant.node_names, inquiry, plant.definition.parameters, pdos, canopen,
+        all_frames=all_frames, wide=wide, secrets=show_secrets, page_ports=page_ports(plant.webvisu),
     )  # fmt: skip
 
     from nvscope import units
@@ -233,7 +237,7 @@ def packets(
         what = why_no_row(infos) if are_databases(infos) else "0 frames, no telegram of network variables"
         echo(f"nvscope: {what}; `nvscope report` tells what to check.", err=True)
     elif not telegrams.shown:
-        of_rows = "row" if are_databases(source.infos) else "telegram"
+        of_rows = "row" if are_databases(source.infos) else "frame" if telegrams.has_others else "telegram"
         read_count = units.count_of(telegrams.telegrams, "frame" if all_frames else of_rows)
         of_any = count is None and chosen_by and chosen_by.of_any_frame
         left = telegrams.frames - telegrams.telegrams if of_any else 0
@@ -288,6 +292,7 @@ def _face(
     colour: bool,
     node_names: Mapping[str, str],
     inquiry: Inquiry | None,
+    parameters: Parameters | None,
     pdos: Pdos | None,
     canopen: CanOpenSince,
     *,
@@ -315,7 +320,7 @@ def _face(
         text = Text(
             trees=trees, dumps=dumps, moment=moment, width=None if wide else _line_width(), colour=colour,
             layouts=layouts, names=node_names, pdos=pdos, canopen=canopen,
-            parameters=inquiry.project.definition.parameters if inquiry else None, secrets=secrets,
+            parameters=parameters, secrets=secrets,
             page_ports=page_ports,
         )  # fmt: skip
         return lambda _: text

@@ -25,9 +25,10 @@ _MOST_VARIABLES = 10_000
 _CODES = {
     "refused": ExitCode.ASSERTION_FAILED, "differs": ExitCode.ASSERTION_FAILED, "no_page": ExitCode.ASSERTION_FAILED,
     "no_list": ExitCode.ASSERTION_FAILED, "no_visu": ExitCode.ASSERTION_FAILED, "unreadable": ExitCode.DATA_LOSS,
-    "unverified": ExitCode.DATA_LOSS, "miscounted": ExitCode.DATA_LOSS, "ambiguous": ExitCode.DATA_LOSS,
-    "silent": ExitCode.DATA_LOSS, "broken": ExitCode.DATA_LOSS, "no_http": ExitCode.DATA_LOSS,
-    "oversized": ExitCode.DATA_LOSS, "undelivered": ExitCode.CAPTURE, "cancelled": ExitCode.INTERRUPTED,
+    "unverified": ExitCode.DATA_LOSS, "misfit": ExitCode.DATA_LOSS, "miscounted": ExitCode.DATA_LOSS,
+    "ambiguous": ExitCode.DATA_LOSS, "silent": ExitCode.DATA_LOSS, "broken": ExitCode.DATA_LOSS,
+    "no_http": ExitCode.DATA_LOSS, "oversized": ExitCode.DATA_LOSS, "undelivered": ExitCode.CAPTURE,
+    "cancelled": ExitCode.ASSERTION_FAILED,
 }  # fmt: skip
 
 UrlArgument = Annotated[

@@ -58,7 +58,7 @@ def write(
     """Write a variable of a controller: read it, ask, write it, and read it back.
 
     Without a terminal nobody can be asked, and nothing is written without --yes. Exits as read does, with 1 also where
-    something else is read back than was written, with 3 where nothing could be, with 130 where the answer was no.
+    something else is read back than was written, with 3 where nothing could be, with 1 where the answer was no.
     """
     if wrong := next((word for word in (name, value) if _OPTION.match(word)), None):
         raise UsageError(

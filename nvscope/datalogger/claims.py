@@ -1,9 +1,12 @@
 """Claims: one logger at a time writes to a series of files.
 
 While one does, ``x.db.lock`` lies beside ``x.db``, and the system holds a lock on it for that process, as long as it
-lives and no longer. So a file that one left that was killed keeps nobody out, and goes with the next one. Readers take
-no notice of it. Of the files of a series not only ``x.db`` is its logger's: who would log to ``x.db.3`` or
-``x.db.begun`` shares the lock of ``x.db`` with others of such names, and not with its logger.
+lives and no longer. So a file that one left that was killed keeps nobody out, and goes with the next one: who makes it
+writes that into it, and what does not say so is somebody else's, and stays. Readers take no notice of it. Where a file
+system knows no locks, nobody is kept apart, and that is told.
+
+Of the files of a series not only ``x.db`` is its logger's: who would log to ``x.db.3`` or ``x.db.begun`` shares the
+lock of ``x.db`` with others of such names, and not with its logger.
 """
 
 from __future__ import annotations
@@ -27,10 +30,11 @@ else:
     import fcntl
 
 _OURS = re.compile(rb"logged by nvscope: process ([0-9]+) on ([^\n]*)\n")
+_MADE = b"made by nvscope\n"
 _LONGEST = 400
 _IS_HELD = frozenset({errno.EACCES, errno.EAGAIN, errno.EDEADLK})
-_NO_LOCKS = frozenset({errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP, errno.EINVAL})
-"""What file systems say that know no locks; on these, nobody is kept apart."""
+_NO_LOCKS = frozenset({errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP, errno.EINVAL, errno.EBADF})
+"""What file systems say that know no locks, or none on what can only be read; on these, nobody is kept apart."""
 
 _NO_FILE = frozenset({errno.ELOOP, errno.EISDIR, errno.ENXIO})
 _HELD: set[int] = set()
@@ -41,11 +45,12 @@ class Claims:
     """The files of some databases, for as long as it is entered.
 
     Entering raises CaptureError where somebody else logs to one of them, or where nothing can be written beside one;
-    then nothing is claimed, and nothing has changed.
+    then nothing is claimed, and nothing has changed. ``unguarded`` are databases that others may log to all the same.
     """
 
     def __init__(self, databases: Sequence[str]) -> None:
         self._databases = databases
+        self.unguarded: list[str] = []
         self._held: list[tuple[str, int]] = []
 
     def __enter__(self) -> Claims:
@@ -77,7 +82,9 @@ class Claims:
             except OSError as error:
                 os.close(file)
                 raise _cannot_be_made(lock, database, error) from None
-            if not told:
+            if told is None and database not in self.unguarded:
+                self.unguarded.append(database)
+            if told is False:
                 who = _whose(file)
                 os.close(file)
                 if not who:
@@ -102,7 +109,7 @@ class Claims:
             _HELD.discard(file)
             with suppress(OSError):
                 # As long as others share it, it is theirs.
-                if _lock(file, shared=False) and _is_ours(file) and _is_at(file, lock):
+                if _lock(file, shared=False) is not False and _is_ours(file) and _is_at(file, lock):
                     _remove(lock, file)
             with suppress(OSError):
                 os.close(file)
@@ -119,21 +126,28 @@ def _names_of(database: str) -> Iterator[str]:
 
 def _opened(lock: str) -> int:
     """Open a file to be locked, made where there is none."""
-    flags = os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
-    try:
-        file = os.open(lock, os.O_RDWR | flags, 0o666)
-    except PermissionError as error:
-        if not os.path.lexists(lock):
-            raise
-        # Another user's, who may have been killed: it can be locked all the same, where it can be read.
-        try:
-            file = os.open(lock, os.O_RDONLY | flags & ~os.O_CREAT)
-        except FileNotFoundError:
-            raise error from None
+    flags = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    while True:
+        with suppress(FileExistsError):
+            file = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_EXCL | flags, 0o666)
+            with suppress(OSError):
+                os.write(file, _MADE)
+            return file
+        with suppress(FileNotFoundError):  # whoever had it has removed it in between
+            file = _opened_again(lock, flags)
+            break
     if not stat.S_ISREG(os.fstat(file).st_mode):
         os.close(file)
         raise OSError(errno.ENXIO, os.strerror(errno.ENXIO))
     return file
+
+
+def _opened_again(lock: str, flags: int) -> int:
+    try:
+        return os.open(lock, os.O_RDWR | flags)
+    except PermissionError:
+        # Another user's, who may have been killed: it can be locked all the same, where it can be read.
+        return os.open(lock, os.O_RDONLY | flags)
 
 
 def _cannot_be_made(lock: str, database: str, error: OSError) -> CaptureError:
@@ -174,10 +188,10 @@ def _whose(file: int) -> str:
 
 
 def _is_ours(file: int) -> bool:
-    """Return whether a file is empty, or holds what ``_sign`` writes: what somebody else put there stays."""
+    """Return whether a file says that it is: what somebody else made stays as it is, be it empty."""
     os.lseek(file, 0, os.SEEK_SET)
     content = os.read(file, _LONGEST)
-    return not content or bool(_OURS.fullmatch(content))
+    return content == _MADE or bool(_OURS.fullmatch(content))
 
 
 def _sign(file: int) -> None:
@@ -193,8 +207,8 @@ def _sign(file: int) -> None:
 if sys.platform == "win32":
     _AT = 1 << 30  # what is locked cannot be read by others, and they are to read who holds it
 
-    def _lock(file: int, *, shared: bool) -> bool:
-        """Lock a file, and return whether nobody else has; locks are not shared here."""
+    def _lock(file: int, *, shared: bool) -> bool | None:
+        """Lock a file, and return whether nobody else has, None where nobody knows; locks are not shared here."""
         os.lseek(file, _AT, os.SEEK_SET)
         with suppress(OSError):
             msvcrt.locking(file, msvcrt.LK_UNLCK, 1)
@@ -204,7 +218,9 @@ if sys.platform == "win32":
         except OSError as error:
             if error.errno in _IS_HELD:
                 return False
-            raise
+            if error.errno not in _NO_LOCKS:
+                raise
+            return None
         return True
 
     def _remove(lock: str, file: int) -> None:
@@ -214,8 +230,8 @@ if sys.platform == "win32":
 
 else:
 
-    def _lock(file: int, *, shared: bool) -> bool:
-        """Lock a file, and return whether nobody else has."""
+    def _lock(file: int, *, shared: bool) -> bool | None:
+        """Lock a file, and return whether nobody else has, None where nobody knows: there are no locks."""
         try:
             # By flock: other locks are lost when any file of this process is closed that is the same.
             fcntl.flock(file, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
@@ -224,6 +240,7 @@ else:
                 return False
             if error.errno not in _NO_LOCKS:
                 raise
+            return None
         return True
 
     def _remove(lock: str, file: int) -> None:

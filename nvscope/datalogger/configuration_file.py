@@ -20,6 +20,7 @@ from nvscope.units import count_of
 ROOT = "DataLoggerConfigDocument"
 _NAMESPACE = "http://www.phoenixcontact.com/schema/dataloggerconfig"
 _ELEMENTS = ("General", "Datasink", "Variables")
+_VARIABLE, _NAME = "Variable", "name"
 _TEXTS = ("path", "task")
 _SHOWN = 60
 _LEAST_LIKE = 0.75
@@ -137,12 +138,31 @@ def _nearest(name: str, known: Any) -> str:
 def _unknown_elements(root: Element, unknown: list[str]) -> Iterator[ConfigurationError]:
     for child in root.children:
         if child.tag not in _ELEMENTS:
-            near = _nearest(child.tag, _ELEMENTS)
-            if near:
-                yield child.error(f"no element is called <{child.tag[:_SHOWN]}>", f"Write <{near}>.")
-            else:
-                place = root.source.position(child.start)
-                unknown.append(f"{place}: element <{child.tag[:_SHOWN]}>: not known, and left aside")
+            yield from _unknown_element(child, _ELEMENTS, unknown)
+        elif child.tag != "Variables":
+            for inner in child.children:
+                yield from _unknown_element(inner, (), unknown)
+
+
+def _unknown_element(child: Element, known: Sequence[str], unknown: list[str]) -> Iterator[ConfigurationError]:
+    """Yield the mistake that an element is which looks like a known one; of another one, tell that nobody knows it."""
+    if near := _nearest(child.tag, known):
+        yield child.error(f"no element is called <{child.tag[:_SHOWN]}>", f"Write <{near}>.")
+    else:
+        place = child.source.position(child.start)
+        unknown.append(f"{place}: element <{child.tag[:_SHOWN]}>: not known, and left aside")
+
+
+def _unknown_attributes(child: Element, known: Sequence[str], unknown: list[str]) -> Iterator[ConfigurationError]:
+    """Do the same with the attributes of an element."""
+    for name in child.attributes:
+        if name in known:
+            continue
+        if (near := _nearest(name, known)) and near not in child.attributes:
+            yield _error(child, name, "is not known", f"Write {near}.")
+        else:
+            place = _place(child, name)
+            unknown.append(f"{place}: {child.tag}, attribute {name[:_SHOWN]}: not known, and left aside")
 
 
 def _variables(root: Element, found: dict[str, NamedVariable], unknown: list[str]) -> Iterator[ConfigurationError]:
@@ -150,12 +170,19 @@ def _variables(root: Element, found: dict[str, NamedVariable], unknown: list[str
     yield from _twice(root, "Variables")
     names: dict[str, str] = {}
     parent = _first(root, "Variables")
+    if parent:
+        yield from _unknown_attributes(parent, (), unknown)
     for child in parent.children if parent else ():
-        if child.tag != "Variable":
-            place = root.source.position(child.start)
-            unknown.append(f"{place}: element <{child.tag[:_SHOWN]}>: not known, and left aside")
+        if child.tag != _VARIABLE:
+            yield from _unknown_element(child, (_VARIABLE,), unknown)
             continue
+        for inner in child.children:
+            yield from _unknown_element(inner, (), unknown)
+        misnamed = list(_unknown_attributes(child, (_NAME,), unknown))
+        yield from misnamed
         uri = child.attributes.get("name", "").strip()
+        if misnamed:
+            continue
         if not uri:
             yield child.error("a variable has no name", 'Write name="Arp.Plc.Eclr/PROGRAM.VARIABLE".')
         elif len(uri) > _LONGEST_NAME or not uri.isprintable():
@@ -169,7 +196,7 @@ def _variables(root: Element, found: dict[str, NamedVariable], unknown: list[str
         else:
             found[uri] = NamedVariable(uri, root.source.position(_offset(child, "name")))
             names[uri.lower()] = uri
-    if not parent or not any(child.tag == "Variable" for child in parent.children):
+    if not parent or not any(child.tag == _VARIABLE or _nearest(child.tag, (_VARIABLE,)) for child in parent.children):
         yield (parent or root).error(
             "no variable is named", 'Write <Variables><Variable name="…"/></Variables>; `nvscope datalog config` does.'
         )

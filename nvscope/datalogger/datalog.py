@@ -14,6 +14,7 @@ from nvscope.datalogger.instants import HOLE_NS
 from nvscope.datalogger.judging import Judge
 from nvscope.datalogger.losses import STOPPED_INTERVALS, Drops, Losses
 from nvscope.datalogger.session_log import SessionLog
+from nvscope.datalogger.standing_time import LatestTime, StandingTime
 from nvscope.engine.told import Told
 from nvscope.errors import CaptureError
 from nvscope.list_key import ListKey
@@ -28,6 +29,7 @@ class Heard:
 
     ``copies`` are those of the former that came again, and make no row where each cycle makes one. ``unseen`` are, by
     list, the elements that no telegram had, each with the SubIndexes of those that have it by the definition.
+    ``silent_ns`` is for how long lists have sent nothing in the end that have stopped.
     """
 
     frames: int
@@ -36,6 +38,7 @@ class Heard:
     left_out: Mapping[ListKey, int]
     copies: Mapping[ListKey, int]
     unseen: Mapping[ListKey, Mapping[str, frozenset[int]]]
+    silent_ns: Mapping[ListKey, int]
 
 
 class DataLog:
@@ -56,6 +59,8 @@ class DataLog:
         self._captured = Drops(judge.lost)
         self._copied = np.zeros(len(telegrams.keys), np.int64)
         self._seen: dict[SessionLog, int] = {}
+        self._latest = LatestTime()
+        self._standing = {session: self._standing_of(session) for session in sessions}
         self._last_ns = _NEVER
         self._drops: int | None = None
         self._number = np.array([place.number for place in telegrams.places], np.int64)
@@ -72,7 +77,8 @@ class DataLog:
         left_out = {key: sum(found.values()) for key, found in self._telegrams.left_out.items()}
         copies = dict(zip(keys, self._copied.tolist(), strict=True))
         begin_ns = self._end_ns if self._begin_ns is None else self._begin_ns
-        return Heard(self._telegrams.frames, self._end_ns - begin_ns, came, left_out, copies, self._unseen())
+        silent_ns = self._stops.silent_ns(self._last_ns)
+        return Heard(self._telegrams.frames, self._end_ns - begin_ns, came, left_out, copies, self._unseen(), silent_ns)
 
     def _unseen(self) -> dict[ListKey, dict[str, frozenset[int]]]:
         found: dict[ListKey, dict[str, frozenset[int]]] = {key: {} for key in self._telegrams.keys}
@@ -98,6 +104,9 @@ class DataLog:
         self._last_ns = int(before_ns[-1])
         holes = _holes(before_ns) + told.first_frame
         lost = self._lost_by_sources()
+        once = self._without_copies(told, rows)
+        if any(map(len, self._standing.values())):
+            self._latest.observe(told)
         losses = {}
         for session in self.sessions:
             if lost:
@@ -108,13 +117,30 @@ class DataLog:
             unseen = [frame for frame, span in dropped if not _shows(span, seen)]
             self._seen[session] = max(seen)
             losses[session] = [np.sort(np.concatenate([own, np.array(unseen, np.int64), holes])) for own in missing]
-        once = self._without_copies(told, rows)
+            self._tell_standing(session, once, told.first_frame, losses[session])
         self._each(lambda session: session.take(told, once, losses[session]))
         if told.is_deaf:
             self._stops.forget()
             self._last_ns = _NEVER
             for session in self.sessions:
                 session.lose()
+
+    def _standing_of(self, session: SessionLog) -> dict[int, StandingTime]:
+        """Return who looks for samples that time stood still for, by the numbers of the schedules that take some."""
+        keys = [self._telegrams.keys[place.number] for place in self._telegrams.places]
+        return {
+            number: StandingTime(session.session.sampling_ns, np.array([key in needed for key in keys], np.bool_))
+            for number, (needed, sampled) in enumerate(zip(session.needed, session.sampled.tolist(), strict=True))
+            if sampled
+        }
+
+    def _tell_standing(self, session: SessionLog, rows: DefinedRows, first_frame: int, losses: list[I64]) -> None:
+        """Add what is lost while time stands still to the losses of each schedule."""
+        for number, standing in self._standing[session].items():
+            frames, count = standing.lost(rows, first_frame, self._latest)
+            session.counted.not_taken += count
+            if len(frames):
+                losses[number] = np.sort(np.concatenate([losses[number], frames]))
 
     def _hear(self, told: Told, rows: DefinedRows) -> None:
         self._came += np.bincount(rows.place, minlength=len(self._came))
@@ -204,6 +230,19 @@ class _Stops:
             if not late.any():
                 return late
         return _after_stop(before, time_ns, interval_of(key, self._judge.judged().intervals_ns))
+
+    def silent_ns(self, now_ns: int) -> Mapping[ListKey, int]:
+        """Return the lists that have stopped by a time, and for how long they have sent nothing."""
+        found: dict[ListKey, int] = {}
+        for key, last_ns in zip(self._keys, self._last_ns.tolist(), strict=True):
+            least_ns = self._least_ns.get(key)
+            # Of one that is not defined as cyclic, nothing is expected.
+            if not least_ns or _NEVER in (last_ns, now_ns) or now_ns - last_ns <= STOPPED_INTERVALS * least_ns:
+                continue
+            interval_ns = interval_of(key, self._judge.judged().intervals_ns)
+            if interval_ns and now_ns - last_ns > STOPPED_INTERVALS * interval_ns:
+                found[key] = now_ns - last_ns
+        return found
 
     def forget(self) -> None:
         """Let what comes next follow nothing: nobody captured for a while."""

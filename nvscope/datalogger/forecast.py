@@ -116,7 +116,9 @@ def rows_a_day(planned: Planned, intervals_ns: dict[ListKey, int]) -> int | None
     """Return how many rows are written a day at most, None where nobody knows how often a list is sent."""
     total = 0
     if not planned.tasks or planned.rest is not None:
-        total += _DAY_NS // planned.session.sampling_ns
+        session = planned.session
+        # Of those between two publishings, no more than the ring buffer holds become rows.
+        total += min(_DAY_NS // session.sampling_ns, _DAY_NS * session.capacity // session.publish_ns)
     for key, _ in planned.tasks:
         interval_ns = intervals_ns.get(key)
         if not interval_ns:

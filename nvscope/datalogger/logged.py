@@ -20,6 +20,7 @@ from nvscope.list_key import ListKey
 from nvscope.units import count_of
 
 _MOST_NEAR, _MOST_COMPARED, _LONGEST = 3, 5_000, 200
+_LEAST_LIKE = 0.75
 
 
 class Content(Enum):
@@ -155,6 +156,8 @@ class _Names:
                 what = f"it has {count_of(len(parts), 'part')}, and a column holds one value"
                 return self._error(variable, what, f"Name a part, such as {parts[0][0].name}.")
         what = "no list has a variable of this name"
+        if variable.uri not in self._told and (given := near_name(variable.uri, self._told)):
+            return self._error(variable, what, f"[datalogger.variables] has one near it: '{given[:_LONGEST]}'.")
         near = self._near(plain)
         if near:
             return self._error(variable, what, f"Near it: {', '.join(near)}.")
@@ -194,6 +197,21 @@ def _elements(lists: Iterable[tuple[ListKey, object]], layouts: Layouts) -> Iter
         yield from seen.values()
 
 
+def near_name(name: str, known: Iterable[str]) -> str:
+    """Return the name that is nearest to one, '' where none is: the same but for the case, or a letter or two.
+
+    What names have in common in front of the last part makes them no nearer.
+    """
+    front, slash, last = name[:_LONGEST].lower().rpartition("/")
+    lasts: dict[str, str] = {}
+    for one in known:
+        other_front, _, other = one.lower().rpartition("/")
+        if get_close_matches(front + slash, [other_front + slash], 1, _LEAST_LIKE):
+            lasts.setdefault(other, one)
+    near = get_close_matches(last, lasts, 1, _LEAST_LIKE)
+    return lasts[near[0]] if near else ""
+
+
 def _plain(name: str) -> str:
     return "".join(name.split()).lower()
 
@@ -218,6 +236,11 @@ def task_list(session: Session, logged: Sequence[Logged], layouts: Layouts, sett
     found = named if len(named) == 1 else own
     if len(found) == 1:
         return next(iter(found))
+    if near := near_name(session.task, tasks):
+        raise ConfigurationError(
+            f"General, attribute taskContext: [datalogger.tasks] has no task '{session.task[:_LONGEST]}'",
+            where=str(position), next_step=f"It has one near it: '{near[:_LONGEST]}'.",
+        )  # fmt: skip
     names = ", ".join(sorted(entry.name or str(key) for key, entry in lists)[:_MOST_NEAR])
     raise ConfigurationError(
         f"General, attribute taskContext: which list the task '{session.task[:_LONGEST]}' sends is not known",

@@ -22,15 +22,22 @@ def outcome(log: SessionLog, heard: Heard) -> Iterator[str]:
     counted, session, name = log.counted, log.session, visible(log.session.name)
     told = [f"{count_of(counted.rows, 'row')} of {count_of(len(log.logged), 'variable')}{_where(counted, session)}"]
     if counted.inconsistent:
-        told.append(f"{counted.inconsistent} behind a loss (ConsistentDataSeries 0)")
+        rows = "row says" if counted.inconsistent == 1 else "rows say"
+        told.append(f"{counted.inconsistent} {rows} that something is missing in front of it (ConsistentDataSeries 0)")
     if counted.files == [IN_MEMORY]:
         told.append("gone with the end of the session: -w FILE keeps one that is volatile")
     yield f"{name}: {'; '.join(told)}."
     if counted.overwritten:
         lost = count_of(counted.overwritten, "data set")
         yield (
-            f"{name}: the ring buffer had no room for {lost}: bufferCapacity is {session.capacity}, "
-            f"and up to {session.sets_a_publishing} come in a publishInterval."
+            f"{name}: the ring buffer had no room for {lost}; the next row tells, once for all in front of it. "
+            f"bufferCapacity is {session.capacity}, and up to {session.sets_a_publishing} come in a publishInterval."
+        )
+    if counted.not_taken:
+        sets = count_of(counted.not_taken, "data set")
+        yield (
+            f"{name}: at least {sets} not taken: the clock of the capture went back, by less than a second each time, "
+            "and no row has a time twice; the next row tells of it."
         )
     if counted.not_written:
         yield f"{name}: {count_of(counted.not_written, 'row')} not written: another program held the database."
@@ -49,10 +56,19 @@ def _copies(log: SessionLog, heard: Heard) -> Iterator[str]:
 def _missing(log: SessionLog, heard: Heard) -> Iterator[str]:
     """Yield which lists, and which telegrams of them, sent nothing that could be logged; where all did, and there is no
     row, why."""
+    if not heard.frames:
+        yield "there was not one frame to read: capture while the controller sends, or ask for another time"
+        return
     since = f"in {duration(heard.duration_ns)}, among {count_of(heard.frames, 'frame')}"
     for key in sorted(log.keys, key=str):
         if heard.came.get(key):
             yield from _unseen(log, heard, key, since)
+            if key in heard.silent_ns:
+                silent = duration(heard.silent_ns[key])
+                yield (
+                    f"{key} sent nothing any more for the last {silent}: it has stopped, and of what was lost at "
+                    "the end no row can tell"
+                )
             continue
         own = count_of(sum(one.key == key for one in log.logged), "variable")
         nulls = f"; {own} of it {'is' if own.startswith('1 ') else 'are'} NULL in all rows" if log.counted.rows else ""

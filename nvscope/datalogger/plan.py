@@ -18,16 +18,22 @@ from nvscope.datalogger.datalog import DataLog, interval_of
 from nvscope.datalogger.existing import unlike_logger
 from nvscope.datalogger.instants import Cycles, Interval
 from nvscope.datalogger.judging import Judge
-from nvscope.datalogger.logged import Logged, Resolved, list_of_task, resolve, task_list
+from nvscope.datalogger.logged import Logged, Resolved, list_of_task, near_name, resolve, task_list
 from nvscope.datalogger.session_log import Schedule, SessionLog
 from nvscope.datalogger.set_aside import SetAside
 from nvscope.definition.layouts import Layouts
+from nvscope.definition.position import Position
 from nvscope.definition.project_datalogger import DataLoggerSettings
 from nvscope.definition.selection import names_of_lists
 from nvscope.errors import ConfigurationError, UsageError
 from nvscope.list_key import ListKey
 from nvscope.view.rows.defined import DefinedTelegrams
 from nvscope.whole_files import identity_of
+
+_MOST_TOLD = 10
+"""So many variables that are not known are told, each with its place."""
+
+_LEAVE_OUT = "--partly leaves out what is not known."
 
 _APART_NS = 10_000_000
 """So far apart telegrams of one cycle may be where no interval of their list is known."""
@@ -121,10 +127,25 @@ def plan(
     return planned
 
 
+def near_tasks(sessions: Sequence[Session], settings: DataLoggerSettings) -> list[str]:
+    """Return sentences on tasks of the project that no variable names, though some name a task that is near.
+
+    These are taken in an interval, which may be meant so.
+    """
+    fronts = [one.uri.rpartition("/")[0].rpartition("/")[2] for session in sessions for one in session.variables]
+    used = {*filter(None, fronts), *(session.task for session in sessions)}
+    others = used - {task for task, _ in settings.tasks}
+    near = {task: near_name(task, others) for task, _ in settings.tasks if task not in used}
+    return [
+        f"[datalogger.tasks] '{task}': no variable is of this task; some are of '{other}', and taken in an interval"
+        for task, other in near.items() if other
+    ]  # fmt: skip
+
+
 def _check_columns(session: Session, logged: Sequence[Logged]) -> None:
     """Raise ConfigurationError where a variable is called like another column of its table, in any case of letters."""
     uris = [one.uri for one in logged]
-    taken = taken_names(uris, only_changes=session.only_changes)
+    taken = taken_names(uris)
     for variable in session.variables:
         if variable.uri in uris and variable.uri.lower() in taken:
             raise ConfigurationError(
@@ -141,10 +162,15 @@ def _check_different(
     for one, text, own in zip(planned, told, told if known is None else known, strict=True):
         if own and own in seen:
             raise UsageError(
-                f"two sessions have the {what} {text}", where=str(one.session.position),
+                f"two sessions have the {what} {text}", where=str(_place_of(one.session, what)),
                 next_step=f"the other one is configured in {seen[own].position.file}",
             )  # fmt: skip
         seen[own] = one.session
+
+
+def _place_of(session: Session, what: str) -> Position:
+    """Return where a session says what its name is, or its file."""
+    return session.places.get("name" if what == "name" else "path", session.position)
 
 
 def _first(found: Resolved, *, partly: bool) -> ConfigurationError:
@@ -156,8 +182,12 @@ def _first(found: Resolved, *, partly: bool) -> ConfigurationError:
         return ConfigurationError(what, where=first.where, next_step=first.next_step)
     if not more:
         return first
-    told = f"{first.next_step} {more} more {'is' if more == 1 else 'are'} not known either; --partly leaves them out."
-    return ConfigurationError(first.what, where=first.where, next_step=told)
+    others = [*found.left_out[1:_MOST_TOLD]]
+    last = others[-1]
+    told = [f"and {more + 1 - _MOST_TOLD} more"] if more >= _MOST_TOLD else []
+    next_step = " ".join([last.next_step, *(f"{one} are not known either." for one in told), _LEAVE_OUT])
+    others[-1] = ConfigurationError(last.what, where=last.where, next_step=next_step)
+    return ConfigurationError(first.what, where=first.where, next_step=first.next_step, others=others)
 
 
 def _with_tasks(planned: Planned, layouts: Layouts, settings: DataLoggerSettings) -> Planned:

@@ -55,16 +55,18 @@ class Schedule:
 class Counted:
     """What became of a session: rows that were written, how many of them are not consistent, and what was lost.
 
-    ``overwritten`` are data sets that the ring buffer had no room for, ``not_written`` rows for which another program
-    held the file too long. Of the rows, ``left`` are still there, in ``files``, the last written one at the end; none
-    where there was no row. Others made room, by themselves (``deleted``, with those that were there before) or in
-    whole files (``removed``, of which ``removed_before`` are of earlier runs).
+    ``overwritten`` are data sets that the ring buffer had no room for, ``not_taken`` those that no time was left for,
+    ``not_written`` rows for which another program held the file too long. Of the rows, ``left`` are still there, in
+    ``files``, the last written one at the end; none where there was no row. Others made room, by themselves
+    (``deleted``, with those that were there before) or in whole files (``removed``, of which ``removed_before`` are of
+    earlier runs).
     """
 
     samples: int = 0
     rows: int = 0
     inconsistent: int = 0
     overwritten: int = 0
+    not_taken: int = 0
     not_written: int = 0
     first_ns: int | None = None
     last_ns: int | None = None
@@ -78,8 +80,8 @@ class Counted:
 class SessionLog:
     """Logs the variables of one session.
 
-    ``keys`` are the lists of the places, by number; ``needed`` are those that each schedule needs. Rows begin when a
-    value is known.
+    ``keys`` are the lists of the places, by number; ``needed`` are those that each schedule needs, and ``sampled``
+    tells which of these take samples in an interval. Rows begin when a value is known.
     """
 
     def __init__(
@@ -98,11 +100,11 @@ class SessionLog:
         every = np.ones(len(logged), np.bool_)
         self._taken = np.stack([every if one.columns is None else one.columns for one in schedules])
         self._takes_all = bool(self._taken.all())
-        self._sampled = np.array([isinstance(one.instants, Interval) for one in schedules], np.bool_)
-        self.has_cycles = not self._sampled.all()
+        self.sampled = np.array([isinstance(one.instants, Interval) for one in schedules], np.bool_)
+        self.has_cycles = not self.sampled.all()
         self._counts = Counts(len(logged), self._samples.dtype) if session.only_changes else None
         # With a task, no interval counts.
-        self._ring = Ring(session.capacity, session.publish_ns if self._sampled.any() else None, self._sampled)
+        self._ring = Ring(session.capacity, session.publish_ns if self.sampled.any() else None, self.sampled)
         self._changed = Changed(len(logged)) if session.only_changes else None
         self._columns = TableColumns(
             logged, self._texts, raw=session.raw, only_changes=session.only_changes, document_style=document_style

@@ -45,6 +45,13 @@ def compare(sign: str, left: Column, right: Column | Value) -> Bool:
     return found
 
 
+def compare_names(sign: str, left: Column, right: str) -> Bool:
+    """Tell where names are, or are not, a name, whatever their case."""
+    assert isinstance(left, TextColumn)
+    wanted = right.casefold()
+    return told(left, lambda text: (text.casefold() == wanted) == (sign == "=="))
+
+
 def _texts(sign: str, left: TextColumn, right: Column | Value) -> Bool:
     found: Bool
     compare_two = COMPARE[sign]

@@ -20,7 +20,7 @@ from typing import TypeVar, cast
 from dissectors.batch import Bool
 from nvscope.expression import literals, spans
 from nvscope.expression.byte_pattern import BytePattern
-from nvscope.expression.comparison import compare, told
+from nvscope.expression.comparison import compare, compare_names, told
 from nvscope.expression.literals import Unfit
 from nvscope.expression.masks import Test, all_of, any_of, odd_of, over, over_pairs, present
 from nvscope.expression.mistake import Span
@@ -160,6 +160,8 @@ class _Compiler(Terms):
                 self._one_of_its_texts(right, left, value)
             if isinstance(value, literals.Network) and not value.is_single and sign not in ("==", "!="):
                 raise self._error("a network is neither below nor above an address", right.span)
+            if left.any_case and isinstance(value, str) and sign in ("==", "!="):
+                return over(lambda column: compare_names(sign, column, value), left.evaluate, everyone=everyone)
             return over(lambda column: compare(sign, column, value), left.evaluate, everyone=everyone)
         self._check_comparable(left, right)
         return over_pairs(lambda a, b: compare(sign, a, b), left.evaluate, right.evaluate, everyone=everyone)

@@ -46,7 +46,7 @@ WORDS = {
 }
 _WHOLE = (FieldType.UNSIGNED, FieldType.SIGNED)
 NUMBERS = (*_WHOLE, FieldType.REAL)
-_MAX_VALUES = 64
+_MAX_VALUES = 4096
 _MAX_PARTS = 8
 _VARIABLE = "var."
 
@@ -85,6 +85,7 @@ class Typed:
     is_computed: bool = False
     values: Mapping[str, int] = field(default_factory=dict)
     texts: Sequence[str] = ()
+    any_case: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +166,7 @@ class Terms:
         parts = named.either or (name,)
         self.fields.update(dict.fromkeys(parts))
         evaluate = lambda operands: [operands[part] for part in parts]  # noqa: E731
-        return Typed(named.type, evaluate, span, len(parts), named.counts, named.values, named.texts)
+        return Typed(named.type, evaluate, span, len(parts), named.counts, named.values, named.texts, named.any_case)
 
     def _unknown(self, text: str, span: Span) -> ExpressionError:
         offered = list(islice((name for name, named in self._names.items() if not named.refused), MAX_NAMES))

@@ -75,6 +75,7 @@ class Named:
     texts has, empty where it may have any. ``test`` is the expression that the name
     stands for where it is no value: ``ip`` chooses the telegrams that have it. ``lasts``: a value holds until the next
     one comes, where time is looked at. ``counts``: alone, it asks whether it is not 0.
+    ``any_case``: its texts are names that are the same in any case.
     """
 
     type: FieldType
@@ -86,6 +87,7 @@ class Named:
     instead: str = ""
     lasts: bool = False
     counts: bool = False
+    any_case: bool = False
 
 
 NameTable = Mapping[str, Named]

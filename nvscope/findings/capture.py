@@ -338,6 +338,7 @@ def _pages_left_out(facts: Facts) -> Iterator[tuple[Events, str]]:
         Beyond.HELD: ("HTTP message", f"beyond the {MOST_HELD_BYTES >> 20} MiB held of those that are not whole"),
         Beyond.NAMES: ("list", f"of variables of web visualization beyond {count(MOST_NAMES)} names"),
         Beyond.POLLED: ("read", f"beyond the {count(MOST_POLLED)} whose interval is measured"),
+        Beyond.UNREAD: ("web visualization message", "that nobody reads: too long, or in an unknown coding"),
     }
     if facts.security is not None and facts.security.hours:  # else nobody asks when something was written
         nouns[Beyond.WRITE_MINUTE] = "write", "of web visualization, whose time is not compared with the hours"

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from nvscope.findings.finding import Finding, events_of
@@ -21,7 +22,8 @@ COUNTER_SHARED = FindingKind(
         "A node sends single telegrams of a list whose Counter goes on where another sender stands, again and again, "
         "although its own telegrams do not follow each other: it counts along with that sender, as who wants to pass "
         "for it does. Two that count for themselves meet so once in 65 536 telegrams; one device that sends from two "
-        "addresses is none of these."
+        "addresses is none of these, unless their frames come from different hardware addresses: those are two "
+        "senders, and each of them may count along with the other."
     ),
     causes=(
         "somebody who slips in telegrams in the name of a sender",
@@ -44,7 +46,7 @@ REGULAR_PERCENT = 90
 """So many of the steps of the other are by 1. Where they are not, both may count what nobody sees."""
 
 MERGED_PERCENT = 50
-"""Where the other goes on so often behind who counts along, both are one device that sends from two addresses."""
+"""Where the other goes on so often behind who counts along, both may be one device that sends from two addresses."""
 
 
 def judge_takeovers(facts: Facts) -> Iterator[Finding]:
@@ -61,16 +63,24 @@ def judge_takeovers(facts: Facts) -> Iterator[Finding]:
         by_node[stream.node] = by_node.get(stream.node, 0) + 1
     pairs = [*zip(log.keys.high.tolist(), log.keys.low.tolist(), strict=True)]
     count_of_pair = dict(zip(pairs, log.rows.column("count").tolist(), strict=True))
+    hardware = _Hardware(facts)
     for row, (own, other) in enumerate(pairs):
         events = events_of(log.rows, row)
         steps, others, regular = int(columns.steps[own]), int(columns.steps[other]), int(columns.regular[other])
         if (
             events.count < LEAST_EVENTS or 100 * events.count < LEAST_PERCENT * steps
-            or not others or 100 * regular < REGULAR_PERCENT * others or not {own, other} <= streams.keys()
-            or 100 * count_of_pair.get((other, own), 0) >= MERGED_PERCENT * events.count
+            or not others or not {own, other} <= streams.keys()
         ):  # fmt: skip
             continue
         number, stream = streams[own]
+        back = count_of_pair.get((other, own), 0)
+        if 100 * back >= MERGED_PERCENT * events.count:
+            if not hardware.are_apart(stream.node, streams[other][1].node):
+                continue
+            # What goes on behind the other one is no step of its own that lacks something.
+            regular += back
+        if 100 * regular < REGULAR_PERCENT * others:
+            continue
         # Who counts across lists steps by more than 1 in each of them.
         if by_node[stream.node] > 1 and facts.summary.scopes.get(stream.node, Scope.STREAM) != Scope.STREAM:
             continue
@@ -78,6 +88,34 @@ def judge_takeovers(facts: Facts) -> Iterator[Finding]:
             COUNTER_SHARED, _sentence(facts, stream, streams[other][1], events.count, steps), events.count,
             events.first_ns, events.last_ns, events.frames, number, stream.node, stream.subindex,
         )  # fmt: skip
+
+
+class _Hardware:
+    """The hardware addresses that frames of nodes come from, as far as anybody has looked."""
+
+    def __init__(self, facts: Facts) -> None:
+        self._facts = facts
+
+    @cached_property
+    def _of_address(self) -> Mapping[tuple[int, int], set[int]]:
+        if self._facts.witness is None:
+            return {}
+        from nvscope.tracker.evidence.shared_devices import addresses_by_hardware
+
+        found: dict[tuple[int, int], set[int]] = {}
+        for hardware, addresses in addresses_by_hardware(self._facts.witness.presence).items():
+            for one in addresses:
+                found.setdefault(one, set()).add(hardware)
+        return found
+
+    def are_apart(self, node: int, other: int) -> bool:
+        """Tell whether two nodes are known to be two devices: no frame of the one came from hardware of the other.
+
+        Behind a router, all have its hardware address, and nobody knows.
+        """
+        high, low = self._facts.state.keys.nodes.words
+        own, theirs = (self._of_address.get((int(high[one]), int(low[one])), set()) for one in (node, other))
+        return bool(own and theirs) and own.isdisjoint(theirs)
 
 
 def _sentence(facts: Facts, own: StreamSummary, other: StreamSummary, events: int, steps: int) -> str:

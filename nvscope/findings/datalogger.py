@@ -80,8 +80,10 @@ COUNTER_CORRUPT = FindingKind(
     Severity.ERROR,
     meaning=(
         "The change counter of a variable goes back, stands still while the value changes, or is no count, and the row "
-        "is no restart. A restart is a row in which every variable is stored and all counters are 0; what the logger "
-        "does not know yet is NULL there, behind ConsistentDataSeries 0. It is told under the same code as a note."
+        "is no restart. Where the counter behind a row goes on from the one before it as if that row had counted "
+        "rightly, its counter alone is wrong, and no change is missing. A restart is a row in which every variable is "
+        "stored and all counters are 0; what the logger does not know yet is NULL there, behind ConsistentDataSeries "
+        "0. It is told under the same code as a note."
     ),
     causes=(
         "rows of several databases or sessions were put together",

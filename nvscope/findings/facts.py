@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dissectors.carried import Carrier
-from nvscope.capture.formats import CAN_LOGS
+from nvscope.capture.formats import CAN_LOGS, DATABASES, are_databases
 from nvscope.capture.source import SourceInfo
 from nvscope.definition.limits import Limits
 from nvscope.engine.keys import NOBODY_KEY
@@ -202,11 +202,14 @@ class Facts:
     def captured(self) -> set[Transport]:
         """The transports that were listened to: of what nobody captured, nothing is missed."""
         frames, on_can = self.state.capture.frames, self.state.buses.frames
+        # Who logs values listens to none.
+        listening = [info for info in self.sources if info.format not in DATABASES]
+        frames -= sum(info.frames for info in self.sources if info.format in DATABASES)
         captured: set[Transport] = set()
         if on_can or any(info.format in CAN_LOGS for info in self.sources):
             captured.add(Transport.CAN)
-        empty = any(info.format not in CAN_LOGS and not info.frames for info in self.sources)
-        if frames > on_can or empty or not captured:
+        empty = any(info.format not in CAN_LOGS and not info.frames for info in listening)
+        if frames > on_can or empty or not (captured or are_databases(self.sources)):
             captured.add(Transport.UDP)
         return captured
 

@@ -153,9 +153,15 @@ def judge_headers(facts: Facts) -> Iterator[Finding]:
         for list_number, node, subindex, events in facts.logged(kind):
             if kind in _OF_LENGTH and (list_number, node) in foreign:
                 continue
-            message = sentence.format(telegrams=count_of(events.count, "telegram"))
-            if list_number is None:
-                message += " They belong to the Parameter Manager, not to a list."
+            telegrams = count_of(events.count, "telegram")
+            if list_number is not None:
+                message = sentence.format(telegrams=telegrams)
+            else:
+                # Nothing but their sender tells such findings apart.
+                sender = "" if node is None else f" from {facts.address(node)}"
+                belongs = "It belongs" if events.count == 1 else "They belong"
+                told = sentence.format(telegrams=telegrams + sender)
+                message = f"{told} {belongs} to the Parameter Manager, not to a list."
             yield Finding(
                 kind, message, events.count, events.first_ns, events.last_ns, events.frames,
                 list_number, node, subindex,

@@ -306,6 +306,8 @@ def _after(waited_ns: tuple[int, int] | None) -> str:
     if not most:
         return ""
     shortest, longest = duration(least), duration(most)
+    if not least:  # of one that closed its side with a request, nobody knows how long it waited
+        return f" after up to {longest}"
     return f" after {longest}" if shortest == longest else f" after {shortest} to {longest}"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from nvscope.protocols.can import CAN
@@ -29,7 +30,8 @@ def of_project(protocols: Sequence[Protocol], project: Project) -> Sequence[Prot
     webvisu = project.webvisu
     if webvisu is None:
         return protocols
-    return [visu_of(webvisu) if protocol is VISU else protocol for protocol in protocols]
+    told = visu_of(webvisu)
+    return [replace(one, dissector=told.dissector) if one.name == VISU.name else one for one in protocols]
 
 
 def dissectors_of(protocols: Iterable[Protocol]) -> tuple[Dissector, ...]:

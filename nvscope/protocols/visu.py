@@ -45,10 +45,15 @@ def visu_of(webvisu: WebVisu) -> Protocol:
     return replace(VISU, dissector=lambda: _dissector(webvisu))
 
 
-def _fields() -> Sequence[TelegramField]:
-    from nvscope.view.fields.visu import VISU_FIELDS  # noqa: PLC0415
+def with_secrets(protocols: Iterable[Protocol]) -> list[Protocol]:
+    """Return protocols whose fields have passwords in clear."""
+    return [replace(one, fields=lambda: _fields(secrets=True)) if one is VISU else one for one in protocols]
 
-    return VISU_FIELDS
+
+def _fields(*, secrets: bool = False) -> Sequence[TelegramField]:
+    from nvscope.view.fields.visu import VISU_FIELDS, visu_fields  # noqa: PLC0415
+
+    return visu_fields(secrets=True) if secrets else VISU_FIELDS
 
 
 def _lines(moment: Moment, width: int | None, wording: Wording) -> LineMaker:

@@ -9,7 +9,7 @@ from nvscope import units
 from nvscope.report.ansi import paint
 from nvscope.units import count_of, duration
 from nvscope.view.escape import visible_document
-from nvscope.view.lines.table import Cell, Line, Tone, wrap
+from nvscope.view.lines.table import BREAK, Cell, Line, Tone, wrap
 
 MIN_WIDTH = 20
 _MOST_BYTES = 8
@@ -64,6 +64,12 @@ def value_text(value: Mapping[str, Any]) -> str:
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"
 
 
+def _in_cells(value: Mapping[str, Any]) -> str:
+    """Return the text of a value for cells that are wrapped: lines are broken between bytes, and not within them."""
+    text = value_text(value)
+    return text.replace(" ", BREAK) if value["elements"] is None else text
+
+
 def _is_alone(elements: Sequence[Mapping[str, Any]]) -> bool:
     """Tell whether a value is one element, and not a structure or an array that has one."""
     return len(elements) == 1 and elements[0]["name"] is None
@@ -85,9 +91,14 @@ def _read(document: Document) -> Iterator[Line]:
     if elements is None:
         items = f", {count_of(value['items'], 'element')}" if value["items"] != 1 else ""
         text = _bytes(value, _MOST_SHOWN) or "nothing"
-        yield [name, Cell(" = "), Cell(text, Tone.STRONG), Cell(f"   {size}{items}, {latency}", Tone.FAINT)]
+        yield [
+            name,
+            Cell(" = "),
+            Cell(text.replace(" ", BREAK), Tone.STRONG),
+            Cell(f"   {size}{items}, {latency}", Tone.FAINT),
+        ]
         return
-    about = f"{document['type']}, {size} {_bytes(value, _MOST_BYTES)}, {latency}"
+    about = f"{document['type']}, {size} {_bytes(value, _MOST_BYTES).replace(' ', BREAK)}, {latency}"
     if _is_alone(elements):
         yield [name, Cell(" = "), Cell(elements[0]["text"], Tone.STRONG), Cell(f"   {about}", Tone.FAINT)]
         return
@@ -103,13 +114,13 @@ def _written(document: Document) -> Iterator[Line]:
     if document["outcome"] not in ("written", "differs", "unverified"):
         return
     name, before = _name(document), document["before"]
-    wanted, value = value_text(document["wanted"]), document["value"]
-    was = _UNREAD if before is None else value_text(before)
+    wanted, value = _in_cells(document["wanted"]), document["value"]
+    was = _UNREAD if before is None else _in_cells(before)
     about = f"   {document['type']}, {duration(document['exchanges'][1]['latency_ns'])} to write"
     if document["outcome"] == "differs":
         yield [
             Cell("✗ ", Tone.ERROR), Cell(name), Cell(f": {was} → {wanted} was written and confirmed, "),
-            Cell(f"but {value_text(value)} is what it holds", Tone.ERROR), Cell(about, Tone.FAINT),
+            Cell(f"but {_in_cells(value)} is what it holds", Tone.ERROR), Cell(about, Tone.FAINT),
         ]  # fmt: skip
         return
     behind = ", read back" if value is not None else ", not read back"

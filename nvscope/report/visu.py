@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from dissectors.webvisu import Place
 from nvscope import units
+from nvscope.definition.visu_values import type_at
 from nvscope.enumeration import first_few
 from nvscope.report.ansi import paint
 from nvscope.report.sdo import MIN_WIDTH, Failure
@@ -17,6 +19,10 @@ from nvscope.view.lines.table import Cell, Column, Line, Tone, align, wrap
 _UNREADABLE, _MISSING = "???", "-"
 _LONGEST = 300
 _MOST_SHOWN = 20_000
+_SHORT = 40
+_OTHER_LISTS = (
+    "addresses change with every download to the controller: take names from its own lists, not from old files"
+)
 _AREAS = {0: "%M", 1: "inputs", 2: "outputs", 3: "retain", 4: "global"}
 """What areas are called; other targets may have others."""
 
@@ -205,8 +211,24 @@ def _unreadable(document: Document) -> tuple[str, str]:
     names = [_name(one) for one in document["variables"] if one["state"] == "unreadable"]
     return (
         f"the controller cannot read {first_few(names)} ({_UNREADABLE})",
-        "addresses change with every download to the controller: take names from its own lists, not from old files",
+        _OTHER_LISTS,
     )
+
+
+def _misfit(document: Document) -> tuple[str, str]:
+    rows = [one for one in document["variables"] if one["state"] == "value" and one["value"]["value"] is None]
+    typed = [
+        one for one in rows if type_at(Place(one["ref"], one["offset"], one["size"], one["type_code"])) is not None
+    ]
+    told = [f"{_name(one)}, which is no {one['type']}" for one in typed]
+    if not told:
+        return "a hidden value is none of its type", _OTHER_LISTS
+    return f"the controller answers {_quoted(typed[0])} for {first_few(told)}", _OTHER_LISTS
+
+
+def _quoted(row: Mapping[str, Any]) -> str:
+    text = str(row["value"]["text"])
+    return f"'{text[:_SHORT]}…'" if len(text) > _SHORT else f"'{text}'"
 
 
 def _refused(document: Document) -> tuple[str, str]:
@@ -317,7 +339,7 @@ def _oversized(document: Document) -> tuple[str, str]:
 
 
 _FAILURES = {
-    "unreadable": _unreadable, "differs": _differs, "unverified": _unverified, "refused": _refused,
+    "unreadable": _unreadable, "misfit": _misfit, "differs": _differs, "unverified": _unverified, "refused": _refused,
     "miscounted": _miscounted, "ambiguous": _ambiguous, "no_visu": _no_visu, "no_page": _no_page, "no_list": _no_list,
     "silent": _silent, "undelivered": _undelivered, "broken": _broken, "no_http": _no_http, "oversized": _oversized,
 }  # fmt: skip

@@ -55,8 +55,8 @@ def test_what_would_be_logged_is_told_and_nothing_is_written(here: Path) -> None
     assert done.stdout.splitlines() == [
         "session: 2 variables into log.db",
         "  A row every 100.0 ms, about 56 bytes, times as texts, changes only",
-        "  At most 864000 rows a day, 48.1 MB",
-        "  At 5.0 MB, every 2 h 30 min, another file is begun; 3 are kept",
+        "  At most 648000 rows a day, 36.1 MB",
+        "  At 5.0 MB, every 3 h 20 min, another file is begun; 3 are kept",
         "  The ring buffer is too small: 20 data sets come in a publishInterval, and bufferCapacity is 15: 5 of them "
         "are lost each time",
         "  a/dwFirst   INT       dwFirst of udp/1202/1",
@@ -168,6 +168,10 @@ def test_several_sessions_are_logged_side_by_side(here: Path) -> None:
     assert (done.returncode, "-w names one file, and there are several sessions" in done.stderr) == (2, True)
     done = logged(here, "--config", "c.xml")
     assert (done.returncode, "two sessions have the name session" in done.stderr) == (2, True)
+    text = (here / "c.xml").read_text().replace('"session"', '"again"').replace("<Datasink", "\n<Datasink")
+    (here / "e.xml").write_text(text, encoding="utf-8")
+    done = logged(here, "--config", "e.xml")
+    assert (done.returncode, "e.xml, line 2, column 11: two sessions have the file " in done.stderr) == (2, True)
 
 
 def test_one_that_is_volatile_is_kept_in_memory(here: Path) -> None:
@@ -184,7 +188,12 @@ def test_variables_that_no_list_has_are_a_mistake_or_left_out(here: Path) -> Non
     assert done.returncode == 2
     assert done.stderr.startswith("nvscope: c.xml, line 1, column ")
     assert "'a/dwFirzt': no list has a variable of this name\n  Near it: dwFirst." in done.stderr
-    assert "1 more is not known either; --partly leaves them out." in done.stderr
+    assert "nvscope: c.xml, line 1, column " in done.stderr.partition("\n")[2]
+    assert "'a/q': no list has a variable of this name" in done.stderr
+    assert done.stderr.endswith("--partly leaves out what is not known.\n")
+    (here / "many.xml").write_text(configuration([f"a/q{n}" for n in range(13)]), encoding="utf-8")
+    many = datalog(here, "plant.pcap", "--config", "many.xml", "--gvl", ".").stderr
+    assert (many.count("no list has a variable"), "and 3 more are not known either." in many) == (10, True)
     done = logged(here, "--partly")
     assert done.returncode == 0
     assert done.stderr.count("left out") == 2
@@ -266,17 +275,20 @@ def test_what_the_shell_made_is_not_written_over(here: Path) -> None:
     assert (here / "plant.pcap").exists()
 
 
-def test_a_counter_and_a_variable_have_not_one_name(here: Path) -> None:
+@pytest.mark.parametrize("only_changes", ["true", "false"])
+def test_a_counter_and_a_variable_have_not_one_name(only_changes: str, here: Path) -> None:
+    """Where every value is stored, readers would take the variable for the counter of the other one."""
     (here / "list1.gvl").write_text(gvl(1, ["a", "a_change_count"]), encoding="utf-8")
     words = ("config", "list1", "--gvl", ".", "-w", "own.xml", "--set")
-    done = datalog(here, *words, "storeChangesOnly=true")
+    done = datalog(here, *words, f"storeChangesOnly={only_changes}")
     assert done.returncode == 2
-    assert "It is the counter of 'Arp.Plc.Eclr/a': leave one of both out, or write storeChangesOnly" in done.stderr
-    assert datalog(here, *words, "storeChangesOnly=false").returncode == 0
-    text = configuration(["a/a", "a/a_change_count"], "", 'storeChangesOnly="true"')
+    assert "So is the counter of 'Arp.Plc.Eclr/a', or would be: log one of both in another session." in done.stderr
+    text = configuration(["a/a", "a/a_change_count"], "", f'storeChangesOnly="{only_changes}"')
     (here / "c.xml").write_text(text, encoding="utf-8")
     done = logged(here)
-    assert (done.returncode, "It is the counter of 'a/a': leave one of both out" in done.stderr) == (2, True)
+    assert (done.returncode, "So is the counter of 'a/a', or would be" in done.stderr) == (2, True)
+    (here / "c.xml").write_text(configuration(["a/a_change_count"]), encoding="utf-8")
+    assert logged(here).returncode == 0
 
 
 @pytest.mark.parametrize("words", [(), ("--dry-run",)])
@@ -294,3 +306,22 @@ def test_a_capture_that_is_not_there_is_told_also_where_nothing_would_be_written
     done = datalog(here, "none.pcap", "--config", "c.xml", "--gvl", ".", "--dry-run")
     assert done.returncode != 0
     assert "none.pcap" in done.stderr
+
+
+def test_names_of_the_project_that_are_nearly_those_of_a_session_are_told(here: Path) -> None:
+    variables = '[datalogger.variables]\n"Arp.Plc.Eclr/Prg.Sped" = "list1:dwFirst"\n'
+    (here / "p.toml").write_text(variables + '[datalogger.tasks]\nCyclic10 = "list1"\n', encoding="utf-8")
+    words = ("plant.pcap", "--config", "d.xml", "--gvl", ".", "--project", "p.toml", "--dry-run")
+    (here / "d.xml").write_text(configuration(["Arp.Plc.Eclr/Prg.Speed"]), encoding="utf-8")
+    done = datalog(here, *words)
+    near = "[datalogger.variables] has one near it: 'Arp.Plc.Eclr/Prg.Sped'."
+    assert (done.returncode, near in done.stderr) == (2, True)
+    (here / "d.xml").write_text(configuration(["a/dwFirst", "b/dwSecond"], 'taskContext="cyclic10"'), encoding="utf-8")
+    done = datalog(here, *words)
+    assert (done.returncode, "It has one near it: 'Cyclic10'." in done.stderr) == (2, True)
+    (here / "d.xml").write_text(configuration(["Plc/Cyclic100/dwFirst"]), encoding="utf-8")
+    done = datalog(here, *words)
+    told = "nvscope: [datalogger.tasks] 'Cyclic10': no variable is of this task; some are of 'Cyclic100', and taken in"
+    assert (done.returncode, done.stderr.startswith(told)) == (0, True)
+    (here / "d.xml").write_text(configuration(["Plc/Main/dwFirst"]), encoding="utf-8")
+    assert (datalog(here, *words).returncode, datalog(here, *words).stderr) == (0, "")

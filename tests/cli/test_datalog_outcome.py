@@ -220,3 +220,68 @@ def test_a_forecast_knows_what_is_there(here: Path, sink: str, line: str) -> Non
     assert any(one.startswith(f"  {line}") for one in said), said
     assert not any("are there" in one for one in run_text(*words, cwd=here).stdout.splitlines())
     assert (here / "log.db").read_bytes() == before
+
+
+def test_of_a_capture_without_a_frame_no_list_is_blamed(here: Path) -> None:
+    whole = (here / "plant.pcap").read_bytes()
+    (here / "plant.pcap").write_bytes(whole[:24])
+    (here / "c.xml").write_text(configuration(["a/dwFirst"], CYCLES), encoding="utf-8")
+    done = run_text("datalog", "plant.pcap", "--config", "c.xml", "--gvl", ".", cwd=here)
+    assert done.returncode == 0
+    assert done.stderr.splitlines() == [
+        "nvscope: session: 0 rows of 1 variable, and no file was made.",
+        "nvscope: session: there was not one frame to read: capture while the controller sends, or ask for another "
+        "time.",
+    ]  # fmt: skip
+
+
+STOPPED = '[[pause]]\nlist = "list1"\nat = "2s"\nby = "4s"\n'
+LOST = '[[capture_loss]]\nat = ["2s"]\nlasting = "120ms"\ndrops = 3\n'
+BACK = '[[clock_step]]\nat = "2s"\nby = "-{}"\n'
+SAMPLES = 'samplingInterval="50ms" publishInterval="1s" bufferCapacity="20"'
+
+
+def run_over(folder: Path, scenario: str, general: str, capture: str = "plant.pcap") -> list[str]:
+    """Return all that is told of a session over a plant."""
+    folder.mkdir(exist_ok=True)
+    simulated(folder, scenario, capture)
+    (folder / "list1.gvl").write_text(gvl(1, ["dwFirst"]), encoding="utf-8")
+    (folder / "c.xml").write_text(configuration(["a/dwFirst"], general, ""), encoding="utf-8")
+    done = run_text("datalog", capture, "--config", "c.xml", "--gvl", ".", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return done.stderr.splitlines()
+
+
+@pytest.mark.parametrize("general", [CYCLES, SAMPLES])
+def test_a_list_that_has_stopped_for_good_is_told(tmp_path: Path, general: str) -> None:
+    told = run_over(tmp_path, plant(STOPPED, lists=2), general)
+    assert len(told) == 2
+    assert told[1].startswith("nvscope: session: udp/1202/1 sent nothing any more for the last 3.0 s: it has stopped")
+    assert len(run_over(tmp_path / "other", plant(lists=2), general)) == 1
+
+
+def test_what_a_capture_says_that_it_dropped_is_told(tmp_path: Path) -> None:
+    told = run_over(tmp_path, plant(LOST), CYCLES, "plant.pcapng")
+    assert "1 row says that something is missing in front of it (ConsistentDataSeries 0)." in told[0]
+    assert told[1].startswith("nvscope: plant.pcapng: the capture says 3 packets dropped while capturing; ")
+
+
+@pytest.mark.parametrize(("back", "sets"), [("20ms", 0), ("40ms", 0), ("400ms", 6), ("900ms", 16), ("3s", 0)])
+def test_samples_that_a_clock_leaves_no_time_for_are_told_in_the_next_row(tmp_path: Path, back: str, sets: int) -> None:
+    told = run_over(tmp_path, plant(BACK.format(back)), SAMPLES)
+    lost = [row for row in rows_of(tmp_path / "log.db") if not row[2]]
+    assert len(lost) == (sets > 0)
+    assert (
+        f"nvscope: session: at least {sets} data sets not taken: the clock of the capture went back" in "\n".join(told)
+    ) == (sets > 0)
+
+
+def test_a_ring_that_is_too_small_makes_a_database_smaller(here: Path) -> None:
+    told = []
+    for capacity in (10, 3):
+        general = f'samplingInterval="10ms" publishInterval="100ms" bufferCapacity="{capacity}"'
+        (here / "c.xml").write_text(configuration(["a/dwFirst"], general, ""), encoding="utf-8")
+        done = run_text("datalog", "plant.pcap", "--config", "c.xml", "--gvl", ".", "--dry-run", cwd=here)
+        told += [line for line in done.stdout.splitlines() if " rows a day" in line]
+    assert told[0].startswith("  8640000 rows a day, ")
+    assert told[1].startswith("  2592000 rows a day, ")

@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.test_vars import PEERS, nvscope
+from tests.cli.test_vars import CAPTURES, PEERS, nvscope
 from tests.definition.test_lint import can, gvl
+
+GENUINE = CAPTURES / "datalogger" / "genuine-5min.db"
 
 
 @pytest.mark.parametrize(
@@ -32,6 +34,17 @@ def test_a_definition_that_matches_nothing_says_so(words: tuple[str, ...], told:
     sentence = "nvscope: idle (udp/1202/99) is defined, but not one telegram of it was seen.\n"
     # Nobody captured a bus.
     assert done.stderr == (sentence if told else "")
+
+
+@pytest.mark.parametrize("words", [("vars",), ("report", "--all")])
+@pytest.mark.parametrize("beside", [False, True])
+def test_who_logs_values_listens_to_no_list(words: tuple[str, ...], beside: bool, tmp_path: Path) -> None:
+    (tmp_path / "idle.gvl").write_text(gvl(ListIdentifier="99"), encoding="utf-8")
+    sources = [GENUINE, PEERS / "peers.pcap"] if beside else [GENUINE]
+    done = nvscope(words[0], *map(str, sources), "--gvl", str(tmp_path / "idle.gvl"), *words[1:])
+    told = done.stdout + done.stderr
+    assert ("not one telegram of it was seen" in told) is beside
+    assert ("was never seen" in told) is beside
 
 
 @pytest.mark.parametrize("others", [(), ("--history", "x"), ("--at", "1s")])

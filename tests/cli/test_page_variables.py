@@ -188,7 +188,15 @@ def test_a_report_hides_passwords_that_pages_and_lists_have(shown: list[str]) ->
 def test_a_filter_asks_for_any_of_the_variables_of_a_message() -> None:
     told = nvscope("packets", PANEL, "-Y", 'visu.variable == "PLC_PRG.xRun"', "-T", "fields", "-e", "visu.variables")
     assert set(told.stdout.split()) == {"7"}
-    assert nvscope("packets", PANEL, "-Y", 'visu.variable == "PLC_PRG.nope"').stdout == ""
+    none = nvscope("packets", PANEL, "-Y", 'visu.variable == "PLC_PRG.nope"')
+    assert (none.stdout, " frames read, the filter chooses none of them." in none.stderr) == ("", True)
+    exact, other = (
+        nvscope("packets", PANEL, "-Y", words).stdout
+        for words in ('visu.variable == "PLC_PRG.xRun"', 'visu.variable in {"plc_prg.XRUN", "none"}')
+    )
+    assert exact == other != ""
+    unlike = nvscope("packets", PANEL, "-Y", 'visu.variable && visu.variable != "plc_prg.xrun"').stdout
+    assert not set(unlike.splitlines()) & set(exact.splitlines())
 
 
 def test_bytes_of_pages_are_hidden_in_whatever_carries_them(tmp_path: Path) -> None:

@@ -107,6 +107,15 @@ def test_what_is_not_read_is_told(controller: Served, words: str, code: int, tol
     assert done.stderr.startswith(f"nvscope: {LOCAL}:{controller.port}: ")
 
 
+def test_a_value_that_is_none_of_its_type_is_told() -> None:
+    with peer(replied(b"|\x1b[31mred|7|")) as one:
+        done = visu("read", one.url, "4,0,2,1", "4,2,2,1")
+        as_json = visu("read", one.url, "4,0,2,1", "4,2,2,1", "--json")
+    assert (done.returncode, as_json.returncode) == (3, 3)
+    assert r"the controller answers '\x1b[31mred' for 4,0,2,1, which is no INT" in " ".join(done.stderr.split())
+    assert json.loads(as_json.stdout)["outcome"] == "misfit"
+
+
 def test_passwords_are_hidden_unless_somebody_wants_them(controller: Served) -> None:
     done = visu("read", controller.url, ".CurrentPassword")
     assert (done.returncode, "geheim" in done.stdout + done.stderr) == (0, False)
@@ -278,7 +287,7 @@ def test_it_reads_again_and_again(controller: Served) -> None:
     assert sorted(line["at_ns"] for line in lines) == [line["at_ns"] for line in lines]
 
 
-@pytest.mark.parametrize(("answer", "code", "written"), [("y", 0, True), ("n", 130, False), ("", 130, False)])
+@pytest.mark.parametrize(("answer", "code", "written"), [("y", 0, True), ("n", 1, False), ("", 1, False)])
 def test_a_person_is_asked(controller: Served, answer: str, code: int, written: bool) -> None:
     pty = pytest.importorskip("pty")
     ours, theirs = pty.openpty()

@@ -26,6 +26,7 @@ from tests.datalogger.oracle import (
     samples,
 )
 from tests.datalogger.oracle_losses import Packet, losses
+from tests.datalogger.oracle_standing import standing
 
 
 class Recorder:
@@ -38,6 +39,7 @@ class Recorder:
         self.session = session
         self.lists = {one.index: one for one in lists}
         self.files = Files(session, lists, folder)
+        self.not_taken = 0
 
     def take(self, packets: Sequence[Packet]) -> dict[str, list[Row]]:
         """Record a capture; return the rows of each file: '' is the current one, '.0' and so on are closed."""
@@ -47,6 +49,10 @@ class Recorder:
         intervals = {index: self.lists[index].interval_ns for index in needed}
         counting = [counts_for(packet, self.lists.get(packet.index)) for packet in packets]
         mark_losses(found, losses(packets, intervals, counting))
+        sampled = [sample for sample in found if sample.ring is not None]
+        own = {index for sample in sampled for index in sample.lists}
+        places, self.not_taken = standing(packets, [self.lists[index] for index in own], self.session.sampling_ns)
+        mark_losses(sampled, dict.fromkeys(places))
         return self.files.write(ring(found, self.session.capacity))
 
 

@@ -139,7 +139,7 @@ def late_stamp(rng: random.Random, packets: list[Packet]) -> None:
 
 
 def set_back(rng: random.Random, packets: list[Packet]) -> None:
-    at, by_ns = somewhere(rng, packets), rng.choice([500 * MS, 1_500 * MS, 7 * SECOND_NS, 900 * SECOND_NS])
+    at, by_ns = somewhere(rng, packets), rng.choice([40 * MS, 500 * MS, 1_500 * MS, 7 * SECOND_NS, 900 * SECOND_NS])
     for packet in packets[at:]:
         packet.time_ns -= by_ns
 

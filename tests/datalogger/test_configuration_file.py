@@ -157,6 +157,11 @@ def test_mistakes_in_the_sink(tmp_path: Path, sink: str, mistake: str) -> None:
         ('<Variables><Variable name="a"/><Variable name="A"/></Variables>', "'A' differs from 'a' by its case alone"),
         (f"<Variables>{many(997)}</Variables>", "997 variables are named, and a session has 996 at most"),
         (f"{VARIABLES}{VARIABLES}", "there are two elements <Variables>"),
+        ('<Variables><Variabel name="a"/></Variables>', "no element is called <Variabel>\n  Write <Variable>."),
+        (
+            '<Variables><Variable nam="a"/></Variables>',
+            "line 4, column 23: Variable, attribute nam: is not known\n  Write name.",
+        ),
         (f"{VARIABLES}<Generall/>", "no element is called <Generall>\n  Write <General>."),
         ('<Variables><Variable name="a&#27;b"/></Variables>', "no well-formed XML"),
     ],
@@ -183,6 +188,18 @@ def test_what_nobody_knows_is_told_and_left_aside(tmp_path: Path) -> None:
         "c.xml, line 5, column 2: element <TriggerCondition>: not known, and left aside",
         "c.xml, line 2, column 20: General, attribute flavour: not known, and left aside",
     ]
+    rest = '<Variables kind="x">\n<Variable name="a" names="b" unit="mm"><Trigger/></Variable>\n<Group/>\n</Variables>'
+    path.write_text(document(rest=rest).replace('name="n"/>', 'name="n"><Deep/></General>'), encoding="utf-8")
+    found = read_configuration(str(path))
+    assert [one.replace(str(path), "c.xml").replace(": not known, and left aside", "") for one in found.unknown] == [
+        "c.xml, line 2, column 20: element <Deep>",
+        "c.xml, line 4, column 13: Variables, attribute kind",
+        "c.xml, line 5, column 40: element <Trigger>",
+        "c.xml, line 5, column 20: Variable, attribute names",
+        "c.xml, line 5, column 30: Variable, attribute unit",
+        "c.xml, line 6, column 1: element <Group>",
+    ]
+    assert [one.uri for one in found.session.variables] == ["a"]
 
 
 def test_namespaces_do_not_matter(tmp_path: Path) -> None:

@@ -167,7 +167,7 @@ def test_what_was_lost_while_capturing_is_lost_in_front_of_the_packet_that_says_
     session = Session({"VarA": (1, "VarA")}, task=1)
     plant = Plant([TASK_10, TASK_20], telegrams, session, "Task10ms", pcapng=True)
     folder = tmp_path / "x"
-    assert "1 behind a loss" in record(folder, plant.write(folder), plant)
+    assert "1 row says that something is missing in front of it" in record(folder, plant.write(folder), plant)
     rows = files_of(folder / "log.db")[""]
     assert [row.columns[0] for row in rows if not row.consistent] == [8]
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import sqlite3
 import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -163,7 +165,33 @@ def test_a_file_of_that_name_that_is_somebodys_stays(tmp_path: Path, content: by
     (tmp_path / "x.db.lock").write_bytes(content)
     with Claims([str(tmp_path / "x.db")]):
         assert (tmp_path / "x.db.lock").exists()
-    assert [path.read_bytes() for path in tmp_path.iterdir()] == ([content] if content else [])
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [content]
+
+
+@pytest.mark.parametrize("content", [b"made by nvscope\n", b"logged by nvscope: process 17 on elsewhere\n"])
+def test_what_one_left_that_was_killed_goes_with_the_next_one(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "x.db.lock").write_bytes(content)
+    with Claims([str(tmp_path / "x.db")]):
+        assert (tmp_path / "x.db.lock").read_bytes().startswith(b"logged by nvscope: process %d on " % os.getpid())
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="fcntl")
+@pytest.mark.parametrize("error", ["ENOLCK", "ENOSYS", "EOPNOTSUPP", "EINVAL", "EBADF"])
+def test_where_there_are_no_locks_that_is_told_and_logging_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: str
+) -> None:
+    def refuse(file: int, operation: int) -> None:
+        raise OSError(getattr(errno, error), "no locks here")
+
+    monkeypatch.setattr("nvscope.datalogger.claims.fcntl.flock", refuse)
+    for existing in (False, True):
+        if existing:
+            (tmp_path / "x.db.lock").write_bytes(b"")
+        path = str(tmp_path / "x.db")
+        with Claims([path]) as claims:
+            assert claims.unguarded == [path]
+        assert list(tmp_path.iterdir()) == ([tmp_path / "x.db.lock"] if existing else [])
 
 
 @pytest.mark.parametrize("kind", ["folder", "link", "pipe"])

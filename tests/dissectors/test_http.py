@@ -63,7 +63,7 @@ def test_a_response() -> None:
     "line",
     [
         b"GET  /x HTTP/1.1\r\n", b"get /x HTTP/1.1\r\n", b"GET /x HTTP/2.0\r\n", b"GET /x HTTP/1.1 \r\n", b"\r\n",
-        b"GET " + b"x" * 2049 + b" HTTP/1.1\r\n", b"HTTP/1.1 200 OK\r\n",
+        b"GET " + b"x" * ((1 << 16) + 1) + b" HTTP/1.1\r\n", b"HTTP/1.1 200 OK\r\n",
     ],
 )  # fmt: skip
 def test_what_is_no_request_line(line: bytes) -> None:

@@ -84,6 +84,27 @@ def test_one_device_with_two_addresses_in_turns_counts_for_both(tmp_path: Path) 
     assert "NV964" not in codes(turns, tmp_path)
 
 
+def by_hardware(frames: list[Frame]) -> list[Frame]:
+    """Return the frames with a hardware address for each sender."""
+    return [one._replace(data=one.data[:6] + b"\2\0\0\0\0" + one.data[29:30] + one.data[12:]) for one in frames]
+
+
+def test_two_that_share_one_counter_are_told_apart_by_their_hardware_addresses(tmp_path: Path) -> None:
+    """Another node takes turns for a while, and the sender skips the Counters that it took."""
+    counter, frames = 0, []
+    for number in range(1, 301):
+        counter += 1
+        frames.append(sent(number, counter))
+        if 100 <= number < 160:
+            counter += 1
+            frames.append(sent(number + 0.5, counter, B))
+    assert "NV964" not in codes(frames, tmp_path)
+    (told,) = [one for one in analysed(by_hardware(frames), tmp_path).findings if one.code == "NV964"]
+    assert told.message.startswith(f"{B} counts along with {A}: of 59 telegrams")
+    turns = by_hardware([sent(number, number, (A, B)[number % 2]) for number in range(1, 201)])
+    assert [one.code for one in analysed(turns, tmp_path).findings].count("NV964") == 2
+
+
 @pytest.mark.parametrize("every", [15, 20, 50])
 def test_one_device_that_sends_now_and_then_from_another_address_counts_for_both(every: int, tmp_path: Path) -> None:
     device = [sent(number, number, B if number % every == 0 else A) for number in range(1, 1200)]

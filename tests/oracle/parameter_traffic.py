@@ -27,7 +27,7 @@ _OTHERS = "10.0.0.1", "10.0.0.2"
 
 def conversations(seed: int, requests: int = 60) -> list[Frame]:
     """Return requests and replies of some nodes, in the order of their times."""
-    rng, values = random.Random(seed), random.Random(~seed)
+    rng, values, ports = random.Random(seed), random.Random(~seed), random.Random(seed + (1 << 32))
     wild = rng.random()
     found: list[Frame] = []
     at, counter = 0, 0
@@ -42,11 +42,14 @@ def conversations(seed: int, requests: int = 60) -> list[Frame]:
         service = rng.choice((READ, WRITE))
         times = 1 if rng.random() > wild / 2 else rng.randint(2, 4)
         for again in range(times):
+            if not again or values.random() < 0.4:
+                items, data = values.choice((1, 1, 2)), _value(values) if service == WRITE else b""
             payload = telegram(
-                service, index, subindex, counter=counter, items=values.choice((1, 1, 2)),
-                data=_value(values) if service == WRITE else b"", length=None if rng.random() > wild / 10 else 3,
+                service, index, subindex, counter=counter, items=items, data=data,
+                length=None if rng.random() > wild / 10 else 3,
             )  # fmt: skip
             source_port = rng.choice((port, port, 50_000 + counter % 1000))
+            source_port = ports.choice((source_port, source_port, source_port, 1202, 1203))
             found.append(
                 data_frame(
                     at + again * 100 * MILLISECOND, requester, partner, payload, port=port, source_port=source_port
@@ -67,7 +70,10 @@ def conversations(seed: int, requests: int = 60) -> list[Frame]:
             reply = telegram(kind, index, subindex, counter=counter, items=values.choice((1, 1, 2)),
                              data=_value(values) if kind == READ_REPLY else b"")  # fmt: skip
             to_port = rng.choice((port, port, source_port))
-            found.append(data_frame(at + took * MILLISECOND, partner, requester, reply, port=to_port, source_port=port))
+            from_port = ports.choice((port, port, port, 40_000 + counter % 7, 1202, 1203))
+            found.append(
+                data_frame(at + took * MILLISECOND, partner, requester, reply, port=to_port, source_port=from_port)
+            )
     return sorted(found, key=lambda frame: frame.ts_ns)
 
 

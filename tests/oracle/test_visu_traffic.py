@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 from collections import Counter
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
@@ -46,6 +47,9 @@ FIGURES = {
 }  # fmt: skip
 
 
+frames_of = cache(conversations)
+
+
 def observed(frames: list[Frame], ports: tuple[int, ...] = (80, 8080)) -> Visu:
     visu = Visu(ports)
     for frame in frames:
@@ -70,7 +74,7 @@ def test_the_traffic_says_everything() -> None:
     one_sided = hasty = 0
     for seed in SEEDS:
         speakers: dict[frozenset[object], set[object]] = {}
-        for frame in conversations(seed):
+        for frame in frames_of(seed):
             segment = peel_tcp(frame)
             assert segment is not None
             said.update(words for words in SAID if words in segment.payload)
@@ -101,7 +105,7 @@ def test_the_traffic_shows_everything() -> None:
     kinds: Counter[str] = Counter()
     versions: set[int] = set()
     for seed in SEEDS:
-        frames = conversations(seed)
+        frames = frames_of(seed)
         visu = observed(frames)
         happened += visu.happened
         for row in visu.rows():
@@ -128,7 +132,7 @@ def test_what_is_broken_is_read_all_the_same(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(0, 96, 4))
 def test_mild_traffic_has_no_holes(seed: int) -> None:
-    visu = observed(conversations(seed), PORTS)
+    visu = observed(frames_of(seed), PORTS)
     assert not any(
         name.startswith("hole") or "lost" in name or name == "foreign" for name, count in visu.happened.items() if count
     )
@@ -140,7 +144,7 @@ def test_mild_traffic_has_no_holes(seed: int) -> None:
 def test_the_clock_steps_and_frames_are_cut_in_some() -> None:
     steps = short = 0
     for seed in SEEDS:
-        frames = conversations(seed)
+        frames = frames_of(seed)
         steps += any(after.ts_ns < before.ts_ns for before, after in pairwise(frames))
         short += any(len(frame.data) < frame.original for frame in frames)
         assert all(peel_tcp(frame) is not None for frame in frames)

@@ -151,6 +151,7 @@ def documents_of_visu() -> Iterator[dict[str, Any]]:
                 yield _asked(folder, "read", [other.url, "4,0,2,1"])
         with peer(_old) as other:
             yield _asked(folder, "list", [other.url])
+            yield _asked(folder, "read", [other.url, "PLC_PRG.nOld"])
             yield _asked(folder, "write", [other.url, "PLC_PRG.nOld", "5", "--yes"])
         with peer(replied(b"", "404 Not Found")) as other:
             yield _asked(folder, "read", [f"127.0.0.1:{other.port}", "4,0,2,1"])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import permutations
 
-from nvscope.capture.formats import FORMATS
+from nvscope.capture.formats import FORMATS, LIVE_FORMATS
 from nvscope.capture.source import DropsPart
 from nvscope.causes.catalogue import BY_NAME
 from nvscope.findings.badness import EXTENTS
@@ -119,7 +119,7 @@ def _database() -> Schema:
 
 
 def capture() -> Schema:
-    formats = sorted({entry.name for entry in FORMATS})
+    formats = sorted({*(entry.name for entry in FORMATS), *LIVE_FORMATS})
     source = {"path": text(), "format": word(formats), "bytes": whole(), "frames": whole()}
     recording = {"start_ns": time(), "end_ns": time(), "first": text("its first file"), "last": text("its last file")}
     return record(

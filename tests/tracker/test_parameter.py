@@ -234,3 +234,52 @@ def test_parameters_beyond_the_limit_are_told() -> None:
     assert (row["requests"], row["timeouts"], len(findings)) == (5, 5, 2)
     assert limits_told(state) == ["3 events of further parameters."]
     assert limits_told(tracked([batch_of([*frames, later])])) == []
+
+
+def said(at_ms: int, service: int, value: bytes = b"", ports: tuple[int, int] = (1202, 1202)) -> Frame:
+    """Return a telegram of one parameter with one Counter, from a port to another one."""
+    ends = (ASKING, ASKED) if service in (1, 3) else (ASKED, ASKING)
+    payload = telegram(service, 0x2000, 1, counter=7, data=value)
+    return data_frame(at_ms * MILLISECOND, *ends, payload, source_port=ports[0], port=ports[1])
+
+
+@pytest.mark.parametrize(
+    ("asked", "replied", "port"),
+    [
+        ((33333, 1202), (44444, 33333), 1202),
+        ((33333, 1202), (44444, 1202), 1202),
+        ((1202, 1203), (1203, 1202), 1203),
+        ((1202, 1203), (40000, 50000), 1203),
+    ],
+)
+def test_a_reply_comes_from_any_port_and_goes_to_any(
+    asked: tuple[int, int], replied: tuple[int, int], port: int
+) -> None:
+    frames = [said(0, 1, ports=asked), said(3, 2, b"\1\0", replied), said(900, 6)]
+    (row,), findings = told(tracked([batch_of(frames)]))
+    assert ((row["port"], row["requests"], row["replies"], row["timeouts"]), findings) == ((port, 1, 1, 0), [])
+
+
+@pytest.mark.parametrize(
+    ("services", "outcomes", "olds", "codes"),
+    [
+        ("w1 w2 r", ["open", "open"], [b"\0", b"\0"], ["NV701"]),
+        ("w1 w2 r r", ["open", "open"], [b"\0", b"\0"], []),
+        ("w1 w1 r", ["confirmed"], [b"\0"], []),
+        ("w1 r w2 r", ["confirmed", "confirmed"], [b"\0", b"1"], []),
+        ("w1 w2", ["unanswered", "unanswered"], [b"\0", b"\0"], ["NV701"]),
+        ("w1 w2 r r w3 r", ["open", "open", "confirmed"], [b"\0", b"\0", None], []),
+    ],
+)
+def test_another_value_with_the_same_key_is_another_write(
+    services: str, outcomes: list[str], olds: list[bytes | None], codes: list[str]
+) -> None:
+    frames = [said(0, 1), said(1, 2, b"\0")]
+    for at, one in enumerate(services.split(), 2):
+        frames.append(said(at, 4) if one == "r" else said(at, 3, one[1:].encode()))
+    frames.append(said(900, 6))
+    for packets in (1, 2, len(frames)):
+        state = tracked(cut(batch_of(frames), packets))
+        assert [one["outcome"] for one in written(state)] == outcomes
+        assert [one["old"] and one["old"]["data"] for one in written(state)] == olds
+        assert sorted({code for code, *_ in told(state)[1]}) == codes

@@ -64,9 +64,12 @@ def told(frames: list[Frame]) -> list[tuple[bytes | None, bytes, Outcome]]:
         # One that comes too late does not, either.
         ([(0, WRITE, 1, b"5"), (501, WRITE_REPLY, 1, b""), (502, WRITE, 2, b"6")],
          [(None, b"5", "unanswered"), (None, b"6", "open")]),
-        # What is repeated is one write, with the value that came first.
-        ([(0, WRITE, 1, b"5"), (100, WRITE, 1, b"6"), (101, WRITE_REPLY, 1, b""), (200, WRITE, 2, b"7")],
+        # What is repeated is one write.
+        ([(0, WRITE, 1, b"5"), (100, WRITE, 1, b"5"), (101, WRITE_REPLY, 1, b""), (200, WRITE, 2, b"7")],
          [(None, b"5", "confirmed"), (b"5", b"7", "open")]),
+        # Another value is another write: nobody knows which of them the reply is about.
+        ([(0, WRITE, 1, b"5"), (100, WRITE, 1, b"6"), (101, WRITE_REPLY, 1, b""), (200, WRITE, 2, b"7")],
+         [(None, b"5", "open"), (None, b"6", "open"), (None, b"7", "open")]),
         # What was known when it was asked for counts, not what is read meanwhile.
         ([(0, READ, 1, b""), (1, READ_REPLY, 1, b"4"), (2, WRITE, 2, b"5"), (3, READ, 3, b""), (4, READ_REPLY, 3, b"5"),
           (5, WRITE_REPLY, 2, b"")], [(b"4", b"5", "confirmed")]),

@@ -108,9 +108,9 @@ class ParameterTransactions:
     def _replies(self, known: Transactions, told: Told, became: Became, last: int | None) -> Iterator[Transaction]:
         rows = last_of_each(became.answers.pair, _group(became.answered.service, became.answers.service), last)
         answers, answered = became.answers.take(rows), became.answered.take(rows)
-        for (pair, parameter, row, time_ns, value), service, asked_as, asked_frame, since_ns in zip(
+        for (pair, parameter, row, time_ns, value), service, asked_as, asked_frame, since_ns, unsure in zip(
             self._rows(told, answers), answers.service.tolist(), answered.service.tolist(), answered.frame.tolist(),
-            answered.since_ns.tolist(), strict=True,
+            answered.since_ns.tolist(), answered.unsure.tolist(), strict=True,
         ):  # fmt: skip
             writes = asked_as == _WRITE
             if writes:
@@ -119,7 +119,8 @@ class ParameterTransactions:
                 said = self._said(pair, parameter, value)
             else:
                 said = self._named(pair, parameter)
-            frame, outcome = row + told.first_frame, _OUTCOMES.get(service, Outcome.REFUSED)
+            # Of several values, which one a reply is about is not known.
+            frame, outcome = row + told.first_frame, Outcome.OPEN if unsure else _OUTCOMES.get(service, Outcome.REFUSED)
             yield Transaction(
                 self._pairs[pair], time_ns, frame, frame, asked_frame, writes, outcome, (said,),
                 latency_ns=time_ns - since_ns, detail=_detail(service, outcome),

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dissectors.batch import I64, PAD_BYTES, U8, LinkType, PacketBatch
+from dissectors.batch import I64, PAD_BYTES, U8, Bool, LinkType, PacketBatch
 from dissectors.datalogger.logged import Logged, RowTable
 from dissectors.datalogger.row_times import row_times
 from nvscope.capture.can import sqlite_file
@@ -172,6 +172,9 @@ class _Table:
         self._database = database
         self._sizes = sizes
         self._told = _row_table(path, database, table, part)
+        self._breaks: list[int] = []
+        """Row ids behind which rows cannot be read, and no row behind that has come yet."""
+        self._is_behind_untimed = False
 
     def __iter__(self) -> Iterator[PacketBatch]:
         return self.read(1, TimeSpan())
@@ -191,17 +194,34 @@ class _Table:
                 data, start, length = as_records(rows, self.table.log.columns)
             times = row_times(rows.cells(0), rows.data, self._told.encoding)
             kept = times.valid & (np.abs(times.time_ns) <= TIME_LIMIT_NS)
+            unread = self._behind_unread(rows.rowid, kept)
             if not kept.all():
                 self._leave_out(rows.rowid[~kept])
                 start, length = start[kept], length[kept]
             if len(start):
-                yield from self._batches(data, start, length, times.time_ns[kept], rows.rowid[kept])
+                yield from self._batches(data, start, length, times.time_ns[kept], rows.rowid[kept], unread[kept])
+
+    def _behind_unread(self, rowid: I64, kept: Bool) -> Bool:
+        """Return in front of which rows others cannot be read: damaged ones, or such that have no time."""
+        found = np.append(self._is_behind_untimed, ~kept[:-1])
+        self._is_behind_untimed = not kept[-1]
+        self._breaks += self.damages.breaks
+        self.damages.breaks.clear()
+        if self._breaks:
+            places = np.searchsorted(rowid, np.array(self._breaks), "right")
+            found[places[places < len(rowid)]] = True
+            self._breaks = [
+                row for row, place in zip(self._breaks, places.tolist(), strict=True) if place == len(rowid)
+            ]
+        return found
 
     def _leave_out(self, rowid: I64) -> None:
         self.untimed += len(rowid)
         self.untimed_rows += rowid[: _MOST_NAMED - len(self.untimed_rows)].tolist()
 
-    def _batches(self, data: U8, start: I64, length: I64, time_ns: I64, rowid: I64) -> Iterator[PacketBatch]:
+    def _batches(
+        self, data: U8, start: I64, length: I64, time_ns: I64, rowid: I64, unread: Bool
+    ) -> Iterator[PacketBatch]:  # fmt: skip
         if int((start + length).max()) + PAD_BYTES > len(data):
             data = np.concatenate([data, np.zeros(PAD_BYTES, np.uint8)])
         size = length.astype(np.int32)
@@ -209,5 +229,5 @@ class _Table:
             yield PacketBatch(
                 data, start[part], size[part], length[part], time_ns[part],
                 PacketBatch.link_column(LinkType.DATABASE_ROW, len(rowid[part])),
-                logged=Logged.of(self._told, rowid[part]),
+                logged=Logged.of(self._told, rowid[part], unread[part]),
             )  # fmt: skip

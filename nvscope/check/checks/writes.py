@@ -29,6 +29,7 @@ _MOST_SHOWN = 60
 _MOST_NAMED = 3
 _UNHEARD = "what nodes ask each other is not to be seen in this capture: others may have written"
 _CUT = "bytes of its connections are missing: nobody knows whether it wrote something in there"
+_UNREAD = "a message of its is too long to be read, or in an unknown coding: nobody knows whether it wrote something"
 _UNCLEAR = (
     "of a request nobody knows all variables: a text has | in it, or more is in it than its variables, or its length "
     "is unknown, or bytes of it came again as others"
@@ -65,7 +66,9 @@ def _writes(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]
             writer.unknown.append(written)
     hidden = {
         (pair.protocol, pair.client): reason
-        for pairs, reason in ((watched.cut, _CUT), (watched.unclear, _UNCLEAR)) for pair in pairs if pair in asking
+        for pairs, reason in ((watched.cut, _CUT), (watched.unread, _UNREAD), (watched.unclear, _UNCLEAR))
+        for pair in pairs
+        if pair in asking
     }  # fmt: skip
     yield from _beyond(known, watched, anybody=bool(writers or hidden))
     kept = {} if known.parameters is None else {one.frame: one for one in known.parameters.writes.kept}

@@ -108,10 +108,11 @@ def audited(
     for series in series_of(paths):
         reading = _Reading(series, asked, progress)
         reading.read()
-        # Where tasks became known too late, rows are looked at again.
+        # Where tasks became known too late, or that files are out of order, rows are looked at again.
         found = {key: known for key, one in reading.tables.items() if (known := one.audit.needs_another_look)}
-        if found:
-            reading = _Reading(series, asked, progress, found)
+        apart = reading.out_of_order()
+        if found or apart:
+            reading = _Reading(series, asked, progress, found, apart)
             reading.read()
         audit.files += reading.files
         audit.tables += reading.tables.values()
@@ -143,10 +144,11 @@ class _Reading:
     """Reads one series."""
 
     def __init__(
-        self, series: Series, asked: _Asked, progress: Progress | None, known: dict[_Key, Grouping] | None = None
-    ) -> None:
+        self, series: Series, asked: _Asked, progress: Progress | None, known: dict[_Key, Grouping] | None = None,
+        apart: frozenset[str] = frozenset(),
+    ) -> None:  # fmt: skip
         self._series, self._asked, self._progress = series, asked, progress
-        self._known = known or {}
+        self._known, self._apart = known or {}, apart
         self.files: list[AuditedFile] = []
         self.tables: dict[_Key, AuditedTable] = {}
         self._stretches: dict[_Key, int] = {}
@@ -158,11 +160,23 @@ class _Reading:
         for number in self._series.missing[:1]:
             self._tell_of_missing(number)
         for place, member in enumerate(self._series.members):
-            if self._series.breaks_before(place):
+            if self._series.breaks_before(place) or member.path in self._apart:
                 self._break_all()
             self._read_file(member)
         for one in self.tables.values():
             one.audit.decide()
+
+    def out_of_order(self) -> frozenset[str]:
+        """Return the files that need not go on with the one before: those beside files that overlap each other.
+
+        Of two that do, either may be in the wrong place: the first need not follow what is in front of it, nor what is
+        behind the second one that.
+        """
+        found: set[str] = set()
+        for one in self.tables.values():
+            numbers = {beside for number in one.audit.overlaps for beside in (number - 1, number + 1)}
+            found.update(one.files[number] for number in numbers - one.audit.overlaps.keys() if number < len(one.files))
+        return frozenset(found)
 
     def findings(self) -> Iterator[Finding]:
         """Yield what was found: of files first, then of tables."""
@@ -263,8 +277,8 @@ class _Reading:
             self._stretches[key] = 0
         table = self.tables[key]
         begins = told.path not in table.files
-        if begins and table.files and (table.audit.overlaps_now or table.files[-1] != self.files[-2].path):
-            # What a file that overlaps another one, or has no such table, should hold is not known.
+        if begins and table.files and table.files[-1] != self.files[-2].path:
+            # What a file that has no such table should hold is not known.
             self._stretches[key] += 1
         table.files.append(told.path)
         encoding = database.encoding if stored.by_pages else "utf-8"

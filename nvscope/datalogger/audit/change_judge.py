@@ -13,6 +13,7 @@ from nvscope.datalogger.audit import topics
 from nvscope.datalogger.audit.chunk import Chunk
 from nvscope.datalogger.audit.counts import counts_of, steps_of
 from nvscope.datalogger.audit.finding import Notes, Topic
+from nvscope.datalogger.audit.odd_counts import Counted, OddCounts
 from nvscope.datalogger.audit.restarts import Start, Zero, ZeroRow
 from nvscope.datalogger.audit.sums import total
 from nvscope.datalogger.audit.unknown_rows import UnknownRows
@@ -45,6 +46,7 @@ class ChangeJudge:
         count = len(self._variables)
         self._values = values
         self._unknown = UnknownRows(values.figures)
+        self._odd = OddCounts(count)
         self._count = np.zeros(count, np.int64)
         self._stretch = np.full(count, _UNKNOWN, np.int64)
         self._losses = np.zeros(count, np.int64)
@@ -56,7 +58,8 @@ class ChangeJudge:
         self._lost = 0
         self._start: Start | None = None
         self._begun = False
-        self._seen_beginning = False
+        self._seen_beginning = self._seen_whole = False
+        self._whole_from = 0
         self.restarts: list[Start] = []
         self._partly = self._anew = np.zeros(0, np.bool_)
         self._last_ns: int | None = None
@@ -65,11 +68,13 @@ class ChangeJudge:
         """Let nothing be concluded from the rows so far."""
         self._stretch[:] = _UNKNOWN
         self._start = None
+        self._odd.end()
         self._values.forget()
         self._unknown.forget()
 
-    def begin_file(self) -> None:
-        """Say that a file ends here, and that another one of the series begins."""
+    def begin_file(self, notes: Notes) -> None:
+        """Say that a file ends here, whose ``notes`` these are, and that another one of the series begins."""
+        self._close(notes)
         self._in_file[:] = False
 
     def take(self, chunk: Chunk, notes: Notes) -> None:
@@ -83,7 +88,11 @@ class ChangeJudge:
                 counting[one.rows[one.counts != 0]] = True
         zero = (filled > 0) & ~counting
         # Rows with which a logger starts; where it says that data was lost, it need not know all values.
-        self._anew = zero & (filled == len(self._variables))
+        whole = filled == len(self._variables)
+        self._anew = zero & whole
+        # Where there was a row of all variables, no start is in several rows.
+        self._whole_from = 0 if self._seen_whole else int(np.append(np.flatnonzero(whole), len(chunk))[0])
+        self._seen_whole |= bool(whole.any())
         zero_rows = np.flatnonzero(zero)[:_MOST_ZERO_ROWS]
         zero[:] = False
         zero[zero_rows] = True
@@ -116,6 +125,7 @@ class ChangeJudge:
     def end(self, notes: Notes) -> None:
         """Judge what is still open when all rows were read."""
         self._close(notes)
+        self._odd.end()
 
     def _stored(self, number: int, chunk: Chunk, notes: Notes) -> _Stored | None:
         variable = self._variables[number]
@@ -148,16 +158,27 @@ class ChangeJudge:
         known = stretch == np.concatenate([self._stretch[number : number + 1], stretch[:-1]])
         lost_before = np.concatenate([self._losses[number : number + 1], losses[rows[:-1]]])
         steps = np.where(known, steps_of(counts, before), 0)
+        follows = known & (losses[rows] == lost_before)
         if self._alone[number] or own.alone.any():
             # A value without its counter is a change that was stored.
             alone = self._alone[number] + np.cumsum(own.alone)
             between = np.diff(alone[rows], prepend=0)
             steps = np.where((steps > 1) & (between > 0), np.maximum(steps - between, 1), steps)
+            follows &= between == 0
             self._alone[number] = alone[-1] - alone[rows[-1]]
         valued = own.valued[rows]
         same, value_known, is_null = self._values_at(number, variable, own, chunk, steps, known)
         # One of 32 bits that begins again is at 0, too.
         at_zero = zero[rows] & ~(known & (steps == 1) & (before > 0))
+        # A file may begin with what was known already.
+        goes_on = np.zeros(len(rows), np.bool_)
+        goes_on[0] = not self._in_file[number]
+        stuck = known & (steps == 0) & valued & ~goes_on & value_known & ~same
+        doubtful = follows & ((steps < 0) | ((steps > 1) & ~at_zero) | stuck) & ~self._anew[rows]
+        doubtful &= ~at_zero | (before > 0) | (rows >= self._whole_from)
+        cells = Counted(counts, before, follows, doubtful, valued, is_null)
+        odd, behind_odd, right_steps = self._odd.find(number, cells)
+        steps = np.where(behind_odd, right_steps, steps)
         usual = known & ~at_zero
         explained = losses[rows] > lost_before
         if usual.any():
@@ -166,15 +187,17 @@ class ChangeJudge:
             if jumped.any():
                 amount = self._missed(number, steps, counts, before, back)
                 jumped &= amount > 0
+                _note(notes, topics.AHEAD, number, chunk, rows[jumped & odd])
+                jumped &= ~odd
+                if jumped[-1] and doubtful[-1]:
+                    self._odd.wait(number, notes, _places(chunk, rows[-1:]), amount[-1:])
+                    jumped[-1] = False
                 _note(notes, topics.MISSED, number, chunk, rows[jumped & ~explained], amount[jumped & ~explained])
                 notes.of(topics.LOST).total += total(amount[jumped & explained])
             if back.any():
                 _note(notes, topics.BACK, number, chunk, rows[back])
-            # A file may begin with what was known already.
-            goes_on = np.zeros(len(rows), np.bool_)
-            goes_on[0] = not self._in_file[number]
             stood = usual & (steps == 0) & valued & ~goes_on
-            stuck = stood & value_known & ~same
+            stuck &= stood
             if stuck.any():
                 _note(notes, topics.STUCK, number, chunk, rows[stuck])
             equal = same & ((usual & (steps == 1)) | stood)
@@ -327,8 +350,11 @@ class ChangeJudge:
 
 def _note(notes: Notes, topic: Topic, variable: int | None, chunk: Chunk, rows: I64, amount: I64 | None = None) -> None:
     if len(rows):
-        timed = chunk.times.stamp[rows] != 0
-        notes.of(topic, variable).add(chunk.rowid[rows], chunk.time_ns[rows], timed, amount)
+        notes.of(topic, variable).add(*_places(chunk, rows), amount)
+
+
+def _places(chunk: Chunk, rows: I64) -> tuple[I64, I64, Bool]:
+    return chunk.rowid[rows], chunk.time_ns[rows], chunk.times.stamp[rows] != 0
 
 
 def _of(row: ZeroRow) -> tuple[I64, I64, Bool]:

@@ -72,7 +72,8 @@ def lines(audit: Audit, width: int, *, wide: bool = False, every: bool = False) 
 
 def _table(table: AuditedTable, names: Names, width: int, *, wide: bool, every: bool) -> Iterator[Line]:
     named, *rest = (visible(part) for part in about(table, names))
-    yield from wrap([Cell(named, Tone.STRONG), Cell("".join(f" · {part}" for part in rest))], width, hanging=_INDENT)
+    head = [Cell(named, Tone.STRONG), Cell("".join(f" · {part}" for part in rest))]
+    yield from [head] if wide else wrap(head, width, hanging=_INDENT)
     if told := coverage(table):
         yield from wrap([Cell(told)], width, _INDENT, _INDENT)
     yield from _strip(table, width)

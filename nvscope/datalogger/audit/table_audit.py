@@ -77,8 +77,7 @@ class TableAudit:
     def begin_file(self, path: str, encoding: str) -> None:
         """Say which file the next rows are of."""
         if self._judge is not None and self._notes:
-            self._judge.end(self._notes[-1])
-            self._judge.begin_file()
+            self._judge.begin_file(self._notes[-1])
         self._files.append(path)
         self._notes.append(Notes())
         self._values.use(encoding)
@@ -146,6 +145,7 @@ class TableAudit:
         for path, notes in zip(self._files, self._notes, strict=True):
             if any(map(notes.has, (topics.GAP, topics.SLOWER, topics.MISSED))):
                 notes.drop(topics.DELETED)  # that rows are missing is said, and for how long
+            notes.drop(topics.OF_FORM[self._stamps.usual])
             found += notes.findings(path, self.table.name, self.names)
         found += [
             Finding(
@@ -368,7 +368,7 @@ class TableAudit:
         # Their intervals were others: these are found when the rows are read again, by what is known then.
         self._have_joined = True
         kept = self._of_task.setdefault(other, self._new_task(other))
-        kept.rows += task.rows
+        kept.own_rows += task.rows
         kept.timed_rows += task.timed_rows
         kept.set_back += task.set_back
         if (task.file, task.time_ns) > (kept.file, kept.time_ns):

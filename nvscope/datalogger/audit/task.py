@@ -11,10 +11,10 @@ from nvscope.datalogger.audit.chunk import Chunk
 from nvscope.datalogger.audit.gaps import Gaps, SetBack, limit_ns
 from nvscope.datalogger.audit.intervals import Intervals
 from nvscope.datalogger.audit.kept_gaps import KeptGaps, Late, Yardstick
+from nvscope.datalogger.audit.lacking_rows import LackingRows
 from nvscope.datalogger.audit.open_part import OpenPart, floors_ns, most_kept
 from nvscope.datalogger.audit.rhythms import Rhythms
 from nvscope.datalogger.audit.tasks import TaskRows
-from nvscope.datalogger.audit.unknown_rows import lacking_rows
 
 
 @dataclass(slots=True)
@@ -29,14 +29,14 @@ class Task:
     asked_ns: int | None
     intervals: Intervals = field(default_factory=Intervals)
     kept: KeptGaps = field(default_factory=KeptGaps)
-    rows: int = 0
+    own_rows: int = 0
+    lacking: LackingRows = field(default_factory=LackingRows)
     timed_rows: int = 0
     time_ns: int = 0
     stretch: int = -1
     local: bool = False
     file: int = -1
     losses: int = 0
-    cycle_ns: int | None = None
     is_blank: bool = False
     has_passed: bool = False
     set_back: list[SetBack] = field(default_factory=list)
@@ -45,17 +45,22 @@ class Task:
     def __post_init__(self) -> None:
         self._open = OpenPart(self.asked_ns)
 
+    @property
+    def rows(self) -> int:
+        """How many rows it has, with those of no value that it lacks."""
+        return self.own_rows + self.lacking.count
+
     def count(self, chunk: Chunk, own: TaskRows) -> None:
         """Take how many rows of a chunk are its own; of rows without a value, those that it lacks."""
-        rows, blank = own.rows, own.blank
-        if rows is None:
-            self.rows += len(chunk)
-        elif blank is None or not (chunk.times.valid.all() and chunk.is_one_stretch):
-            self.rows += len(rows)
-        else:
-            known, others = rows[~blank[rows]], rows[blank[rows]]
-            lacking, self.cycle_ns = lacking_rows(chunk.time_ns, known, others, self.cycle_ns)
-            self.rows += len(known) + lacking
+        rows = np.arange(len(chunk)) if own.rows is None else own.rows
+        blank = rows[:0] if own.blank is None else rows[own.blank[rows]]
+        known = rows if own.blank is None else rows[~own.blank[rows]]
+        self.own_rows += len(known)
+        timed = chunk.times.valid
+        if not timed.all():
+            self.own_rows += int(np.count_nonzero(~timed[blank]))
+            known, blank = known[timed[known]], blank[timed[blank]]
+        self.lacking.take(chunk.time_ns, known, blank)
 
     def take(self, gaps: Gaps, forward: Bool, begins: Bool, in_doubt: Bool | None, tasks: int) -> None:
         """Take its next rows as what may be gaps in front of them, which are some where time goes ``forward``.

@@ -52,6 +52,8 @@ class Tasks:
         self._known = known
         self._part, self._place = 0, 0
         self._there: dict[int, set[int]] = {}
+        self._behind: dict[int, tuple[int, ...]] = {}
+        """Of tasks of the part that goes on, and had no row there yet, those of their variables in front of it."""
         self.merged: list[tuple[int, int]] = []
         """Tasks that turned out to be one, since ``rows`` was called last: the one that is no more, and the other."""
 
@@ -90,12 +92,16 @@ class Tasks:
         assert self._known is not None
         tasks, before = self._known.all[place], self._known.all[self._place]
         there = self._there.setdefault(place, set())
-        goes_on = place == self._place
+        if place != self._place:
+            # Rows of a task may come much later than the part begins.
+            self._behind = {
+                task: tuple(np.unique(before[tasks == task]).tolist()) for task in np.unique(tasks).tolist()
+            }
         self._place = place
         some = filled if rows.stop - rows.start == of_rows else [one[rows] for one in filled]
         for one in _divided(some, tasks[numbers], there, rows.stop - rows.start):
             there.add(one.task)
-            behind = () if goes_on else tuple(np.unique(before[tasks == one.task]).tolist())
+            behind = self._behind.pop(one.task, ())
             own, blank = one.rows, one.blank
             if some is not filled:
                 own = np.arange(rows.start, rows.stop) if own is None else own + rows.start
@@ -151,11 +157,12 @@ def _divided(filled: list[Bool], task: I64, there: set[int], rows: int) -> Itera
     blank = np.ones(rows, np.bool_)
     for one in own.values():
         blank &= ~one
-    if len(own) + len(others) < 2 or (len(own) == 1 and not blank.any()):
+    has_blank = bool(blank.any())
+    if len(own) + len(others) < 2 or (len(own) == 1 and not has_blank):
         yield TaskRows(next(iter([*own, *others]), 0), None)
         return
-    has_blank = bool(blank.any())
+    in_doubt = blank if has_blank else None
     for number, one in own.items():
-        yield TaskRows(number, np.flatnonzero(one | blank), blank if has_blank else None)
-    for number in others if len(own) < 2 else ():
-        yield TaskRows(number, np.flatnonzero(blank), blank)
+        yield TaskRows(number, np.flatnonzero(one | blank), in_doubt)
+    for number in others if has_blank else ():
+        yield TaskRows(number, np.flatnonzero(blank), in_doubt)

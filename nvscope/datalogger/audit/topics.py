@@ -78,6 +78,12 @@ SLOWER = Topic(
 )
 MISSED = Topic(CHANGES_MISSED, _missed)
 BACK = Topic(COUNTER_CORRUPT, lambda noted: f"The counter goes back {_times(noted)}, and the row is no restart.")
+AHEAD = Topic(
+    COUNTER_CORRUPT,
+    lambda noted: (
+        f"The counter is ahead {_times(noted)}, of that before it and of that behind it: no change is missing."
+    ),
+)
 STUCK = Topic(
     COUNTER_CORRUPT, lambda noted: f"The value changes {_times(noted)} while its counter stands still."
 )  # fmt: skip
@@ -91,9 +97,14 @@ RESTART = Topic(
     hint="Nothing is known of the time in front of it; look when the controller, or its program, was started anew.",
 )
 RUN_BACK = Topic(CLOCK_SET, _run_back)
-OTHER_FORM = Topic(
-    MIXED_TIME, lambda noted: f"{count_of(noted.count, 'timestamp')} of another form than the first of the table."
-)  # fmt: skip
+OF_FORM = {
+    form: Topic(
+        MIXED_TIME, lambda noted: f"{count_of(noted.count, 'timestamp')} of another form than most of the table."
+    )
+    for form in ("iso", "raw")
+}
+"""Those of one form; it is a finding where most of the table are of the other one."""
+
 LOCAL = Topic(MIXED_TIME, lambda noted: f"{count_of(noted.count, 'timestamp')} with the kind bits of local time.")
 NO_TIME = Topic(MIXED_TIME, lambda noted: f"{count_of(noted.count, 'timestamp')} of which no time can be told.")
 HALF = Topic(

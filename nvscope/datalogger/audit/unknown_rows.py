@@ -48,26 +48,3 @@ class UnknownRows:
         unknown = np.diff(places, append=len(chunk))[~is_known[places]]
         self._figures[number].unknown += int(unknown.sum())
         self._known_in[number] = last if is_known[places[-1]] else _UNKNOWN
-
-
-def lacking_rows(time_ns: I64, own: I64, blank: I64, cycle_ns: int | None) -> tuple[int, int | None]:
-    """Return how many of ``blank`` rows, which have no value, a task lacks between its ``own``, and its cycle.
-
-    Whose such rows are stands nowhere: a task that has a row in each of its cycles lacks none of them. ``cycle_ns`` is
-    the one so far, None where it is not known; then it lacks them all.
-    """
-    at = np.searchsorted(own, blank)
-    count = np.bincount(at, minlength=len(own) + 1)
-    times = time_ns[own]
-    clean = np.diff(times)[count[1:-1] == 0] if len(own) else times
-    if len(clean):
-        cycle_ns = int(np.median(clean))
-    if cycle_ns is None or cycle_ns <= 0:
-        return len(blank), cycle_ns
-    if not len(own):
-        room = np.array([(time_ns[blank[-1]] - time_ns[blank[0]]) // cycle_ns + 1])
-    else:
-        first, last = min(int(time_ns[blank[0]]), int(times[0])), max(int(time_ns[blank[-1]]), int(times[-1]))
-        inner = np.round(np.diff(times) / cycle_ns).astype(np.int64) - 1
-        room = np.concatenate([[(times[0] - first) // cycle_ns], inner, [(last - times[-1]) // cycle_ns]])
-    return int(np.clip(room, 0, count).sum()), cycle_ns

@@ -9,7 +9,7 @@ from dissectors.webvisu import Place
 MOST_AT_ONCE = 200
 """As many variables as one request asks for: controllers have little room."""
 
-_FORBIDDEN = "|\r\n\0"
+_FORBIDDEN = {"|": "'|'", "\r": "a line break", "\n": "a line break", "\0": "a character NUL"}
 
 
 def read_body(places: Sequence[Place]) -> bytes:
@@ -23,7 +23,7 @@ def read_body(places: Sequence[Place]) -> bytes:
 def write_body(place: Place, value: str) -> bytes:
     """Return what writes a value; ValueError for one that would be more than a value, or is not ISO-8859-1."""
     if wrong := next((one for one in value if one in _FORBIDDEN), ""):
-        raise ValueError(f"a value cannot have {wrong!r} in it: nothing in these requests can be quoted")
+        raise ValueError(f"a value cannot have {_FORBIDDEN[wrong]} in it: nothing in these requests can be quoted")
     try:
         text = value.encode("iso-8859-1")
     except UnicodeEncodeError as error:

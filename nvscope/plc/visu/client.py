@@ -14,7 +14,7 @@ from nvscope.plc.visu.document import Asked, Purpose, Verdict, document, state_o
 from nvscope.plc.visu.exchange import Ending
 from nvscope.plc.visu.link import VisuLink
 from nvscope.plc.visu.url import USUAL_PATHS, beside
-from nvscope.plc.visu.value import is_same
+from nvscope.plc.visu.value import fits, is_same
 from nvscope.plc.visu.variables import KnownVariables, Variable, known_of
 
 LISTS = "plc_visu.xml", "visu_ini.xml"
@@ -90,6 +90,10 @@ class VisuClient:
             values[start:] = [] if asked.reply is None else asked.reply.values
             if asked.verdict not in ("read", "unreadable"):
                 break
+        if verdict == "read" and not all(
+            raw is None or fits(one.place, raw) for one, raw in zip(variables, values, strict=False)
+        ):
+            verdict = "misfit"
         rows = [
             variable_row(
                 one, state_of(one, values, at, secrets=self._secrets),

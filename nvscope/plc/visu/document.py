@@ -16,11 +16,12 @@ from nvscope.version import head
 _SCHEMA = "nvscope.visu/1"
 
 Verdict = Literal[
-    "read", "written", "listed", "unreadable", "differs", "unverified", "cancelled", "refused", "miscounted",
+    "read", "written", "listed", "unreadable", "misfit", "differs", "unverified", "cancelled", "refused", "miscounted",
     "ambiguous", "no_visu", "no_page", "no_list", "silent", "undelivered", "broken", "no_http", "oversized",
 ]  # fmt: skip
-"""What came of it all: the first three are good. Unreadable is what the controller says of a value; unverified is what
-was written, but not read back; no_visu is an answer that is none of a WebVisu of V2.3."""
+"""What came of it all: the first three are good. Unreadable is what the controller says of a value, misfit one that is
+none of its type; unverified is what was written, but not read back; no_visu is an answer that is none of a WebVisu of
+V2.3."""
 
 State = Literal["listed", "value", "unreadable", "missing", "hidden"]
 """What is known of the value of a variable. Missing: none came."""

@@ -46,6 +46,12 @@ def shown(place: Place, raw: str) -> Shown:
     return Shown(raw, json_value(kind, value), exact_text(kind, value))
 
 
+def fits(place: Place, raw: str) -> bool:
+    """Tell whether a value that came is one of the type of its variable, as far as that is known."""
+    kind = type_at(place)
+    return kind is None or value_in(kind, raw) is not None
+
+
 def entered(place: Place, text: str) -> str:
     """Return what a person enters as a value as it goes onto the wire; ValueError where it is none of the type.
 

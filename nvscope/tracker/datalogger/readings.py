@@ -60,6 +60,7 @@ class ReadRows:
         self.missed = 0
         self._came: list[tuple[I64, I64, I64]] = []
         self._unknown: dict[RowTable, CountedUnknown | SampledUnknown] = {}
+        self._was_lost: dict[RowTable, bool] = {}
         self._apart: dict[int, int] = {}
         """How often variables were unknown that had a value before, by number."""
         self._apart_at: dict[int, list[I64]] = {}
@@ -118,15 +119,25 @@ class ReadRows:
         lost, packet, numbers = ~consistent(records), part.row[rows], self.numbers_of(table, told.max_streams)
         time_ns = told.packets.ts_ns[packet]
         unread, holes = self._unread.of(
-            table, records, part.logged.rowid[rows], time_ns, lost | restarts, counted
+            table, records, part.logged.take(rows), time_ns, lost | restarts, counted
         )  # fmt: skip
         wanted = numbers[numbers >= 0]
         self.told_ns.append((wanted, int(time_ns[-1])))
         if len(holes.row):
             self.holes.append(holes._replace(variables=wanted, row=packet[holes.row]))
-        unknown = find.of(records, restarts) if isinstance(find, CountedUnknown) else find.of(records)
+        unread[holes.row] = True
+        begins = restarts if counted is not None else self._begins(table, lost, unread)
+        unknown = find.of(records, begins)
         stretch = self._stretches(table, lost, restarts | unread)
         return _TableRows(table, rows, records, numbers, stretch, unknown)
+
+    def _begins(self, table: RowTable, lost: Bool, unread: Bool) -> Bool:
+        """Return with which rows a part of a table begins: behind a loss that is told, or that cannot be read."""
+        # Where several tasks begin, each says so in a row of its own.
+        found: Bool = lost & ~np.append(self._was_lost.get(table, False), lost[:-1])
+        found[unread] = True
+        self._was_lost[table] = bool(lost[-1])
+        return found
 
     def _set_apart(self, part: RowBatch, column: _Column) -> _Column:
         """Let a variable be unknown behind a value only, and each such row begin a stretch of its own."""

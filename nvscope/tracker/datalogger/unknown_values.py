@@ -3,7 +3,8 @@
 Where only changes are stored, it is that where the counter beside it has gone on, or the logger begins anew: the value
 is none that a database can hold, as a number that is none. Where every value is stored, it is that in the rows of its
 own task; in those of the others, its column is NULL because it is not sampled there. Which variables are of one task
-stands nowhere: those are that are stored in one row. Each row is judged by itself and those before it.
+stands nowhere: those are that are stored in one row, but where a part of the table tells that it has other tasks
+(``nvscope.tracker.datalogger.tasks_apart``). Each row is judged by itself and those before it.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from dissectors.batch import I64, Bool
 from dissectors.datalogger.records import Form, Records
 from dissectors.datalogger.row_shapes import RowShapes
 from dissectors.datalogger.tables import LogTable
+from nvscope.tracker.datalogger.tasks_apart import TasksApart
 from nvscope.tracker.datalogger.variable_groups import VariableGroups
 
 _REALS = ("FLOAT", "DOUBLE")
@@ -96,13 +98,23 @@ class SampledUnknown:
         self._is_real: Bool = np.array([one.declared.upper() in _REALS for one in table.variables], np.bool_)
         self._groups = VariableGroups(len(self._columns))
         self._shapes = RowShapes(len(self._columns))
+        self._apart = TasksApart(self._is_real)
 
-    def of(self, records: Records) -> Unknown:
-        """Return where variables are unknown in rows that follow those before."""
+    def of(self, records: Records, begins: Bool) -> Unknown:
+        """Return where variables are unknown in rows that follow those before; with rows ``begins`` begin parts."""
+        found = self._by_table(records)
+        if not self._apart.is_open and not begins.any():
+            return found
+        return self._apart.without(found, self._filled(records), begins, self._groups.of)
+
+    def _filled(self, records: Records) -> _Matrix:
+        return np.array([records.filled(column) for column in self._columns], np.bool_)
+
+    def _by_table(self, records: Records) -> Unknown:
         own = [place for place, column in enumerate(self._columns) if not records.is_empty(column)]
         if self._groups.seen[own].all() and len(self._groups.there) <= 1:
             return self._of_one(records)
-        filled = np.array([records.filled(column) for column in self._columns], np.bool_)
+        filled = self._filled(records)
         found: dict[int, list[I64]] = {}
         for first, stop in self._parts(filled):
             for place, rows in self._of_part(filled[:, first:stop]):

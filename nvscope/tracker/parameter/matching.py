@@ -1,7 +1,8 @@
 """Requests and replies of the Parameter Manager, brought together.
 
 A transaction is one requester's request to one partner, on one port, for one Index and SubIndex, with one Counter; a
-read and a write are two. It is over with the partner's reply or with its deadline, whichever comes first. What became
+read and a write are two, and so are writes of two values (``nvscope.tracker.parameter.several_values``). It is over
+with the partner's reply or with its deadline, whichever comes first. What became
 of a telegram depends on the one before it in its transaction alone: whether that was a request whose deadline had not
 passed. So all telegrams of a batch are looked at at once.
 """
@@ -17,6 +18,7 @@ from dissectors.batch import I64, Bool
 from dissectors.columns import Columns
 from dissectors.netvar import PARAMETER_REQUESTS, Service
 from nvscope.engine.clock import Clock
+from nvscope.tracker.parameter.several_values import several_values, told_apart
 
 WRITE_SERVICES = (Service.ODWriteRequest, Service.ODWriteRequestReply)
 _OF_READS = (Service.ODReadRequest, Service.ODReadRequestReply)
@@ -28,7 +30,8 @@ class Messages(Columns):
     """Well-formed requests and replies, in the order of the capture; int64, of shape (n,).
 
     ``pair`` tells requester, partner and port by number, ``word`` Index, SubIndex and Counter (``word_of``). ``packet``
-    is the row in the batch; ``node`` is who asks and ``peer`` who is asked, -1 for everybody.
+    is the row in the batch; ``node`` is who asks and ``peer`` who is asked, -1 for everybody. ``value`` is a number of
+    what a write request says, as good as certain to be another one for another value; 0 of others.
     """
 
     packet: I64
@@ -38,6 +41,7 @@ class Messages(Columns):
     service: I64
     node: I64
     peer: I64
+    value: I64
 
     @property
     def is_request(self) -> Bool:
@@ -51,7 +55,8 @@ class Open(Columns):
 
     ``since_ns`` and ``frame`` are those of the first one, ``last_ns`` is when it was last repeated. ``service`` is that
     of the request, ``latest`` that of the last request with the same pair and word: that is what an error reply is to.
-    ``node`` and ``peer`` are as of messages.
+    ``node``, ``peer`` and ``value`` are as of messages. ``unsure`` is 1 of a write that was open at the same time as
+    one of another value when a reply came: nobody knows which of them that is about.
     """
 
     pair: I64
@@ -63,6 +68,8 @@ class Open(Columns):
     latest: I64
     node: I64
     peer: I64
+    value: I64
+    unsure: I64
 
 
 NO_MESSAGES = Messages(*(np.empty(0, np.int64) for _ in fields(Messages)))
@@ -109,10 +116,24 @@ def matched(before: Open, new: Messages, clock: Clock, first_frame: int, timeout
     packet = np.concatenate([np.full(old, -1), new.packet])
     time_ns = np.concatenate([before.last_ns, new.time_ns])
     node, peer = np.concatenate([before.node, new.node]), np.concatenate([before.peer, new.peer])
+    value = np.concatenate([before.value, new.value])
+    unsure = np.concatenate([before.unsure, np.zeros(len(new), np.int64)])
     kind, latest = _kinds(pair, word, service, is_request, before)
 
     order = np.lexsort((np.arange(count), kind, word, pair))
     begins = _begins(pair[order], word[order], kind[order])
+    odd = several_values(np.cumsum(begins) - 1, (is_request & (kind == _WRITE))[order], value[order])
+    if len(odd):
+        place = order[odd]
+        late = clock.first_behind(time_ns[place] + timeout_ns, packet[place])
+        age = np.where(place < old, _at(before.frame, np.minimum(place, max(old - 1, 0))), first_frame + count + place)
+        group = (np.cumsum(begins) - 1)[odd]
+        stream = np.zeros(count, np.int64)
+        stream[place], unsure[place] = told_apart(
+            group, age, is_request[place], value[place], packet[place], late, unsure[place]
+        )  # fmt: skip
+        order = np.lexsort((np.arange(count), stream, kind, word, pair))
+        begins = _begins(pair[order], word[order], kind[order], stream[order])
     asks, at = is_request[order], packet[order]
     expires = clock.first_behind(time_ns[order] + timeout_ns, at)
     expires[~asks] = -1
@@ -133,7 +154,7 @@ def matched(before: Open, new: Messages, clock: Clock, first_frame: int, timeout
         frame = np.where(is_old, _at(before.frame, own), _at(new.packet, fresh) + first_frame)
         return Open(
             pair[last], word[last], service[first], since_ns, frame, time_ns[last], latest[last], node[first],
-            peer[first],
+            peer[first], value[first], unsure[first],
         )  # fmt: skip
 
     expired = ends[over]

@@ -15,7 +15,7 @@ import numpy as np
 from dissectors import address
 from dissectors.batch import I64, U64
 from dissectors.keys import KeyTable
-from dissectors.netvar import PARAMETER_ERRORS, PARAMETER_REQUESTS, PORT, Fault, Service, TelegramBatch
+from dissectors.netvar import PARAMETER_ERRORS, PARAMETER_REQUESTS, Fault, Service, TelegramBatch
 from nvscope.engine.events import EventBatch
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.reading import PARAMETER_TIMEOUT_NS
@@ -23,6 +23,7 @@ from nvscope.engine.told import Told
 from nvscope.engine.watch import Unheard
 from nvscope.tracker.events import EventLog, LeftOutLog
 from nvscope.tracker.latency import Latencies
+from nvscope.tracker.parameter.asked_ports import AskedPorts
 from nvscope.tracker.parameter.events import USUAL, ParameterEvent, parameter_name
 from nvscope.tracker.parameter.matching import (
     NO_MESSAGES,
@@ -34,6 +35,7 @@ from nvscope.tracker.parameter.matching import (
     parameter_of,
     word_of,
 )
+from nvscope.tracker.parameter.values import values_in
 from nvscope.tracker.parameter.writes import Writes
 
 MOST_OPEN = 1 << 16
@@ -140,6 +142,7 @@ class Transactions:
         self.writes = Writes(self.pairs)
         self.timeout_ns = PARAMETER_TIMEOUT_NS
         self._open = NOTHING_OPEN
+        self._ports = AskedPorts()
         self._forgot_until_ns = _NEVER_NS
 
     def observe(self, told: Told) -> Became:
@@ -304,22 +307,21 @@ class Transactions:
         datagram, header = telegrams.datagram.take(part), telegrams.header[part]
         service = header["id"].astype(np.int64)
         asks = np.isin(service, PARAMETER_REQUESTS)
-        port = datagram.destination_port.astype(np.int64)
-        reply = np.flatnonzero(~asks)
-        if len(reply):
-            at = told.packets.offset[packet[reply]] + datagram.payload[reply] - _UDP_PORTS_BYTES
-            port[reply] = _list_port(told, at, port[reply])
+        source = _source_ports(told, told.packets.offset[packet] + datagram.payload - _UDP_PORTS_BYTES)
         ends = (
             (datagram.source_hi, datagram.destination_hi), (datagram.source_lo, datagram.destination_lo),
             (datagram.destination_hi, datagram.source_hi), (datagram.destination_lo, datagram.source_lo),
         )  # fmt: skip
         words = [np.where(asks, *halves) for halves in ends]
+        port = self._ports.ports(told.max_streams, words, asks, source, datagram.destination_port.astype(np.int64))
         pair = self._pairs_of(told, packet, *words, port.view(np.uint64))
         carried = varieties.carried
         word = word_of(carried.identifier[variety], carried.subindex[variety], rows.counter[whole].astype(np.int64))
         sender, receiver = rows.sender[whole], rows.receiver[whole]
         ends_by_number = np.where(asks, sender, receiver), np.where(asks, receiver, sender)
-        messages = Messages(packet, rows.time_ns[whole], pair, word, service, *ends_by_number)
+        value, writes = np.zeros(len(packet), np.int64), np.flatnonzero(service == Service.ODWriteRequest)
+        value[writes] = list(map(hash, values_in(told, packet[writes])))
+        messages = Messages(packet, rows.time_ns[whole], pair, word, service, *ends_by_number, value)
         own = pair >= 0
         if not own.all():
             beyond = messages.take(~own)
@@ -380,11 +382,7 @@ def event_parts(word: int) -> tuple[int, int]:
     return word & ((1 << _KIND_BITS) - 1), word >> _KIND_BITS
 
 
-def _list_port(told: Told, at: I64, destination: I64) -> I64:
-    """Return the ports of lists that replies come from or go to; ``at`` is where their UDP headers begin.
-
-    A reply is sent from that port, or to it: the other one may be any. The usual one is known, others are the lower.
-    """
+def _source_ports(told: Told, at: I64) -> I64:
+    """Return the ports that datagrams come from; ``at`` is where their UDP headers begin."""
     high, low = told.packets.data[at].astype(np.int64), told.packets.data[at + 1].astype(np.int64)
-    source = high << 8 | low
-    return np.where((source == PORT) | (destination == PORT), PORT, np.minimum(source, destination))
+    return high << 8 | low

@@ -34,7 +34,11 @@ _WRITTEN, _READ = Service.ODWriteRequestReply, Service.ODReadRequestReply
 
 
 class Outcome(StrEnum):
-    """What became of a write; of one that is open nobody has seen anything yet, or will."""
+    """What became of a write; of one that is open nobody has seen it yet, or will.
+
+    That is so, too, where a reply came while a write of another value with the same key was open: which of them it is
+    about is not known.
+    """
 
     CONFIRMED = "confirmed"
     REFUSED = "refused"
@@ -64,6 +68,8 @@ class Write:
     error: str | None = None
     answer_frame: int | None = None
 
+
+_NOT_KNOWN = Value(b"", 1, 0)
 
 _OUTCOMES = {_WRITTEN: Outcome.CONFIRMED, Service.ODStateBusy: Outcome.BUSY}
 
@@ -101,7 +107,8 @@ class Writes:
         # Values that come behind the last write that is kept are those of nothing.
         stop = len(told) if len(fresh) < room else int(fresh.packet[-1]) if room else 0
         own = ((closing.service == _READ) | (closing.service == _WRITTEN)) & (closing.packet < stop)
-        tells, of = closing.take(own), closed.frame[own]
+        # What is not known to be about a write tells by a frame of 0 that the value is not known any more.
+        tells, of = closing.take(own), np.where(closed.unsure[own] == 0, closed.frame[own], 0)
         number = self._values.numbers(self._words(tells), told.max_streams)
         untold = tells.take(number < 0)
         if len(untold):
@@ -119,9 +126,10 @@ class Writes:
 
     def give_up(self, waits: Open) -> None:
         """Take what nobody has answered in time."""
-        for frame in waits.frame[waits.service == Service.ODWriteRequest].tolist():
+        own = waits.service == Service.ODWriteRequest
+        for frame, unsure in zip(waits.frame[own].tolist(), waits.unsure[own].tolist(), strict=True):
             place = self._places.pop(frame, None)
-            if place is not None:
+            if place is not None and not unsure:
                 self.kept[place] = replace(self.kept[place], outcome=Outcome.UNANSWERED)
 
     def _note(self, beyond: Messages, first_frame: int) -> None:
@@ -150,6 +158,8 @@ class Writes:
                 old = self._values.of(known_as)
             elif told_by in was_read:
                 old = was_read[told_by]
+            elif not of[told_by]:
+                old = None
             else:
                 old = self.kept[self._places[int(of[told_by])]].new
             self._places[frame] = len(self.kept)
@@ -167,7 +177,7 @@ class Writes:
         read, written = last[is_read], last[~is_read]
         self._values.put_from(told, number[read], tells.packet[read])
         for row in written.tolist():
-            self._values.put(int(number[row]), self.kept[self._places[int(of[row])]].new)
+            self._values.put(int(number[row]), self.kept[self._places[int(of[row])]].new if of[row] else _NOT_KNOWN)
 
     def _answer(self, told: Told, closing: Messages, closed: Open) -> None:
         """Take what replies say of writes that are kept."""
@@ -175,10 +185,9 @@ class Writes:
             return
         own = (closed.service == Service.ODWriteRequest) & (closed.frame <= self.kept[-1].frame)
         frames = closing.packet[own] + told.first_frame
-        for asked, frame, service in zip(
-            closed.frame[own].tolist(), frames.tolist(), closing.service[own].tolist(), strict=True
-        ):
-            outcome = _OUTCOMES.get(service, Outcome.REFUSED)
+        columns = closed.frame[own], frames, closing.service[own], closed.unsure[own]
+        for asked, frame, service, unsure in zip(*(column.tolist() for column in columns), strict=True):
+            outcome = Outcome.OPEN if unsure else _OUTCOMES.get(service, Outcome.REFUSED)
             place = self._places.pop(asked)
             self.kept[place] = replace(
                 self.kept[place], outcome=outcome, answer_frame=frame,

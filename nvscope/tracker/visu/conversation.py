@@ -101,7 +101,8 @@ class Conversation:
         """Take what happens in the client's direction."""
         if form.what in (What.WHOLE, What.CUT):
             if self._is_of_page(form) or asked.request is not None:
-                kind = Kind.CUT if form.what is What.CUT else Kind.READ
+                # What is whole and nobody reads is no better known than what is cut.
+                kind = Kind.CUT if asked.request is None else Kind.READ
                 self._tell_request(kind, asked, order, message, tell)
                 self._tell_unbounded(form, order, tell)
             is_head = form.head is not None and form.head.method == "HEAD"
@@ -330,7 +331,7 @@ class Conversation:
                 return
             kind = Kind.NAMES
         if kind is Kind.CUT:
-            tell(Happened(kind, self.connection, order, -1, NOTHING, 0, 0, 0, False))
+            tell(Happened(kind, self.connection, order, message, NOTHING, 0, 0, 0, False))
             return
         latency_ns = arrival_ns - asked.arrival_ns if kind in (Kind.REPLY, Kind.GIVEN_UP, Kind.LEFT) else 0
         frame = asked.order >> ORDER_BITS

@@ -174,12 +174,11 @@ class Exchanges:
             body = None
             if form.what is What.WHOLE and form.head is not None:
                 body = form.content if form.is_coded else data[start : start + form.body_bytes]
+            if form.what is What.WHOLE and form.head is not None and form.head.method != "POST":
+                numbers.append(asked_for.number(asking.by_target(form.head)))
+                continue
             if body is None:
                 numbers.append(0)
-                continue
-            assert form.head is not None
-            if form.head.method != "POST":
-                numbers.append(asked_for.number(asking.by_target(form.head)))
                 continue
             if body != last:
                 last, number = body, asked_for.number(asking.by_body(body))
@@ -209,6 +208,10 @@ class Exchanges:
         unread = _of_messages(_unread(http)[http.form], said, kind == Kind.REPLY) > 0
         unread &= (status == OK) & ~np.array([one.query for one in requests], np.bool_)[said.asked]
         outcome[unread], fields[unread] = int(Outcome.UNREAD), -1
+        beyond = (kind == Kind.CUT) & (said.message >= 0)
+        beyond[beyond] = np.array([one.is_beyond for one in http.forms], np.bool_)[http.form[said.message[beyond]]]
+        outcome[beyond] = int(Outcome.UNREAD)
+        self._left_out[Beyond.UNREAD] += int(beyond.sum())
         other = (kind == Kind.OTHER_BYTES) | (kind == Kind.OTHER_REPLY_BYTES)
         fields[other] = said.gap_bytes[other]
         given_up = kind == Kind.GIVEN_UP

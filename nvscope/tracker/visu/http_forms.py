@@ -46,7 +46,8 @@ class Form:
     those of a gap. ``spoken`` is what a connection begins with that does not begin with HTTP. ``broken_by`` is who
     broke off a connection that did not end in order. ``is_broken_off``: with that, a request ended that does not say
     how long it is; nobody knows whether more of it should have come. ``is_late``: it may answer a request from before
-    the capture (``HttpReader.is_late``).
+    the capture (``HttpReader.is_late``). ``is_beyond``: nothing of it is missing, but not all of it is read; ``begin``
+    is how its content begins, where it is a request.
     """
 
     what: What
@@ -61,6 +62,8 @@ class Form:
     broken_by: Side | None = None
     is_broken_off: bool = False
     is_late: bool = False
+    is_beyond: bool = False
+    begin: bytes = b""
 
     @property
     def is_unread(self) -> bool:

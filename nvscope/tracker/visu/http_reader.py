@@ -6,54 +6,53 @@ What is found, and up to which byte one has to read to find it, does not depend 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from dissectors import http
 from dissectors.http import MOST_BODY_BYTES, MOST_HEAD_BYTES, Body, Head, Side
 from dissectors.web_protocols import protocol_of_bytes
 from dissectors.webvisu import Likeness
+from nvscope.tracker.visu.answering import Answering
 from nvscope.tracker.visu.http_forms import NOT_BEGUN, Form, Forms, What
 from nvscope.tracker.visu.open_requests import open_form, unbounded_form
-from nvscope.tracker.visu.part_requests import OpenRequest, behind_body, bodiless, end_form, likeness_of, part_form
+from nvscope.tracker.visu.part_requests import (
+    OpenRequest,
+    behind_body,
+    bodiless,
+    end_form,
+    head_in,
+    likeness_of,
+    part_form,
+)  # fmt: skip
 from nvscope.tracker.visu.same_messages import count_same
-
-if TYPE_CHECKING:
-    from nvscope.tracker.visu.waiting_requests import WaitingRequests
+from nvscope.tracker.visu.unread_requests import likeness_of_head, passed_form, unread_form
 
 _MOST_CHUNKED_BYTES = 2 * MOST_BODY_BYTES
-END_OF_HEAD = b"\r\n\r\n"
 _ENDLESS = 1 << 62
+END_OF_HEAD = b"\r\n\r\n"
 _DIFFERING = 4
 """So many messages that differ from those before them, and more, are followed by others that differ, too."""
 
 
-class HttpReader:
+class HttpReader(Answering):
     """One direction of a connection.
 
     ``rest`` are the bytes of the message that has begun; they stand in front of what is read next. ``asks_head``: the
     client has sent HEAD; then ``requests`` of the server's reader has to tell which responses answer that.
     ``begins_head``: the request that has begun, if one has, is HEAD. ``breaks`` are the places in ``Forms.at`` at which
     it lost step. ``open`` is the request that has begun, where that does not say how long it is; a reader that
-    ``pauses`` does not read on in such a one. ``known_at`` is up to where one had to read to know what is read now, or
-    0. ``arrived_ns`` is when what is left over of earlier batches had come. ``begun_at`` is where the head ends of a
-    message of known length that is not whole: in the data of the batch, below 0 where that was an earlier one;
-    ``NOT_BEGUN`` without such. ``is_late``: a server's stream began in the middle, and no response with a body has come
-    yet: what comes may answer a request that was not captured.
+    ``pauses`` does not read on in such a one. ``arrived_ns`` is when what is left over had come.
+    ``begun_at`` is where the head ends of a message of known length that is not whole: in the data of the batch, below
+    0 where that was an earlier one; ``NOT_BEGUN`` without such.
     """
 
     __slots__ = (
-        "_answers_head", "_answers_nobody", "_chunks", "_found_before", "_is_first", "_passed", "_passes", "_seeks",
-        "arrived_ns", "asks_head", "begins_head", "begun_at", "breaks", "is_late", "known_at", "open", "pauses",
-        "requests", "rest", "side",
+        "_chunks", "_found_before", "_is_first", "_passed", "_passes", "_seeks", "arrived_ns", "asks_head",
+        "begins_head", "begun_at", "breaks", "open", "pauses", "rest",
     )  # fmt: skip
 
     def __init__(self, side: Side) -> None:
-        self.side = side
+        super().__init__(side)
         self.rest, self.asks_head, self.begins_head = b"", False, False
-        self.requests: WaitingRequests | None = None
-        # Of the response that has begun, None before its head is there.
-        self._answers_head: bool | None = None
-        self._answers_nobody = False
         self.breaks: list[int] = []
         # The chunks of the message that has begun, None where it has none.
         self._chunks: http.Chunks | None = None
@@ -62,10 +61,9 @@ class HttpReader:
         self._passes = 0
         self._passed: Form | None = None
         # Whether nothing of the stream is known yet but that it has begun, and how much was found before this read.
-        self._is_first, self._found_before, self.known_at = False, 0, 0
+        self._is_first, self._found_before = False, 0
         self.open: OpenRequest | None = None
-        self.pauses, self.arrived_ns = False, 0
-        self.begun_at, self.is_late = NOT_BEGUN, False
+        self.pauses, self.arrived_ns, self.begun_at = False, 0, NOT_BEGUN
 
     def begin(self, *, in_step: bool) -> None:
         """Take the begin of a connection; its first bytes begin a message where it is ``in_step``."""
@@ -97,7 +95,7 @@ class HttpReader:
             if self._seeks:
                 start = http.start_of_message(data, begin, end, self.side)
                 if start < 0:
-                    self.rest = data[http.keep_from(begin, end, self.side) : end]
+                    self.rest = data[http.keep_from(data, begin, end, self.side) : end]
                     return
                 self._seeks, begin = False, start
             head_end = find(END_OF_HEAD, begin, end) + len(END_OF_HEAD)
@@ -140,16 +138,17 @@ class HttpReader:
 
     def _read_one(self, data: bytes, start: int, end: int, found: Forms) -> int:
         """Read a message; return where it ends, -1 where it is not there whole."""
-        longest = http.LONGEST_LINE[self.side]
+        longest = http.longest_line(data, start, end, self.side)
         line_end = data.find(b"\n", start, min(end, start + longest)) + 1
         if not line_end:
-            return self._lose_step(data, start, start + longest, found) if end - start >= longest else -1
+            behind = start + longest
+            return -1 if end < behind else self._lose_step(data, start, behind, found, self._long_head(data, start))
         if not http.is_start_line(data, start, line_end, self.side):
             return self._lose_step(data, start, line_end, found)
         head_end = http.end_of_head(data, line_end - 1, min(end, start + MOST_HEAD_BYTES))
         if head_end < 0:
-            too_long = end - start >= MOST_HEAD_BYTES
-            return self._lose_step(data, start, start + MOST_HEAD_BYTES, found) if too_long else -1
+            behind = start + MOST_HEAD_BYTES
+            return -1 if end < behind else self._lose_step(data, start, behind, found, self._long_head(data, start))
         head = http.read_head(data[start:head_end], self.side)
         if self.side is Side.SERVER and not (head is not None and head.is_interim) and self._is_to_head(head_end):
             head = http.read_head(data[start:head_end], self.side, answers_head=True)
@@ -185,16 +184,8 @@ class HttpReader:
             return self._read_chunks(data, start, head_end, end, head, found)
         if end - head_end <= MOST_BODY_BYTES:
             return -1
-        self._passes, self._passed = _ENDLESS, Form(What.WHOLE, head, is_coded=True)
+        self._passes, self._passed = _ENDLESS, passed_form(data, head_end, end, head, self.side)
         return end
-
-    def _is_to_head(self, at: int) -> bool:
-        """Tell whether the response whose head ends at a place answers HEAD: what waited then says so, not later."""
-        if self._answers_nobody:
-            return False
-        if self._answers_head is None:
-            self._answers_head = self.requests is not None and self.requests.answers_head(max(at, self.known_at))
-        return self._answers_head
 
     def _skip_body(self, text: bytes, head_end: int, line: int, head: Head, found: Forms) -> int:
         """Take a message without its body, in whose place there is, up to ``line``, the first line of another one."""
@@ -204,24 +195,13 @@ class HttpReader:
         found.tell(head_end, form)
         return head_end
 
-    def _answered(self, at: int, head: Head | None) -> bool:
-        """Take the end of a message; return whether it answers nobody."""
-        nobody = self._answers_nobody
-        self._answers_head, self._answers_nobody = None, False
-        if self.requests is not None and not nobody and not (head is not None and head.is_interim):
-            self.requests.answered(at if at < 0 else max(at, self.known_at))
-        self.is_late = self.is_late and not (head is not None and head.has_body)
-        return nobody
-
-    def _may_be_known(self, head: Head) -> bool:
-        """Tell whether all messages with such a head are read alike."""
-        return self.requests is None and head.method != "HEAD" and not (head.is_interim or head.expects)
-
     def _read_length(self, data: bytes, start: int, head_end: int, end: int, head: Head, found: Forms) -> int:
         behind = head_end + head.length
         self.begun_at = NOT_BEGUN if behind <= end and head.length <= MOST_BODY_BYTES else head_end
         if head.length > MOST_BODY_BYTES:
-            self._passed = Form(What.WHOLE, head, is_coded=True)
+            self._passed = passed_form(data, head_end, end, head, self.side)
+            if self._passed is None:
+                return -1
             if behind > end:
                 self._passes = behind - end
                 return end
@@ -233,7 +213,7 @@ class HttpReader:
         if head.coding:
             content = http.decoded(data[head_end:behind], head.coding)
             form = Form(What.WHOLE, head, head.length, content, is_coded=True, answers_nobody=nobody, is_late=late)
-            found.tell(head_end, form)
+            found.tell(head_end, self._or_unread(form, data[head_end:behind]))
             return behind
         number = found.add(Form(What.WHOLE, head, head.length, answers_nobody=nobody, is_late=late))
         found.at.append(head_end)
@@ -251,24 +231,44 @@ class HttpReader:
             return self._lose_step(data, start, chunks.wrong_at, found)
         if chunks.stop < 0:
             if end >= most:
-                return self._lose_step(data, start, most, found)
+                form = self._or_unread(Form(What.WHOLE, head, touched=self._if_answers()), reader.so_far(data))
+                return self._lose_step(data, start, most, found, form.touched)
             self._chunks = reader
             return -1
         self.open = None
         late, nobody = self.is_late, self._answered(chunks.stop, head)
-        content = http.decoded(chunks.content, head.coding)
-        size = chunks.stop - head_end
+        content, size = http.decoded(chunks.content, head.coding), chunks.stop - head_end
         form = Form(What.WHOLE, head, size, content, is_coded=True, answers_nobody=nobody, is_late=late)
-        found.tell(head_end, form)
+        found.tell(head_end, self._or_unread(form, chunks.content))
         return chunks.stop
 
-    def _lose_step(self, data: bytes, start: int, at: int, found: Forms) -> int:
-        """Give up what begins at ``start``, as is known when ``at`` is reached; look for a message behind its begin."""
+    def _or_unread(self, form: Form, body: bytes) -> Form:
+        """Return the form of a message of known ``body``, or what is told where it is a request, and unread."""
+        if form.content is not None or self.side is Side.SERVER or form.head is None:
+            return form
+        return unread_form(form.head, form.body_bytes, body)
+
+    def _long_head(self, data: bytes, start: int) -> Likeness:
+        if self.side is Side.CLIENT:
+            return likeness_of_head(data[start : start + MOST_HEAD_BYTES])
+        return self._if_answers() if data.startswith(b"HTTP/1.", start) else Likeness.NO
+
+    def _lose_step(
+        self, data: bytes, start: int, at: int, found: Forms, beyond: Likeness = Likeness.NO
+    ) -> int:  # fmt: skip
+        """Give up what begins at ``start``, as is known when ``at`` is reached; look for a message behind its begin.
+
+        ``beyond``: whether it may be of a page and is too long.
+        """
         self.known_at = at = max(at, self.known_at)
+        is_beyond = beyond is not Likeness.NO
+        if is_beyond and self.requests is not None:
+            self.requests.answered(at)
         self._out_of_step(at)
         self.breaks.append(len(found.at))
-        is_first = self._is_first and len(found.at) == self._found_before
-        found.tell(at, Form(What.BROKEN, spoken=protocol_of_bytes(data, start, at) if is_first else None))
+        is_first = self._is_first and len(found.at) == self._found_before and not is_beyond
+        spoken = protocol_of_bytes(data, start, at) if is_first else None
+        found.tell(at, Form(What.BROKEN, spoken=spoken, touched=beyond, is_beyond=is_beyond))
         return start + 1
 
     @property
@@ -299,8 +299,8 @@ class HttpReader:
         assert self.open is not None
         head = self.open.head
         body = begin + self.open.head_bytes
-        if self._passes:
-            found.tell(at, Form(What.WHOLE, head, 0, is_coded=True))
+        if self._passed is not None:
+            found.tell(at, self._passed)
         else:
             found.tell(at, open_form(data[begin:end], body - begin, head, self._chunks))
         self.begin(in_step=True)
@@ -321,8 +321,7 @@ class HttpReader:
         in_step, self._is_first = not self._seeks, False
         touched = Likeness.NO
         if in_step and not self._passes and rest:
-            head_end = http.end_of_head(rest, 0, len(rest))
-            head = http.read_head(rest[:head_end], self.side) if head_end >= 0 else None
+            head_end, head = head_in(rest, self.side)
             touched = Likeness.NO if self.side is Side.SERVER else likeness_of(rest, head_end, head)
             if head is not None and head.body is Body.LENGTH:
                 length = 0 if self._answers_head else head.length
@@ -330,7 +329,7 @@ class HttpReader:
                 self._passed = Form(What.CUT, head, is_coded=True, touched=touched)
         if self._passed is not None and size <= self._passes < _ENDLESS:
             self._passes -= size
-            self._passed = replace(self._passed, what=What.CUT)
+            self._passed = replace(self._passed, what=What.CUT, is_beyond=False)
             if not self._passes:
                 self._tell_passed(at, found)
             return
@@ -367,12 +366,13 @@ class HttpReader:
         """
         rest = self.rest
         dropped = ended != Forms.END and self.side is Side.CLIENT
-        if self._passes >= _ENDLESS:
-            if not dropped:
-                self._tell_passed(at, found)
+        if self._passes >= _ENDLESS and self._passed is not None:
+            if dropped:
+                found.arrived_ns[len(found.at)] = self.arrived_ns
+                self._passed = replace(self._passed, is_broken_off=True)
+            self._tell_passed(at, found)
         elif self._passes or (rest and not self._seeks):
-            head_end = http.end_of_head(rest, 0, len(rest))
-            head = http.read_head(rest[:head_end], self.side) if head_end >= 0 and not self._passes else None
+            head_end, head = head_in(rest, self.side)
             if dropped:
                 if head is not None and head.body is not Body.LENGTH:
                     found.arrived_ns[len(found.at)] = self.arrived_ns

@@ -30,7 +30,8 @@ class Beyond(IntEnum):
     """That for which there is no room.
 
     Pairs of client and server, variables that differ, findings on more of these, writes, connections at a time,
-    requests that wait, messages that are not whole, names, reads whose interval is measured, and minutes of writes.
+    requests that wait, messages that are not whole, names, reads whose interval is measured, minutes of writes, and
+    messages that are too long to be read, or coded in a way that nobody knows.
     """
 
     PAIR = 0
@@ -43,3 +44,4 @@ class Beyond(IntEnum):
     NAMES = 7
     POLLED = 8
     WRITE_MINUTE = 9
+    UNREAD = 10

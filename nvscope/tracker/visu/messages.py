@@ -62,7 +62,8 @@ class Outcome(IntEnum):
     """What a reply says. ``STATUS``: its HTTP status is another one than 200; ``NONE``: it is no reply.
 
     ``GIVEN_UP`` is of what is unanswered: the client ended the connection, or its side of it. ``UNREAD``: the reply is
-    whole, but nobody knows what it says; in place of its content lies why, '' where it is too long.
+    whole, but nobody knows what it says; in place of its content lies why, '' where it is too long. What is cut is
+    ``UNREAD`` where nothing of it is missing: it is too long, or in a coding that nobody knows.
     """
 
     NONE = -1

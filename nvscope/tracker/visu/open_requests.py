@@ -6,11 +6,12 @@ Such a one has no Content-Length, is in chunks, or is unbounded: its Content-Len
 from __future__ import annotations
 
 from dissectors import http
-from dissectors.http import Chunks, Head
+from dissectors.http import Body, Chunks, Head
 from dissectors.webvisu import read_request
 from nvscope.tracker.visu.asking import asks_whole
 from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.part_requests import part_form
+from nvscope.tracker.visu.unread_requests import unread_form
 
 
 def open_form(text: bytes, head_end: int, head: Head, chunks: Chunks | None, end: Form | None = None) -> Form:
@@ -19,7 +20,11 @@ def open_form(text: bytes, head_end: int, head: Head, chunks: Chunks | None, end
         return unbounded_form(text, head_end, head, end)
     if head.expects and head_end >= len(text) and end is None:
         return part_form(text, head_end, head)
+    chunks = chunks or Chunks()
     content = http.content_up_to(text, head_end, len(text), head, chunks)
+    if content is None and (end is None or head.body is Body.END):
+        body = text[head_end:] if head.body is Body.END else chunks.so_far(text)
+        return unread_form(head, 0, body, is_broken_off=end is not None)
     return Form(What.WHOLE, head, 0, content, is_coded=True, is_broken_off=end is not None)
 
 

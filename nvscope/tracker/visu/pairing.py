@@ -200,7 +200,7 @@ class Pairing:
                 content = None
             form = replace(form, content=content, is_coded=True)
         elif form.what is What.BROKEN:
-            form = Form(What.CUT)
+            form = Form(What.CUT, is_beyond=form.is_beyond)
         return Early(form, int(http.arrival_ns[row]), reach, has_begun)
 
     def _miss(self, conversation: Conversation, before: int) -> None:

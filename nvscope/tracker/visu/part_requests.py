@@ -48,10 +48,18 @@ def end_form(rest: bytes, head_end: int, head: Head | None, passed: Form | None,
     ``passed`` is the one that is passed over: where bytes of it are missing, it is cut.
     """
     if passed is not None:
-        return passed if passed.what is What.CUT else None
+        broken_by = end.broken_by
+        part = replace(passed, what=What.PART, content=passed.begin, is_beyond=False, broken_by=broken_by)
+        return passed if passed.what is What.CUT else part
     if head is None or head.body is Body.END or (head.body is Body.CHUNKS and end.broken_by is not None):
         return None
     return part_form(rest, head_end, head, end)
+
+
+def head_in(rest: bytes, side: Side) -> tuple[int, Head | None]:
+    """Return where the head of a message ends, and the head; -1 and None of one that is not whole."""
+    head_end = http.end_of_head(rest, 0, len(rest))
+    return head_end, http.read_head(rest[:head_end], side) if head_end >= 0 else None
 
 
 def behind_body(data: bytes, head_end: int, end: int, side: Side) -> int:

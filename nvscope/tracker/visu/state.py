@@ -287,10 +287,10 @@ class VisuCounts:
         """Return the messages of which something may be said beside that they are there."""
         kind, asked, outcome = messages.kind, messages.asked, messages.outcome
         peculiar = np.array([one.writes or one.is_miscounted for one in part.requests], np.bool_)
-        wanted = (kind == Kind.UNANSWERED) | np.isin(kind, (Kind.WRITE, Kind.CUT, Kind.UNBOUNDED))
-        wanted |= messages.latency_ns > SLOW_NS
-        wanted |= (outcome != Outcome.NONE) & (outcome != Outcome.DONE)
+        wanted = np.isin(kind, (Kind.UNANSWERED, Kind.WRITE, Kind.CUT, Kind.UNBOUNDED))
+        wanted |= (messages.latency_ns > SLOW_NS) | ~np.isin(outcome, (Outcome.NONE, Outcome.DONE))
         wanted &= ~np.isin(kind, (Kind.LEFT, Kind.UNCLEAR, Kind.PART))
+        wanted &= (kind != Kind.CUT) | (outcome != Outcome.UNREAD)  # NV906 tells of those
         reads, replies = np.flatnonzero(kind == Kind.READ), np.flatnonzero(kind == Kind.REPLY)
         wanted[reads] |= peculiar[asked[reads]]
         # What was asked before says nothing new.

@@ -82,7 +82,7 @@ def _variable(place: int) -> TelegramField:
     return TelegramField(
         "db.variable", FieldType.TEXT, "Variable", "that has a value in the row; a row may have several",
         lambda part: TextColumn(np.maximum(_LAST.of(part).column(place), 0), tuple(_LAST.of(part).texts) or ("",)),
-        lambda part: _LAST.of(part).column(place) >= 0, of=NAME,
+        lambda part: _LAST.of(part).column(place) >= 0, of=NAME, any_case=True,
     )  # fmt: skip
 
 

@@ -34,7 +34,8 @@ class TelegramField:
     ``further``: a frame may have the field several times; these are the second, the third and so on, each of which
     exists only where the one before it does. ``sent_in`` says of a variable in which telegrams it is: where time is
     looked at, its value lasts until they bring the next one. ``counts``: an
-    expression that names it alone asks whether it is not 0.
+    expression that names it alone asks whether it is not 0. ``any_case``: its texts are names that are the same in any
+    case, as those of variables.
     """
 
     name: str
@@ -59,6 +60,7 @@ class TelegramField:
     further: tuple[TelegramField, ...] = ()
     sent_in: frozenset[Any] = frozenset()
     counts: bool = False
+    any_case: bool = False
 
     @property
     def in_nanoseconds(self) -> bool:

@@ -236,6 +236,7 @@ class _Names(Words[Named]):
             instead=field.instead,
             lasts=bool(field.sent_in),
             counts=field.counts,
+            any_case=field.any_case,
         )
 
     def __iter__(self) -> Iterator[str]:

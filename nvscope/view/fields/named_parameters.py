@@ -28,7 +28,7 @@ def named_parameter_fields(parameters: Parameters | None) -> tuple[TelegramField
     return (
         TelegramField(
             "sdo.name", FieldType.TEXT, "Parameter", "name of the parameter, from the project file", known.names,
-            known.have_name, of=NETVAR, constant=True,
+            known.have_name, of=NETVAR, constant=True, any_case=True,
         ),
         TelegramField(
             "sdo.text", FieldType.TEXT, "Value", "what is written, or was read, by the type of the project file",

@@ -1,8 +1,8 @@
-"""The field ``visu.variable``: what the variables of the WebVisu messages of a frame are called, each of them."""
+"""The fields ``visu.variable`` and ``visu.value``: each variable of the WebVisu messages of a frame, and each value."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -14,49 +14,46 @@ from nvscope.tracker.visu.names import name_of
 from nvscope.view.fields.field import TelegramField
 
 MOST_VARIABLES = 256
-"""Of a frame, so many are looked at, the first ones: no page asks for more at once."""
+"""A frame has so many names and values, the first ones that differ: no page asks for more variables at once."""
 
 _NAME = "visu"
 
+Texts = Callable[[VisuBatch, int], Iterable[str]]
+"""Gives the texts of a message of a part."""
 
-class _Names:
-    """The names of the variables of the frames of a part: ``code`` has a row a frame, -1 where there is none."""
 
-    def __init__(self, part: VisuBatch) -> None:
+class _Texts:
+    """The texts of the frames of a part: ``column`` gives their code at a place of each, -1 where there is none.
+
+    ``asked``: they are those of what is asked for, so that messages which ask for the same have the same.
+    """
+
+    def __init__(self, part: VisuBatch, read: Texts, *, asked: bool) -> None:
         self.part = part
-        self.texts: list[str] = []
-        self._codes: dict[str, int] = {}
-        rows: dict[tuple[tuple[int, int], ...], int] = {}
+        codes: dict[str, int] = {}
+        rows: dict[tuple[int, ...], int] = {}
         which: list[int] = []
-        lists: list[list[int]] = []
         messages = part.messages
-        asked, naming = messages.asked.tolist(), messages.naming.tolist()
+        same = list(zip(messages.asked.tolist(), messages.naming.tolist(), strict=True))
+        known: dict[tuple[int, int], list[int]] = {}
         for first, count in zip(part.first.tolist(), part.count.tolist(), strict=True):
-            key = tuple((asked[one], naming[one]) for one in range(first, first + count) if asked[one] >= 0)
-            row = rows.get(key)
-            if row is None:
-                row = rows[key] = len(lists)
-                lists.append(self._named(key))
-            which.append(row)
-        wide = max(map(len, lists), default=0)
-        table = np.full((len(lists) + 1, max(wide, 1)), -1)
-        for row, codes in enumerate(lists):
-            table[row, : len(codes)] = codes
+            own: list[int] = []
+            for message in range(first, first + count):
+                found = known.get(same[message]) if asked else None
+                if found is None:
+                    found = [codes.setdefault(text, len(codes)) for text in read(part, message)]
+                    known[same[message]] = found
+                own += found
+            if asked or len(own) > MOST_VARIABLES:
+                own = list(dict.fromkeys(own))[:MOST_VARIABLES]
+            which.append(rows.setdefault(tuple(own), len(rows)))
+        self.texts = tuple(codes) or ("",)
+        table = np.full((len(rows) + 1, max(max(map(len, rows), default=0), 1)), -1)
+        for row, some in enumerate(rows):
+            table[row, : len(some)] = some
         self._table, self._which = table, np.array(which, np.int64)
 
-    def _named(self, key: tuple[tuple[int, int], ...]) -> list[int]:
-        found: dict[int, None] = {}
-        for asked, naming in key:
-            for entry in self.part.requests[asked].entries[:MOST_VARIABLES]:
-                name = name_of(entry, self.part.namings[naming])
-                code = self._codes.setdefault(name, len(self.texts))
-                if code == len(self.texts):
-                    self.texts.append(name)
-                found.setdefault(code)
-        return list(found)[:MOST_VARIABLES]
-
     def column(self, place: int) -> I64:
-        """Return the code of the variable at a place of each frame, -1 where there is none."""
         if place >= self._table.shape[1]:
             return np.full(len(self._which), -1)
         column: I64 = self._table[self._which, place]
@@ -64,39 +61,63 @@ class _Names:
 
 
 class _LastPart:
-    """The names of the part that was asked for last: each place of it is asked for in turn."""
+    """The texts of the part that was asked for last: each place of it is asked for in turn."""
 
-    def __init__(self) -> None:
-        self._names: _Names | None = None
+    def __init__(self, read: Texts, *, asked: bool) -> None:
+        self._read, self._asked = read, asked
+        self._texts: _Texts | None = None
 
-    def of(self, part: VisuBatch) -> _Names:
-        if self._names is None or self._names.part is not part:
-            self._names = _Names(part)
-        return self._names
+    def of(self, part: VisuBatch) -> _Texts:
+        texts = self._texts
+        if texts is None or texts.part is not part:
+            texts = self._texts = _Texts(part, self._read, asked=self._asked)
+        return texts
+
+    def reader(self, place: int) -> Callable[[VisuBatch], TextColumn]:
+        def read(part: VisuBatch) -> TextColumn:
+            texts = self.of(part)
+            return TextColumn(np.maximum(texts.column(place), 0), texts.texts)
+
+        return read
+
+    def known(self, place: int) -> Callable[[VisuBatch], Bool]:
+        return lambda part: self.of(part).column(place) >= 0
 
 
-_LAST = _LastPart()
+def _names(part: VisuBatch, message: int) -> Iterable[str]:
+    asked = int(part.messages.asked[message])
+    if asked < 0:
+        return ()
+    naming = part.namings[int(part.messages.naming[message])]
+    return (name_of(entry, naming) for entry in part.requests[asked].entries)
 
 
-def _reader(place: int) -> Callable[[VisuBatch], TextColumn]:
-    def read(part: VisuBatch) -> TextColumn:
-        names = _LAST.of(part)
-        return TextColumn(np.maximum(names.column(place), 0), tuple(names.texts) or ("",))
+def _values(part: VisuBatch, message: int, *, secrets: bool) -> Iterable[str]:
+    from nvscope.view.lines.visu_words import variables_of  # noqa: PLC0415
 
-    return read
+    return (one.value for one in variables_of(part, message, secrets=secrets) if one.value is not None)
 
 
-def _known(place: int) -> Callable[[VisuBatch], Bool]:
-    return lambda part: _LAST.of(part).column(place) >= 0
+def _field(name: str, label: str, text: str, last: _LastPart, *, any_case: bool = False) -> TelegramField:
+    first, *further = (
+        TelegramField(
+            name, FieldType.TEXT, label, text, last.reader(place), last.known(place), of=_NAME, any_case=any_case
+        )
+        for place in range(MOST_VARIABLES)
+    )
+    return replace(first, further=tuple(further))
 
 
 def variable_field() -> TelegramField:
     """Return the field; a frame has it once for each variable, at most ``MOST_VARIABLES`` times."""
-    first, *further = (
-        TelegramField(
-            "visu.variable", FieldType.TEXT, "Variable", "that is asked for, written or answered; a frame may have "
-            "several", _reader(place), _known(place), of=_NAME,
-        )
-        for place in range(MOST_VARIABLES)
-    )  # fmt: skip
-    return replace(first, further=tuple(further))
+    text = "that is asked for, written or answered; a frame may have several"
+    return _field("visu.variable", "Variable", text, _LastPart(_names, asked=True), any_case=True)
+
+
+def value_field(*, secrets: bool = False) -> TelegramField:
+    """Return the field; a frame has it for each value, at most ``MOST_VARIABLES`` times.
+
+    What may be a password is hidden, unless ``secrets``.
+    """
+    last = _LastPart(lambda part, message: _values(part, message, secrets=secrets), asked=False)
+    return _field("visu.value", "Value", "that is written, or answered; a frame may have several", last)

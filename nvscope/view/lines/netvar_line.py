@@ -12,12 +12,13 @@ from dissectors import address
 from dissectors.batch import Bool
 from dissectors.headers import IPV4_HIGH
 from dissectors.netvar import HEADER, PORT, Service, TelegramBatch
+from nvscope.view.documents.parameter_values import ParameterValues
 from nvscope.view.escape import visible
 from nvscope.view.fields.frame import FIELDS
 from nvscope.view.lines import cells, moments, words
 from nvscope.view.lines.fit import cut
 from nvscope.view.lines.moments import Moment
-from nvscope.view.lines.parameter_names import parameter_of
+from nvscope.view.lines.parameter_names import WITH_VALUE, parameter_of, value_text
 from nvscope.view.lines.short_names import short_address, short_names
 from nvscope.view.lines.shown import NO_WORDING, Wording
 from nvscope.view.lines.table import GAP, Cell, Line, Tone
@@ -73,21 +74,21 @@ class _Column(NamedTuple):
 
 
 class _Tail(NamedTuple):
-    """What a line ends with: flags, and what is wrong or remarkable."""
+    """What a line ends with: flags, what is wrong or remarkable, and the value of a parameter, as far as it fits."""
 
     flags: str
     remark: str = ""
     tone: Tone = Tone.PLAIN
+    value: str = ""
 
     @property
     def text(self) -> str:
-        return f"{self.flags} {self.remark}" if self.flags and self.remark else self.flags or self.remark
+        return " ".join(part for part in (self.flags, self.remark, self.value) if part)
 
     def cells(self) -> list[Cell]:
-        parts = [Cell(self.flags, Tone.FAINT)] if self.flags else []
-        if self.remark:
-            parts.append(Cell(f" {self.remark}" if self.flags else self.remark, self.tone))
-        return parts
+        parts = [(self.flags, Tone.FAINT), (self.remark, self.tone), (self.value, Tone.PLAIN)]
+        told = [(text, tone) for text, tone in parts if text]
+        return [Cell(f" {text}" if place else text, tone) for place, (text, tone) in enumerate(told)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +136,7 @@ class LineWriter:
         self._moment: Moment = moment
         self._names = {node: visible(name) for node, name in wording.names.items()}
         self._parameters = wording.parameters
+        self._values = ParameterValues()
         self._width = width
         self._form = 0
         self._widths: dict[str, int] = {}
@@ -162,7 +164,7 @@ class LineWriter:
         count = len(fitted.columns)
         if tail and self._width is not None:
             if fitted.width(count) + GAP + len(tail.text) > self._width and tail.remark:
-                tail = tail._replace(flags="")
+                tail = tail._replace(flags="", value="")
             if fitted.width(count) + GAP + len(tail.text) > self._width and tail.remark:
                 count = fitted.to_service
         line = []
@@ -181,7 +183,7 @@ class LineWriter:
 
     def _fitted(self, rows: FrameRows) -> _Fitted:
         """Return the columns in the first form that fits."""
-        tails = _tails(rows)
+        tails = self._tails(rows)
         remarks = [min(len(tail.remark), _REMARK_WIDTH) for tail in tails if tail and tail.remark]
         self._grow(_BESIDE, max((len(tail.flags) for tail in tails if tail), default=0))
         # What is wrong now and then may cover figures; in a capture that is full of it, they stand beside each other.
@@ -207,6 +209,14 @@ class LineWriter:
         asked = [row for row, number in enumerate(code) if number in words.PARAMETER_CODES]
         known = ((row, parameter_of(self._parameters, telegrams, row)) for row in asked)
         return {row: visible(one.name) for row, one in known if one is not None and one.name}
+
+    def _tails(self, rows: FrameRows) -> list[_Tail | None]:
+        """Return what lines end with."""
+        tails, telegrams = _tails(rows), rows.telegrams
+        for row in np.flatnonzero(np.isin(telegrams.header["id"], WITH_VALUE)).tolist():
+            if text := value_text(self._parameters, self._values, telegrams, row):
+                tails[row] = (tails[row] or _Tail(""))._replace(value=f"= {visible(text)}")
+        return tails
 
     def _surplus(self, fitted: _Fitted) -> int:
         """Return by how much lines with what is beside the figures, or in their place, are too wide."""

@@ -22,6 +22,9 @@ NOTHING = "-"
 
 NO_BREAK = "\u00a0"
 
+BREAK = "\u2000"
+"""A space at which a line may be broken whatever stands beside it, as between the digits of bytes."""
+
 
 class Tone(Enum):
     """What a piece of text means to the reader."""
@@ -231,23 +234,23 @@ def _space(width: int) -> Cell:
     return Cell(" " * width)
 
 
-_BREAK = re.compile(r"(?<!\d) +(?!%)| +(?![\d%]|(?:ns|µs|ms|s|min|h|d)\b)")
+_BREAK = re.compile(rf"(?<!\d) +(?!%)| +(?![\d%]|(?:ns|µs|ms|s|min|h|d)\b)|{BREAK}+")
 
 
 def wrap(cells: Iterable[Cell], width: int, indent: int = 0, hanging: int | None = None) -> list[Line]:
     """Return a paragraph of toned cells as lines of at most ``width``, broken at spaces.
 
     Spaces that group digits or stand between a number and a percent sign or a unit of time are no place to break, nor
-    is ``NO_BREAK``, which becomes a space. ``indent`` spaces go before the first line, ``hanging`` (else the same)
-    before the others. A word wider than a line is broken behind a hyphen, underscore, dot or slash, else anywhere but
-    in front of a comma and the like.
+    is ``NO_BREAK``; ``BREAK`` always is. Both become spaces. ``indent`` spaces go before the first line, ``hanging``
+    (else the same) before the others. A word wider than a line is broken behind a hyphen, underscore, dot or slash,
+    else anywhere but in front of a comma and the like.
     """
     following = _indented(indent if hanging is None else hanging, width)
     indent = _indented(indent, width)
     parts = list(cells)
     text = "".join(cell.text for cell in parts)
     words = _words(text)
-    text = text.replace(NO_BREAK, " ")
+    text = text.replace(NO_BREAK, " ").replace(BREAK, " ")
     lines: list[Line] = []
     for start, end in _broken(text, words, max(width - indent, 1), max(width - following, 1)):
         margin = following if lines else indent
@@ -318,6 +321,6 @@ def _slice(cells: Sequence[Cell], start: int, end: int) -> list[Cell]:
     for text, tone in cells:
         piece = text[max(start - offset, 0) : max(end - offset, 0)]
         if piece:
-            part.append(Cell(piece.replace(NO_BREAK, " "), tone))
+            part.append(Cell(piece.replace(NO_BREAK, " ").replace(BREAK, " "), tone))
         offset += len(text)
     return part

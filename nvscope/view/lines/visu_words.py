@@ -6,13 +6,16 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from dissectors.web_protocols import WebProtocol
-from dissectors.webvisu import UNREADABLE, Entry, Request, read_reply
+from dissectors.webvisu import MOST_DECLARED, UNREADABLE, Entry, Request, read_reply
 from nvscope import units
 from nvscope.tracker.readings.form import HIDDEN
+from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch
 from nvscope.tracker.visu.names import Naming, UnreadList, is_secret, name_of
 
 _MOST_SHOWN = 8
+_NOT_CHANGED = 304
+_LISTS = (b"<variablelist", b"<symbolvarlist")
 
 
 class Variable(NamedTuple):
@@ -68,7 +71,8 @@ def message_words(part: VisuBatch, message: int, *, secrets: bool = False) -> st
     if kind is Kind.GAP:
         return f"{units.count_of(int(messages.gap_bytes[message]), 'byte')} missing"
     if kind is Kind.CUT:
-        return "cut: bytes are missing"
+        unread = messages.outcome[message] == Outcome.UNREAD
+        return "not read: too long, or in an unknown coding" if unread else "cut: bytes are missing"
     if kind in (Kind.OTHER_BYTES, Kind.OTHER_REPLY_BYTES):
         differ = units.count_of(int(messages.fields[message]), "byte")
         sent = "sent again with other bytes"
@@ -81,9 +85,7 @@ def message_words(part: VisuBatch, message: int, *, secrets: bool = False) -> st
     if kind is Kind.OTHER:
         return f"{protocol_words(WebProtocol(int(messages.spoken[message])))}, not decoded"
     if kind is Kind.NAMES:
-        size = units.count_of(int(messages.stop[message] - messages.start[message]), "byte")
-        flaw = part.list_flaws.get(message)
-        return f"variable list ({size}){f', cannot be used: {flaw.why}' if isinstance(flaw, UnreadList) else ''}"
+        return _list(part, message)
     request = part.requests[asked]
     if kind is Kind.LEFT:
         return f"client closes its side, frame {messages.asked_frame[message]} waits for a reply"
@@ -103,11 +105,34 @@ def message_words(part: VisuBatch, message: int, *, secrets: bool = False) -> st
     told = "; ".join(_shown(variables_of(part, message, secrets=secrets)))
     if kind is Kind.REPLY:
         return _reply(part, message, request, told)
-    miscounted = f", declares {request.declared}" if request.is_miscounted else ""
+    declared = _declared(request)
+    miscounted = f", declares {declared}" if request.is_miscounted else ""
     if request.ambiguous:
-        miscounted = f" or more, declares {request.declared}, ambiguous"
+        miscounted = f" or more, declares {declared}, ambiguous"
     verb = "write" if request.writes else "read"
-    return f"{verb} {units.count_of(len(request.entries), 'variable')}{miscounted}: {told}"
+    return f"{verb} {units.count_of(len(request.entries), 'variable')}{miscounted}{f': {told}' if told else ''}"
+
+
+def _declared(request: Request) -> str:
+    """Return how many variables a request says it has."""
+    return f"{MOST_DECLARED} or more" if request.declared == MOST_DECLARED else str(request.declared)
+
+
+def _list(part: VisuBatch, message: int) -> str:
+    """Return what came where a list of variables was asked for."""
+    messages = part.messages
+    status = int(messages.status[message])
+    if status == _NOT_CHANGED:
+        return f"HTTP status {status}, the file that may list variables has not changed"
+    if status != OK:
+        return f"HTTP status {status}, no variable list"
+    content = part.data[int(messages.start[message]) : int(messages.stop[message])]
+    size = units.count_of(len(content), "byte")
+    flaw = part.list_flaws.get(message)
+    if isinstance(flaw, UnreadList):
+        return f"variable list ({size}), cannot be used: {flaw.why}"
+    text = content.replace(b"\0", b"").lower()
+    return f"variable list ({size})" if any(one in text for one in _LISTS) else f"XML, no variable list ({size})"
 
 
 def _reply(part: VisuBatch, message: int, request: Request, told: str) -> str:
@@ -128,8 +153,8 @@ def _reply(part: VisuBatch, message: int, request: Request, told: str) -> str:
             f"{messages.fields[message]} values for {units.count_of(len(request.entries), 'variable')}: ambiguous{took}"
         )
     if outcome is Outcome.MISCOUNTED:
-        counted = f"{units.count_of(int(messages.fields[message]), 'value')} for {len(request.entries)}: "
-        return f"{counted}{told}{took}"
+        counted = f"{units.count_of(int(messages.fields[message]), 'value')} for {len(request.entries)}"
+        return f"{counted}{f': {told}' if told else ''}{took}"
     return f"reply{took}: {told}" if told else f"reply{took}"
 
 

@@ -331,7 +331,7 @@ class PacketRows:
     choose are left out, and count as not shown. Pieces are small in frames and in bytes, so that text made of one of
     them stays small too. ``frames``, ``telegrams`` (frames in which something was found, or all where all are wanted)
     and ``fragments`` (IP fragments, which are not put together) count what has been read so far, ``shown`` what was
-    chosen.
+    chosen. ``has_others``: something else than telegrams was found in some of them.
     """
 
     by_stream: ClassVar[bool] = False
@@ -344,6 +344,7 @@ class PacketRows:
         self.telegrams = 0
         self.shown = 0
         self.fragments = 0
+        self.has_others = False
 
     @property
     def full(self) -> bool:
@@ -354,6 +355,7 @@ class PacketRows:
         """Take a batch, which follows those observed so far."""
         self.fragments += told.batch.fragments
         self.frames += len(told)
+        self.has_others |= any(len(part.row) for part in told.parts.values())
         own = told.wanted
         if self._limit is not None:
             own = own[: self._limit - self.telegrams]

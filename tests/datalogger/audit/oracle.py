@@ -138,6 +138,24 @@ def _is_clock(number: int, times: list[int], late: list[int], interval: int) -> 
     return False
 
 
+def _following(names: list[str], rows: list[tuple[Any, ...]]) -> dict[tuple[int, str], tuple[Any, int]]:
+    """Return, of the cells with a counter, the next one, if no change between may be lost or without a counter."""
+    found: dict[tuple[int, str], tuple[Any, int]] = {}
+    open_at: dict[str, int] = {}
+    for rowid, _, consistent, *cells in rows:
+        if consistent == 0:
+            open_at = {}
+        for place, name in enumerate(names):
+            value, count = cells[2 * place : 2 * place + 2]
+            if isinstance(count, int):
+                if name in open_at:
+                    found[open_at[name], name] = value, count
+                open_at[name] = rowid
+            elif value is not None or count is not None:
+                open_at.pop(name, None)
+    return found
+
+
 class _Changes:
     def __init__(self, columns: list[tuple[str, str]], found: dict[Key, list[int]]) -> None:
         self.names = [name for name, _ in columns[::2]]
@@ -149,6 +167,9 @@ class _Changes:
         self.stored: set[str] = set()
         self.alone: dict[str, int] = defaultdict(int)
         self.fell_from: dict[str, int] = {}
+        self.is_odd: set[str] = set()
+        self.seen_whole = False
+        self.following: dict[tuple[int, str], tuple[Any, int]] = {}
         self.losses = 0
         self.start: list[tuple[int, dict[str, str]]] = []
         self.seen_beginning = False
@@ -158,6 +179,7 @@ class _Changes:
         self.found[code, severity, name].append(rowid)
 
     def judge(self, rows: list[tuple[Any, ...]]) -> None:
+        self.following = _following(self.names, rows)
         for number, (rowid, _, consistent, *cells) in enumerate(rows):
             self.judge_row(
                 number == 0,
@@ -172,7 +194,9 @@ class _Changes:
         counted = {name: count for name, (_, count) in cells.items() if isinstance(count, int)}
         zero = bool(counted) and not any(counted.values())
         unknown = {name for name in self.names if cells[name][0] is None} if zero and lost else set()
-        self.unknown = unknown if len(counted) == len(self.names) else set()
+        whole = len(counted) == len(self.names)
+        self.unknown = unknown if whole else set()
+        self.seen_whole |= whole
         if first:
             self.seen_beginning = zero
         if lost and not first:
@@ -190,17 +214,18 @@ class _Changes:
                     self.value[name] = value
                 self.alone[name] += value is not None or count is not None
                 continue
-            says[name] = self.judge_cell(name, value, count, rowid, zero=zero)
+            says[name] = self.judge_cell(name, value, count, rowid, zero=zero, anew=zero and whole)
         # A counter that is repeated without a value, as the document has it, begins nothing.
         says = {name: one for name, one in says.items() if one != "repeated"}
         if zero and says:
             self.take_zero(rowid, says)
 
-    def judge_cell(self, name: str, value: Any, count: int, rowid: int, *, zero: bool) -> str:
+    def judge_cell(self, name: str, value: Any, count: int, rowid: int, *, zero: bool, anew: bool) -> str:
         known = name in self.count
         step = count - self.count[name] if known else 0
         if step < 0 and 0 < step + _WRAP <= 1_000:
             step += _WRAP
+        alone_before = self.alone[name]
         if step > 1 and self.alone[name]:
             step = max(step - self.alone[name], 1)
         self.alone[name] = 0
@@ -210,12 +235,26 @@ class _Changes:
             says = "stuck"
         if known and step == 0 and value is None and name not in self.unknown:
             says = "repeated"
+        is_odd = ahead = False
+        if name in self.is_odd:
+            # The cell before was the odd one: of this one, nothing is wrong.
+            step = int(value is not None or name in self.real)
+            self.is_odd.discard(name)
+        elif known and not anew and not alone_before and self.losses == self.lost_at[name]:
+            is_wrong = says in ("back", "stuck") or (step > 1 and not zero)
+            may_start = zero and not self.count[name] > 0 and not self.seen_whole
+            is_odd = is_wrong and not may_start and self.fits_around(name, value, rowid)
+            ahead = is_odd and step > 1
+        if is_odd:
+            self.is_odd.add(name)
+        if ahead:
+            self.tell("NV954", "error", name, rowid)
         alike = value is not None and had and value == before and not (name in self.real and value == 0)
         fell_from = self.fell_from.pop(name, None)
         if known and not zero:
             # A count that went back is none to count changes from: the two steps around it make two changes.
             is_missed = step > 1 and (fell_from is None or count - fell_from > 2)
-            if is_missed and self.losses == self.lost_at[name]:
+            if is_missed and not ahead and self.losses == self.lost_at[name]:
                 self.tell("NV953", "error", name, rowid)
             if step < 0:
                 self.fell_from[name] = self.count[name]
@@ -240,6 +279,17 @@ class _Changes:
         self.count[name], self.lost_at[name] = count, self.losses
         self.stored.add(name)
         return says
+
+    def fits_around(self, name: str, value: Any, rowid: int) -> bool:
+        """Return whether the next cell counts on from the one before, as if the cell between had counted rightly."""
+        if (rowid, name) not in self.following:
+            return False
+        following, count = self.following[rowid, name]
+        over_both = count - self.count[name]
+        if over_both < 0 and 0 < over_both + _WRAP <= 1_000:
+            over_both += _WRAP
+        changes = (value is not None) + (following is not None)
+        return over_both == changes or (name in self.real and over_both == 2)
 
     def take_zero(self, rowid: int, says: dict[str, str]) -> None:
         if {name for *_, own in self.start for name in own} & set(says):

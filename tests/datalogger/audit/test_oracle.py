@@ -48,6 +48,7 @@ def spoiled(draw: st.DrawFn, changes: bool) -> Rows:
                     "unsaid",
                     "ids",
                     "count",
+                    "near",
                     "value",
                     "null",
                     "alone",
@@ -79,6 +80,9 @@ def spoiled(draw: st.DrawFn, changes: bool) -> Rows:
             rows[at] = replace(
                 row, counts={**row.counts, name: draw(st.sampled_from([-1, 0, 1, 2, 30, 1 << 40, "x", 0.5]))}
             )
+        elif changes and kind == "near" and isinstance(row.counts.get(name), int):
+            off = draw(st.sampled_from([-3, -1, 1, 2]))
+            rows[at] = replace(row, counts={**row.counts, name: row.counts[name] + off})
         elif changes and kind == "alone":
             rows[at] = replace(row, counts={**row.counts, name: None})
         elif changes and kind == "null":

@@ -171,6 +171,22 @@ PLANTED = (
          (("NV954", "error", "a", (21,)),)),
     Case("NV954 counter back and on", True, lambda: with_cells(only_changes(), 20, {}, {"a": 3}),
          (("NV954", "error", "a", (21,)),)),
+    *(Case(f"NV954 one counter off by {off}", True,
+           lambda off=off: with_cells(only_changes(), 20, {}, {"a": 20 + off}), (("NV954", "error", "a", (21,)),))
+      for off in (-20, -21, -7, -1, 1, 2, 5, 1 << 40)),
+    *(Case(f"NV954 one counter {count} in the row in front of one that is the last", True,
+           lambda count=count: with_cells(only_changes(22), 20, {}, {"a": count}), (("NV954", "error", "a", (21,)),))
+      for count in (0, 19, 21, 30)),
+    Case("NV954 one counter 0 in a row of its own", True, lambda: with_cells(only_changes(), 11, {}, {"a": 0}),
+         (("NV954", "error", "a", (12,)),)),
+    Case("NV954 first count 0", True, lambda: with_cells(only_changes(), 1, {}, {"a": 0}),
+         (("NV954", "error", "a", (2,)),)),
+    Case("NV954 counters all odd in a row", True, lambda: with_cells(only_changes(), 14, {}, {"a": 2, "b": 9, "c": 1}),
+         (("NV954", "error", "a", (15,)), ("NV954", "error", "b", (15,)), ("NV954", "error", "c", (15,)))),
+    Case("NV953 and no odd counter", True,
+         lambda: [replace(row, counts={**row.counts, "a": n + 2 * (n >= 20)}) for n, row in enumerate(only_changes())],
+         (("NV953", "error", "a", (21,)),)),
+    Case("NV953 at the end", True, lambda: without(only_changes(22), 20), (("NV953", "error", "a", (21,)),)),
     Case("NV954 counter back, and changes missed behind it", True,
          lambda: with_cells(without(only_changes(), 23), 22, {}, {"a": 3}),
          (("NV953", "error", "a", (24,)), ("NV954", "error", "a", (23,)))),
@@ -248,6 +264,15 @@ def test_a_time_of_another_form_is_found(tmp_path: Path, changes: bool, base: Fo
     write(tmp_path / "x.db", rows, DECLARED, changes=changes, form=base)
     found = told(audited([str(tmp_path / "x.db")]))
     assert set(found) == {("NV956", "warning", None, (21,))}
+
+
+@pytest.mark.parametrize("changes", [False, True])
+@pytest.mark.parametrize(("base", "other"), [("iso", "raw"), ("raw", "iso")])
+def test_the_fewer_ones_are_those_of_another_form(tmp_path: Path, changes: bool, base: Form, other: Form) -> None:
+    rows = altered(only_changes() if changes else every_value(), 0, form=other)
+    write(tmp_path / "x.db", altered(rows, 7, form=other), DECLARED, changes=changes, form=base)
+    (finding,) = audited([str(tmp_path / "x.db")]).findings
+    assert (finding.kind.code, finding.rows) == ("NV956", (1, 8))
 
 
 @pytest.mark.parametrize("changes", [False, True])

@@ -99,6 +99,28 @@ def test_rows_that_are_in_two_files_are_told(tmp_path: Path, changes: bool) -> N
 
 
 @pytest.mark.parametrize("changes", [False, True])
+@pytest.mark.parametrize(
+    ("order", "told_in"),
+    [
+        ([0, 2, 1, 3, 4], [2]),
+        ([1, 0, 2, 3, 4], [1]),
+        ([0, 1, 2, 4, 3], [4]),
+        ([0, 3, 2, 1, 4], [2, 3]),
+        ([4, 1, 2, 3, 0], [1, 4]),
+        ([0, 1, 1, 3, 4], [2]),
+    ],
+)
+def test_files_in_the_wrong_place_are_told_and_nothing_that_follows_from_it(
+    tmp_path: Path, changes: bool, order: list[int], told_in: list[int]
+) -> None:
+    names = ["x.db.0", "x.db.1", "x.db.2", "x.db.3", "x.db"]
+    rows = only_changes(100) if changes else every_value(100)
+    for name, part in zip(names, order, strict=True):
+        write(tmp_path / name, rows[20 * part : 20 * part + 20], DECLARED, changes=changes)
+    assert found(tmp_path / "x.db") == [("NV959", names[number]) for number in told_in]
+
+
+@pytest.mark.parametrize("changes", [False, True])
 def test_files_that_overlap_are_told(tmp_path: Path, changes: bool) -> None:
     rows = only_changes(60) if changes else every_value(60)
     write(tmp_path / "x.db.0", rows[:30], DECLARED, changes=changes)

@@ -5,8 +5,12 @@ What is there of a message is read anew from its first byte whenever more of it 
 Readings, where the rules leave a choice:
 
 - from the client only requests are understood, from the server only responses
-- a start line is judged when its end has come, or when more has come than the longest one has; other lines when 64 KiB
-  have come without an end
+- a start line is judged when its end has come, or when more has come than the longest one has: a request's has 64 KiB,
+  what does not begin with a method and a blank is none where 2067 bytes have no end; other lines when 64 KiB have come
+  without an end
+- a request whose head has more than 64 KiB is lost, and a page's where it is a POST or a query of an older page; a
+  response of that kind may be one to a page
+- where the body of a POST is not known, its first 64 bytes tell whether it is a page's, decoded as far as that goes
 - behind three digits of a status comes the line's end, or a space and anything
 - a search goes on behind the first byte of what is foreign: what was taken for its head may be that of the next one
 - header lines without a colon mean nothing, and a line that begins with a blank goes on with the one before, if
@@ -36,100 +40,29 @@ Readings, where the rules leave a choice:
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
-from tests.oracle.rules.http_bodies import (
-    MOST_BODY,
-    MOST_HEAD,
-    MOST_LENGTH,
-    Foreign,
-    chunks,
-    decoded,
-    line,
-    line_end,
-    whole_chunks,
+from tests.oracle.rules.http_bodies import MOST_BODY, Foreign, begin, chunks, decoded, whole_chunks
+from tests.oracle.rules.http_heads import (
+    CHUNKED,
+    LONGEST_REQUEST_LINE,
+    LONGEST_STATUS_LINE,
+    METHODS,
+    NO_BODY,
+    REQUEST_LINE,
+    REQUEST_SOMEWHERE,
+    STATUS_LINE,
+    STATUS_SOMEWHERE,
+    TO_THE_END,
+    Head,
+    framing,
+    head_of,
+    start_line,
+    too_long,
 )
 from tests.oracle.rules.http_message import Lost, Message
 from tests.oracle.rules.streams import Delivery
-
-METHODS = rb"GET|HEAD|POST|PUT|DELETE|OPTIONS|PATCH|CONNECT|TRACE"
-REQUEST_LINE = re.compile(rb"(%s) (\S{1,2048}) HTTP/1\.[01]" % METHODS)
-STATUS_LINE = re.compile(rb"HTTP/1\.[01] (\d\d\d)(?:[ \t][^\r\n]{0,1000})?")
-REQUEST_SOMEWHERE = re.compile(rb"(?:%s) \S{1,2048} HTTP/1\.[01]\r?\n" % METHODS)
-STATUS_SOMEWHERE = re.compile(rb"HTTP/1\.[01] \d\d\d(?:[ \t][^\r\n]{0,1000})?\r?\n")
-LONGEST_REQUEST_LINE, LONGEST_STATUS_LINE = 2048 + len("CONNECT  HTTP/1.1\r\n"), 1000 + len("HTTP/1.1 200 \r\n")
-
-
-@dataclass
-class Head:
-    """A start line, the fields by lower-case name, and where the body begins."""
-
-    message: Message
-    fields: dict[bytes, list[bytes]]
-    end: int
-
-
-def start_line(buffer: bytes, response: bool) -> tuple[Message, int] | None:
-    """Return what the start line says, and where it ends."""
-    end = line_end(buffer, 0, 0, LONGEST_STATUS_LINE if response else LONGEST_REQUEST_LINE)
-    if end is None:
-        return None
-    found = (STATUS_LINE if response else REQUEST_LINE).fullmatch(line(buffer, 0, end))
-    if found is None:
-        raise Foreign(0)
-    return (Message(status=int(found[1])) if response else Message(method=found[1], target=found[2])), end
-
-
-def head_of(buffer: bytes, response: bool) -> Head | None:
-    """Return the head; None where it has not come whole."""
-    started = start_line(buffer, response)
-    if started is None:
-        return None
-    message, first = started
-    fields: dict[bytes, list[bytes]] = {}
-    at, last = first, list[bytes]()
-    while True:
-        end = buffer.find(b"\n", at) + 1
-        if (end or len(buffer) + 1) > MOST_HEAD:
-            raise Foreign(first)
-        if not end:
-            return None
-        text = line(buffer, at, end)
-        if not text:
-            return Head(message, fields, end)
-        at = end
-        if text[:1] in (b" ", b"\t"):
-            if last:
-                last[-1] = (last[-1] + b" " + text.strip(b" \t")).strip(b" \t")
-            continue
-        name, colon, value = text.partition(b":")
-        last = fields.setdefault(name.lower(), []) if colon else []
-        last.append(value.strip(b" \t"))
-
-
-NO_BODY, TO_THE_END, CHUNKED = "none", "to the end", "chunked"
-
-
-def framing(head: Head, response: bool, to_head: bool) -> int | str:
-    """Return the length of the body, or how its end is found."""
-    status = head.message.status
-    if response and (100 <= status < 200 or status in (204, 304) or to_head):
-        return NO_BODY
-    codings = [one.strip().lower() for value in head.fields.get(b"transfer-encoding", []) for one in value.split(b",")]
-    if codings and codings[-1] == b"chunked":
-        return CHUNKED
-    lengths = head.fields.get(b"content-length")
-    if lengths:
-        told = [one.strip() for value in lengths for one in value.split(b",")]
-        numbers = {int(length.lstrip(b"0")[:20] or b"0") for length in told if re.fullmatch(rb"\d+", length)}
-        if all(re.fullmatch(rb"\d+", length) for length in told) and len(numbers) == 1 and max(numbers) <= MOST_LENGTH:
-            return numbers.pop()
-        head.message.unbounded = True
-        return TO_THE_END
-    return TO_THE_END if response or head.message.method in (b"POST", b"PUT") else NO_BODY
 
 
 class Reader:
@@ -176,14 +109,20 @@ class Reader:
         """Take the open request for whole, since something answers it."""
         assert self.head is not None
         body: bytes | None = self.buffer[self.head.end :]
+        chunks_so_far = b""
         if self.framing == CHUNKED:
             body = whole_chunks(self.buffer, self.head.end)
+            if body is None:
+                chunks_so_far, _ = chunks(self.buffer, self.head.end)
         self.happened["open request answered"] += 1
         self.happened["open request answered within a chunk"] += body is None
         is_part = self.expects and len(self.buffer) == self.head.end and not by_reset
         head, message = self.head, self.whole(len(self.buffer), body)
         message.head_at = message.behind = message.told = None
         message.body, message.part = None if body is None else decoded(head.fields, body), is_part
+        message.unread = message.body is None and not (by_reset and body is None)
+        if body is None:
+            message.seen = begin(head.fields, chunks_so_far)
         return message
 
     def take(self, event: Delivery) -> Iterator[Message | Lost]:
@@ -237,7 +176,7 @@ class Reader:
                 self.happened["response not whole at the end"] += 1
                 if self.missing_at is not None:
                     yield message
-            elif self.missing_at is not None or self.framing == CHUNKED or int(self.framing) <= MOST_BODY:
+            else:
                 message.part, message.cut = self.missing_at is None, self.missing_at is not None
                 self.happened["part of a request" if message.part else "part of a cut request"] += 1
                 yield message
@@ -278,11 +217,13 @@ class Reader:
                 self.buffer = self.buffer.lstrip(b"\r\n")
             try:
                 message = self.message()
-            except Foreign:
+            except Foreign as wrong:
                 self.happened["foreign"] += 1
+                lost = too_long(self.buffer, self.response) if wrong.too_long else Lost()
                 self.next_message(self.buffer[1:])
                 self.in_step = False
-                yield Lost(told=self.told)
+                lost.told = self.told
+                yield lost
                 continue
             if message is None:
                 return
@@ -364,6 +305,9 @@ class Reader:
         else:
             message.seen = content or b""
             message.body = b"" if content is None else decoded(self.head.fields, content)
+            message.unread = message.body is None
+            if message.unread:
+                message.seen = begin(self.head.fields, content or b"")
             self.happened["body not known"] += message.body is None
             self.happened["body decoded"] += message.body not in (None, message.seen)
         message.arrival, message.told = self.latest or 0, self.told

@@ -7,14 +7,15 @@ import zlib
 from collections.abc import Mapping, Sequence
 
 MOST_HEAD, MOST_LENGTH, MOST_BODY = 64 * 1024, 2**30, 2**20
+BEGIN = 64
 CHUNK_LINE = re.compile(rb"[ \t]*([0-9A-Fa-f]{1,8})[ \t]*(?:;.*)?", re.DOTALL)
 
 
 class Foreign(Exception):
-    """What begins at ``at`` is not HTTP."""
+    """What begins at ``at`` is not HTTP, or it is ``too_long``."""
 
-    def __init__(self, at: int) -> None:
-        self.at = at
+    def __init__(self, at: int, *, too_long: bool = False) -> None:
+        self.at, self.too_long = at, too_long
 
 
 def line_end(buffer: bytes, begin: int, foreign_at: int, most: int = MOST_HEAD) -> int | None:
@@ -98,3 +99,16 @@ def decoded(fields: Mapping[bytes, Sequence[bytes]], content: bytes) -> bytes | 
         if stream.eof and len(found) <= MOST_BODY:
             return found
     return None
+
+
+def begin(fields: Mapping[bytes, Sequence[bytes]], content: bytes) -> bytes:
+    """Return the first bytes of what a body was before it was compressed, as far as that is known."""
+    encoding = b",".join(fields.get(b"content-encoding", [])).lower()
+    if encoding in (b"", b"identity"):
+        return content[:BEGIN]
+    for wbits in {b"gzip": (31,), b"x-gzip": (31,), b"deflate": (15, -15)}.get(encoding, ()):
+        try:
+            return zlib.decompressobj(wbits).decompress(content, BEGIN)
+        except zlib.error:
+            continue
+    return b""

@@ -14,7 +14,8 @@ class Message:
     ``broken_off``: that its end is the reset of the connection, and nobody knows whether more should have come;
     ``part``: that it is a request of which the client sent no more than a part; ``unasked``: that it is a response to
     HEAD, which was not captured; ``late``: that it may be one to a request from before the capture;
-    ``unbounded``: that nobody knows where it ends. ``head_at`` and ``behind`` are the sequence numbers behind its head,
+    ``unbounded``: that nobody knows where it ends; ``unread``: that nothing is missing of it, and nobody reads it.
+    ``head_at`` and ``behind`` are the sequence numbers behind its head,
     and behind all of it, or both the latter where not all of it came; ``told`` is what the segment with which it was
     whole acknowledges. Of what ends otherwise than by what it says, nobody knows them.
     """
@@ -32,6 +33,7 @@ class Message:
     unasked: bool = False
     late: bool = False
     unbounded: bool = False
+    unread: bool = False
     head_at: int | None = None
     behind: int | None = None
     told: int | None = None
@@ -39,7 +41,10 @@ class Message:
 
 @dataclass
 class Lost:
-    """The direction has lost step; ``dropped`` is the message that a hole touched, if it was ``in_step`` before."""
+    """The direction has lost step; ``dropped`` is the message that a hole touched, if it was ``in_step`` before.
+
+    Or it is the one whose head is too long.
+    """
 
     dropped: Message | None = None
     in_step: bool = False

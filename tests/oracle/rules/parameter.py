@@ -3,11 +3,16 @@
 Readings, where the rules leave a choice:
 
 - a read and a write with the same key are two transactions; an error reply, and busy, is to what was asked for last
-- the port is the request's destination; of a reply it is 1202 where that is one of its two, else the lower one
+- the port is the request's destination; of a reply, which may come from any port and go to any, it is the one it comes
+  from if its receiver has asked its sender on that so far; else the one it goes to, if so; else the one on which its
+  receiver asked its sender last; of one who never asked, it is 1202 where that is one of its two, else the lower one
 - latencies are those of replies; busy has none
 - findings are those of a port: `variable` names it where it is not 1202, as in `sdo/10.0.0.2:1203/0x2000:1`
 - who says that a request is undeliverable need not be the partner; it stays open
 - a request to everybody is one to that address, which answers nothing
+- a write of another value with the same key, while one is open, is not the same request: it opens a transaction of its
+  own. Replies close such ones in the order in which they were opened, but which value a reply is about is not known:
+  what came of the one it closes, and of those that were open then, stays open, and so does what the parameter is
 - what is written is in the first request; the old value is what was known of the parameter of that address when it came
 - a value that was read, or written and confirmed, is known from the reply on; one of which not all was captured is not,
   and what was known before is not any more
@@ -93,6 +98,7 @@ class Wait:
     frame: int
     deadline: int
     write: Write | None = None
+    unsure: bool = False
 
 
 Moments = list[tuple[int, int]]
@@ -108,17 +114,19 @@ class Parameters:
         self.findings: dict[tuple[str, Address, Address, int, int, int], dict[int, Moments]] = defaultdict(
             lambda: defaultdict(list)
         )
-        self.open: dict[tuple[Place, int], Wait] = {}
+        self.open: dict[tuple[Place, int], list[Wait]] = defaultdict(list)
+        self.asked: dict[tuple[Address, Address], list[int]] = defaultdict(list)
         self.last: dict[Place, int] = {}
         self.values: dict[tuple[Address, int, int], Value] = {}
         self.writes: list[Write] = []
 
     def observe(self, number: int, frame: Frame) -> None:
-        for (place, service), wait in sorted(self.open.items(), key=lambda one: (one[1].deadline, one[1].frame)):
+        waits = [(key, wait) for key, some in self.open.items() for wait in some]
+        for (place, service), wait in sorted(waits, key=lambda one: (one[1].deadline, one[1].frame)):
             if frame.ts_ns > wait.deadline:
-                del self.open[place, service]
+                self.open[place, service].remove(wait)
                 self.rows[place[0]].timeouts += 1
-                if wait.write:
+                if wait.write and not wait.unsure:
                     wait.write.outcome = "unanswered"
                 self.find("NV701", place, wait.deadline, wait.frame)
         content = peel(frame)
@@ -129,11 +137,21 @@ class Parameters:
             return
         if seen.service in (READ, WRITE):
             pair = (seen.source, seen.destination, seen.port)
+            self.asked[pair[:2]].append(seen.port)
             self.request((pair, seen.index, seen.subindex, seen.counter), seen)
         elif seen.service in REPLIES or seen.service in ERRORS or seen.service == BUSY:
-            ports = {content.source_port, seen.port}
-            pair = (seen.destination, seen.source, LIST_PORT if LIST_PORT in ports else min(ports))
+            pair = (seen.destination, seen.source, self.port_of(content.source_port, seen))
             self.reply((pair, seen.index, seen.subindex, seen.counter), seen)
+
+    def port_of(self, source_port: int, seen: Telegram) -> int:
+        """Return the port of the request that a reply is to."""
+        asked = self.asked.get((seen.destination, seen.source), [])
+        for port in (source_port, seen.port):
+            if port in asked:
+                return port
+        if asked:
+            return asked[-1]
+        return LIST_PORT if LIST_PORT in (source_port, seen.port) else min(source_port, seen.port)
 
     def came_back(self, quoted: Datagram) -> None:
         """Count a message that says of a request that it went nowhere."""
@@ -143,8 +161,11 @@ class Parameters:
 
     def request(self, place: Place, seen: Telegram) -> None:
         self.last[place] = seen.service
-        wait = self.open.get((place, seen.service))
-        if wait is not None:
+        value = value_of(seen) if seen.service == WRITE else None
+        waits = self.open[place, seen.service]
+        for wait in waits:
+            if wait.write and wait.write.new != value:
+                continue
             self.rows[place[0]].retransmissions += 1
             wait.deadline = seen.time + self.timeout_ns
             return
@@ -157,20 +178,27 @@ class Parameters:
                 seen.time, seen.frame, str(requester), str(partner), port, index, subindex, old, value_of(seen)
             )  # fmt: skip
             self.writes.append(write)
-        self.open[place, seen.service] = Wait(seen.time, seen.frame, seen.time + self.timeout_ns, write)
+        waits.append(Wait(seen.time, seen.frame, seen.time + self.timeout_ns, write))
 
     def reply(self, place: Place, seen: Telegram) -> None:
         row, service, time, frame = self.rows[place[0]], seen.service, seen.time, seen.frame
-        wait = self.open.pop((place, REPLIES.get(service, self.last.get(place, READ))), None)
-        if wait is None:
+        waits = self.open[place, REPLIES.get(service, self.last.get(place, READ))]
+        if not waits:
             row.unexpected += 1
             self.find("NV703", place, time, frame)
             return
+        wait = waits.pop(0)
+        wait.unsure |= bool(waits)
+        for other in waits:
+            other.unsure = True
         if wait.write:
             wait.write.answer = frame
-            wait.write.outcome = {WRITE_REPLY: "confirmed", BUSY: "busy"}.get(service, "refused")
-            wait.write.error = ERRORS.get(service)
-        if service in REPLIES:
+            if not wait.unsure:
+                wait.write.outcome = {WRITE_REPLY: "confirmed", BUSY: "busy"}.get(service, "refused")
+                wait.write.error = ERRORS.get(service)
+        if wait.unsure and service == WRITE_REPLY:
+            self.values.pop((place[0][1], place[1], place[2]), None)
+        elif service in REPLIES:
             self.learn(place, wait.write.new if wait.write else value_of(seen))
         if service == BUSY:
             row.busy += 1

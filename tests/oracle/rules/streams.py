@@ -94,6 +94,8 @@ class Direction:
         """Return how many bytes of a segment, which lies at a place, differ from those that came before."""
         if segment.length == 1 and begin == self.sent - 1:
             return 0
+        if begin >= self.next and not self.kept:  # nothing has come before
+            return 0
         found = 0
         for place, byte in enumerate(segment.payload, begin):
             before = self.kept[place].byte if place in self.kept else None
@@ -114,7 +116,7 @@ class Direction:
         return (self.begin + self.next) % 2**32
 
     def first_kept(self) -> int | None:
-        return min([*self.kept, *self.fins], default=None)
+        return min([*self.kept, *self.fins], default=None) if self.kept or self.fins else None
 
 
 @dataclass(eq=False)
@@ -242,12 +244,15 @@ class Streams:
             self.happened["too far away"] += 1
             return 0
         late, others = 0, own.others(segment, begin)
-        for offset in range(segment.length):
-            if begin + offset < own.next or begin + offset in own.kept or begin + offset in own.fins:
+        payload = segment.payload[: segment.length]
+        # One for all equal bytes of a segment: there are many, and they are looked at one by one.
+        made = {byte: Carried(byte, number, time, told(segment)) for byte in {*payload, None}}
+        brought = [*map(made.__getitem__, payload), *[made[None]] * (segment.length - len(payload))]
+        for place, carried in enumerate(brought, begin):
+            if place < own.next or place in own.kept or place in own.fins:
                 late += 1
-                continue
-            byte = segment.payload[offset] if offset < len(segment.payload) else None
-            own.kept[begin + offset] = Carried(byte, number, time, told(segment))
+            else:
+                own.kept[place] = carried
         end = begin + segment.length
         if fin and end >= own.next and end not in own.kept:
             own.fins.setdefault(end, Carried(None, number, time, told(segment)))
@@ -265,7 +270,7 @@ class Streams:
         run: list[Carried] = []
         while True:
             found = None if own.next in own.fins else own.kept.pop(own.next, None)
-            if run and (found is None or (found.byte is None, found.frame) != (run[0].byte is None, run[0].frame)):
+            if run and (found is None or found.frame != run[0].frame or (found.byte is None) != (run[0].byte is None)):
                 own.latest = max(own.latest, run[0].time) if run[0].byte is not None else own.latest
                 data = bytes(carried.byte for carried in run if carried.byte is not None)
                 own.told = run[0].told if data else own.told

@@ -7,7 +7,9 @@ import zlib
 
 import pytest
 
-from tests.oracle.rules.http import LONGEST_REQUEST_LINE, MOST_BODY, Reader
+from tests.oracle.rules.http import LONGEST_REQUEST_LINE, Reader
+from tests.oracle.rules.http_bodies import MOST_BODY
+from tests.oracle.rules.http_heads import LONGEST_OTHER_LINE
 from tests.oracle.rules.http_message import Lost, Message
 
 GET, OK = b"GET /a HTTP/1.1\r\n\r\n", b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\nok"
@@ -99,18 +101,18 @@ def test_a_search_finds_a_start_line_anywhere_when_it_is_complete() -> None:
     assert told(b"...GET /a", b" HTTP/1.1\r", b"\n\r\n", in_step=False) == ["GET"]
     assert told(b"...GET /a HTTP/1.1\r\n\r\n", in_step=False) == ["GET"]
     assert told(b"...GET /a HTTP/1.1\r\n\r\n") == ["lost", "GET"]
-    long = b"/" + b"a" * 2047
+    long = b"/" + b"a" * (LONGEST_REQUEST_LINE - len(b"GET / HTTP/1.1\n\n"))
     assert told(b"GET " + long + b" HTTP/1.1\n\n", in_step=False) == ["GET"]
-    assert told(b"GET " + long + b"a HTTP/1.1\n\n", in_step=False) == []
-    assert told(b"GET " + long + b"a HTTP/1.1\n\n") == ["lost"]
+    assert told(b"GET " + long + b"aa HTTP/1.1\n\n") == ["lost"]
 
 
 def test_a_head_has_a_limit() -> None:
     most = 65536 - len(b"GET /a HTTP/1.1\r\nX: \r\n\r\n")
     for more, outcome in ((0, ["GET", "GET"]), (1, ["lost", "GET"])):
         assert told(b"GET /a HTTP/1.1\r\nX: " + b"x" * (most + more) + b"\r\n\r\n" + GET) == outcome
-    assert told(b"x" * (LONGEST_REQUEST_LINE - 1)) == []
-    assert told(b"x" * LONGEST_REQUEST_LINE) == ["lost"]
+    for begin, longest in ((b"x", LONGEST_OTHER_LINE), (b"GET ", LONGEST_REQUEST_LINE)):
+        assert told(begin.ljust(longest - 1, b"x")) == []
+        assert told(begin.ljust(longest, b"x")) == ["lost"]
 
 
 def test_bodies_up_to_the_end() -> None:

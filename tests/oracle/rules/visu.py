@@ -3,15 +3,14 @@
 Readings, where the rules leave a choice:
 
 - a direction whose SYN was not seen began before the capture, whether that of the other was seen or not
-- a response answers the first request that waits when the response is whole, or is dropped as cut
+- a response answers the first request that waits when it is whole, or is dropped as cut
 - where the client's direction loses step, a response that is being received then answers nobody; it stays in step.
   Where the server's does, a request that is being received then stays what it is
 - a response that comes to nothing (a malformed chunk) takes no request with it but by the step that is lost
 - a hole in the server's direction, while that is in step, is in the response to the first request that waits, whatever
   of it was seen. What is not whole at the end, though no byte is missing, is no reply
-- a cut request counts in `cut` and makes its connection count, and that is all: its reply, or that it has none, counts
-  nowhere
-- a request whose body is not known is none, whatever its target says; a reply is one that tells no more than its status
+- a cut request counts in `cut` and makes its connection count, and that is all: what becomes of it counts nowhere
+- a POST whose body is not known counts as a cut one, but is no NV808; a reply is one that tells no more than its status
 - a request that does not say where it ends is whole where something comes that answers a request, and none waits: with
   the frame of that, and the time at which the latest of it came. A response that is whole or cut is such a thing, a
   hole in the server's direction while that is in step, and the end of that in order
@@ -19,11 +18,9 @@ Readings, where the rules leave a choice:
   many variables come as it declares, unambiguously, and a bar behind the last; else nobody knows what it was to become
 - a response that comes while none waits, and the head of a request is there that says where it ends, answers that: with
   the frame with which it is whole, and no latency, as far as it ever is
-- requests that become whole after the server's direction has ended are unanswered where the connection ends by RST or a
-  new one; where it ends in order, nothing happens
+- requests that become whole behind the server's end are unanswered if RST or a new connection made that, else nothing
 - the same body is the same decoded bytes; a poll runs from the last read with this body, whatever came between
-- events of a finding are in order of what happened: first and last are the times of the first and the last one, and the
-  first ten are their frames (the same one several times where several entries came with it)
+- events of a finding are in order of what happened: first and last are times, the first ten are told by their frames
 """
 
 from __future__ import annotations
@@ -136,7 +133,7 @@ class Visu:
             talk.forgotten = False in talk.readers and talk.readers[False].receiving
         else:
             if what.in_step:
-                self.response(talk, Message(cut=True, whole=False))
+                self.response(talk, what.dropped or Message(cut=True, whole=False))
             talk.forgotten = False
             talk.turns.doubtful |= what.missing and not talk.early
         talk.waiting.clear()
@@ -147,7 +144,11 @@ class Visu:
         ):  # fmt: skip
             self.happened["cut request"] += 1
             talk.had_request = True
-            self.known[talk.pair].counts["cut"] += 1
+            self.cut(talk, message)
+
+    def cut(self, talk: Talk, message: Message) -> None:
+        self.known[talk.pair].counts["cut"] += 1
+        if not message.unread:
             self.find("NV808", talk)
 
     def request(self, talk: Talk, message: Message) -> None:
@@ -167,9 +168,10 @@ class Visu:
 
     def ask(self, talk: Talk, message: Message) -> None:
         asked = None
-        if message.cut:
+        if message.cut or (message.unread and message.method == b"POST"):
             self.cut_request(talk, message)
-        elif message.body is not None:
+        elif message.body is not None or message.unread:
+            message.body = message.body or b""
             asked = visu_body.asked(message.method, message.target, message.body)
             if message.broken_off and message.method == b"POST" and not visu_body.is_whole(asked, message.body):
                 self.happened["not whole when it was broken off"] += 1
@@ -249,8 +251,7 @@ class Visu:
             self.happened["request of a client that nobody heard"] += 1
             talk.gap_bytes += size
             talk.had_request = True
-            self.known[talk.pair].counts["cut"] += 1
-            self.find("NV808", talk)
+            self.cut(talk, message)
         if not (forgotten or talk.waiting) and keep(talk, message):
             return
         if forgotten or not talk.waiting:
@@ -270,8 +271,7 @@ class Visu:
         self.note_unbounded(talk, message)
         if message.cut:
             self.happened["cut reply"] += 1
-            row.counts["cut"] += 1
-            self.find("NV808", talk)
+            self.cut(talk, message)
             return
         if waiting.asked is None:
             if message.status != 200:

@@ -6,6 +6,8 @@ Readings, where the rules leave a choice:
   values as asked for, or that the write was done. Else nobody knows what answers any of those that wait: they do so
   no more as requests of a page, and count nowhere; each takes the response at its place
 - one that is cut is cut all the same
+- neither acknowledgements nor times end that before a response with a body comes: they say that the server has a
+  request, not that none from before waits in front of it. A client that asks ahead by one request looks the same
 """
 
 from __future__ import annotations

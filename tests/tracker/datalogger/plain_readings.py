@@ -85,24 +85,53 @@ def stored_rows(paths: Sequence[Path], table: str = "log_1") -> Iterator[tuple[l
                 yield names, number, tuple(row)
 
 
+def put_together(groups: list[set[str]], names: set[str]) -> set[str]:
+    """Let those be one group that names are in, and return it."""
+    own = names.union(*(one for one in groups if one & names))
+    groups[:] = [*(one for one in groups if not one & names), own]
+    return own
+
+
 class Tasks:
-    """Which variables are sampled together, as far as rows have told: those that stand in one row."""
+    """Which variables are sampled together, as far as rows have told: those that stand in one row.
+
+    A logger that goes on with other tasks says that data was lost. Behind that, a variable that is no real number, and
+    was in a row, is in each row of its task; so rows without it are of another one, and all that stands with these.
+    """
 
     def __init__(self, reals: Collection[str]) -> None:
-        self._reals = reals
+        self._reals = set(reals)
         self._together: list[set[str]] = []
+        self._part: list[set[str]] | None = None
+        self._rows: dict[str, list[int]] = {}
+        """The rows of the part in which each was."""
+        self._number = 0
 
-    def unknown(self, values: dict[str, Value]) -> set[str]:
+    def unknown(self, values: dict[str, Value], *, begins: bool) -> set[str]:
         """Take the values of a row; return which of those that are NULL were to be sampled in it."""
+        if begins:
+            self._part, self._rows = [], {}
         there = {name for name, value in values.items() if value is not None}
-        if there:
-            touched = [one for one in self._together if one & there]
-            self._together = [one for one in self._together if not one & there]
-            own = there.union(*touched)
-            self._together.append(own)
-            return own - there
-        only_reals = [one for one in self._together if one <= set(self._reals)]
-        return set().union(*(only_reals or self._together))
+        if not there:
+            only_reals = [one for one in self._together if one <= self._reals]
+            return set().union(*(only_reals or self._together))
+        self._number += 1
+        for name in there:
+            self._rows.setdefault(name, []).append(self._number)
+        found = put_together(self._together, there) - there
+        if self._part is None:
+            return found
+        own = put_together(self._part, there)
+        return {name for name in found if name in own or not self._is_apart(name, own)}
+
+    def _is_apart(self, name: str, own: set[str]) -> bool:
+        """Return whether a variable is of another task than some, none of which was in a row with it."""
+        assert self._part is not None
+        others = next((one for one in self._part if name in one), set())
+        if others - self._reals:
+            return True
+        whole = [self._rows[one][0] for one in own - self._reals]
+        return bool(others and whole) and self._rows[name][-1] > min(whole)
 
 
 def read(paths: Sequence[Path], reals: Collection[str] = ()) -> list[Variable]:
@@ -111,12 +140,14 @@ def read(paths: Sequence[Path], reals: Collection[str] = ()) -> list[Variable]:
     tasks, counts = Tasks(reals), dict[str, int]()
     frame = stretch = 0
     before: int | None = None
+    was_lost = False
     for names, number, row in stored_rows(paths):
         when = time_ns(row[0])
         if when is None:
             continue
         # A row that is not the next one: what was between cannot be read, such as those without a time.
-        stretch += before is not None and number > before + 1
+        is_unread = before is not None and number > before + 1
+        stretch += is_unread
         before = number
         frame += 1
         values = dict(zip(names[2:], row[2:], strict=True))
@@ -125,7 +156,9 @@ def read(paths: Sequence[Path], reals: Collection[str] = ()) -> list[Variable]:
         begins_anew = bool(counters) and len(counters) == len(counted) and all(one == 0 for one in counters)
         if row[1] == 0 or begins_anew:
             stretch += 1
-        unknown = set() if counters else tasks.unknown(values)
+        begins = (row[1] == 0 and not was_lost) or is_unread
+        was_lost = row[1] == 0
+        unknown = set() if counters else tasks.unknown(values, begins=begins)
         for name in counted if counters else ():
             count = values[name + COUNT_SUFFIX]
             if isinstance(count, int):

@@ -1,4 +1,7 @@
-"""Rows that were logged and cannot be read any more: what the list carried then is unknown, and not missed."""
+"""Rows that were logged and cannot be read any more: what the list carried then is unknown, and not missed.
+
+Of rows that somebody deleted, the database has nothing: what they held is missed.
+"""
 
 from __future__ import annotations
 
@@ -178,18 +181,48 @@ def test_the_report_tells_it(tmp_path: Path) -> None:
     only_changes=st.booleans(), packets=st.integers(1, 500),
     gone=st.lists(st.tuples(st.sampled_from(NAMES[:3]), st.integers(1, 100), st.integers(0, 60)), max_size=6),
 )  # fmt: skip
-def test_whatever_rows_are_gone_none_of_them_is_missed_however_it_is_cut(
+def test_whatever_rows_were_deleted_what_they_held_is_missed_however_it_is_cut(
     tmp_path_factory: pytest.TempPathFactory, only_changes: bool, packets: int, gone: list[tuple[str, int, int]]
 ) -> None:
+    """The database has not got it, whether its ids tell that rows lack, or not."""
     folder = tmp_path_factory.mktemp("plant")
     made = Plant(folder, 10, 400, only_changes=only_changes)
-    whole = made.compared()
     for name, first, more in gone:
         with closing(sqlite3.connect(folder / name)) as database:
-            database.execute("DELETE FROM log_1 WHERE rowid BETWEEN ? AND ?", (first, first + more))
+            (last,) = database.execute("SELECT max(rowid) FROM log_1").fetchone()
+            # The first and the last row stay: what lies between two files is another matter.
+            until = min(first + more, last - 1)
+            database.execute("DELETE FROM log_1 WHERE rowid BETWEEN ? AND ?", (first + 1, until))
             database.commit()
     found = made.compared()
     assert made.compared(packets) == found
-    for name, row in found.items():
-        assert (row["missed"], row["followed"]) == (whole[name]["missed"], row["changes"])
-        assert row["delay_ns"]["max"] <= whole[name]["delay_ns"]["max"]
+    for name in NAMES:
+        with closing(sqlite3.connect(folder / name)) as database:
+            ids = [one for (one,) in database.execute("SELECT rowid FROM log_1 ORDER BY rowid")]
+            for place, one in enumerate(ids, 1):
+                database.execute("UPDATE log_1 SET rowid = ? WHERE rowid = ?", (place, one))
+            database.commit()
+    renumbered = made.compared()
+    told = ("missed", "followed", "changes", "delay_ns", "observed_ns", "differed_ns")
+    assert {name: [row[one] for one in told] for name, row in found.items()} == {
+        name: [row[one] for one in told] for name, row in renumbered.items()
+    }
+
+
+def test_deleted_rows_are_missed(tmp_path: Path) -> None:
+    made = Plant(tmp_path, 50, 80, only_changes=False)
+    whole = made.compared()["nCount"]
+    with closing(sqlite3.connect(tmp_path / "x.db.1")) as database:
+        database.execute("DELETE FROM log_1 WHERE rowid BETWEEN 8 AND 12")
+        database.commit()
+    found = made.compared()["nCount"]
+    assert (found["missed"], found["followed"]) == (whole["missed"] + 5, whole["followed"] - 5)
+
+
+def test_a_row_whose_time_cannot_be_read_is_not_missed(tmp_path: Path) -> None:
+    made = Plant(tmp_path, 50, 80, only_changes=False)
+    whole = made.compared()["nCount"]
+    with closing(sqlite3.connect(tmp_path / "x.db.1")) as database:
+        database.execute("UPDATE log_1 SET Timestamp = 'yesterday' WHERE rowid BETWEEN 8 AND 12")
+        database.commit()
+    assert made.compared()["nCount"]["missed"] == whole["missed"]

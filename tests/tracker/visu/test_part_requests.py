@@ -208,3 +208,11 @@ def test_what_answers_it_comes_before_what_shows_that_it_has_no_body(length: byt
             state = followed(cut(batch_of(line.frames), packets))
             assert told(state)[1] == rules.findings()
             assert writes_of(state) == writes_by_the_rules(rules)
+
+
+def test_who_closed_its_side_with_a_part_did_not_wait_for_no_time() -> None:
+    first = Line().open().ask(HEAD + BODY[:9]).segment(False).close(True).frames
+    second = Line(("10.0.0.1", 50_001), now=SECOND).open().ask(HEAD + BODY).wait(2 * SECOND).segment(False).close(True)
+    frames = [*first, *second.wait(11 * SECOND).segment(False).frames]
+    (told_of,) = [one for one in messages(frames) if "gave up" in one]
+    assert told_of.startswith("10.0.0.1 gave up 2 requests to 10.0.0.5 without a reply after up to 2.0 s.")

@@ -1,0 +1,54 @@
+"""Answering: what is known of the requests that the messages of a direction answer, while that is read."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dissectors.http import Head, Side
+from dissectors.webvisu import Likeness
+
+if TYPE_CHECKING:
+    from nvscope.tracker.visu.waiting_requests import WaitingRequests
+
+
+class Answering:
+    """The part of ``HttpReader`` that says what is answered.
+
+    ``is_late``: a server's stream began in the middle, and no response with a body has come yet: what comes may answer
+    a request that was not captured. ``known_at`` is up to where one had to read to know what is read now, or 0.
+    """
+
+    __slots__ = ("_answers_head", "_answers_nobody", "is_late", "known_at", "requests", "side")
+
+    def __init__(self, side: Side) -> None:
+        self.side = side
+        self.requests: WaitingRequests | None = None
+        # Of the response that has begun, None before its head is there.
+        self._answers_head: bool | None = None
+        self._answers_nobody = False
+        self.known_at, self.is_late = 0, False
+
+    def _is_to_head(self, at: int) -> bool:
+        """Tell whether the response whose head ends at a place answers HEAD: what waited then says so, not later."""
+        if self._answers_nobody:
+            return False
+        if self._answers_head is None:
+            self._answers_head = self.requests is not None and self.requests.answers_head(max(at, self.known_at))
+        return self._answers_head
+
+    def _answered(self, at: int, head: Head | None) -> bool:
+        """Take the end of a message; return whether it answers nobody."""
+        nobody = self._answers_nobody
+        self._answers_head, self._answers_nobody = None, False
+        if self.requests is not None and not nobody and not (head is not None and head.is_interim):
+            self.requests.answered(at if at < 0 else max(at, self.known_at))
+        self.is_late = self.is_late and not (head is not None and head.has_body)
+        return nobody
+
+    def _if_answers(self) -> Likeness:
+        """Tell whether what has begun is a response to the first request that waits."""
+        return Likeness.NO if self._answers_nobody else Likeness.YES
+
+    def _may_be_known(self, head: Head) -> bool:
+        """Tell whether all messages with such a head are read alike."""
+        return self.requests is None and head.method != "HEAD" and not (head.is_interim or head.expects)
