@@ -247,7 +247,7 @@ def test_servers_that_break_off_in_the_middle(answers: list[bytes], code: int, t
             "302, which leads to http://192.0.2.1/\\x1b]0;",
         ),
         (b"HTTP/1.0 401 \r\n\r\n", 1, "the server asks for a login"),
-        (replied(b"|\x1b]0;owned\x07|"), 0, ""),
+        (replied(b"|\x1b]0;owned\x07|"), 3, "which is no INT"),
     ],
 )
 def test_what_servers_say_cannot_write_to_the_terminal(answer: bytes, code: int, told: str) -> None:

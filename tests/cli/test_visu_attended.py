@@ -60,8 +60,8 @@ def on_a_terminal(*words: str) -> Iterator[tuple[subprocess.Popen[bytes], Callab
             os.close(ours)
 
 
-@pytest.mark.parametrize("answer", ["\x04", "interrupt"])
-def test_who_leaves_the_question_is_told_on_a_line_of_its_own(tmp_path: Path, answer: str) -> None:
+@pytest.mark.parametrize(("answer", "code"), [("\x04", 1), ("interrupt", 130)])
+def test_who_leaves_the_question_is_told_on_a_line_of_its_own(tmp_path: Path, answer: str, code: int) -> None:
     with served(tmp_path, TABLE) as one:
         with on_a_terminal("visu", "write", one.url, "PLC_PRG.n", "6") as (process, until, person):
             until("[y/N] ")
@@ -71,7 +71,7 @@ def test_who_leaves_the_question_is_told_on_a_line_of_its_own(tmp_path: Path, an
                 os.write(person, answer.encode())
             told = until("nothing was written.")
         assert re.search(r"is 5\. Write 6\? \[y/N\] +\nnvscope: nothing was written\.\s*\Z", told), told
-        assert process.returncode == 130
+        assert process.returncode == code
         assert [handled.writes for handled in one.posted] == [False]
 
 

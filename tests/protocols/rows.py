@@ -69,4 +69,4 @@ def logged_of(frames: Sequence[Frame]) -> Logged | None:
     own = np.array([frame.link == LinkType.DATABASE_ROW for frame in frames], np.bool_)
     if not own.any():
         return None
-    return Logged((TABLE,), np.where(own, 0, NO_TABLE), np.arange(1, len(frames) + 1))
+    return Logged((TABLE,), np.where(own, 0, NO_TABLE), np.arange(1, len(frames) + 1), np.zeros(len(frames), np.bool_))
