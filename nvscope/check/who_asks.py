@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from dissectors import address
 from nvscope.check.check import Evidence
 from nvscope.check.parameters import Parameter, Unfit
-from nvscope.check.patterns import fits, is_pattern
+from nvscope.name_patterns import fits, is_pattern
 from nvscope.toml_table import TEXT, Place, ValueKind, array, choice
 from nvscope.units import endpoint
 

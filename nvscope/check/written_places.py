@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from nvscope.check.parameters import Unfit
-from nvscope.check.patterns import fits, is_pattern
 from nvscope.check.who_asks import PROTOCOLS, Pair
+from nvscope.name_patterns import fits, is_pattern
 from nvscope.toml_table import TEXT, Place, ValueKind, array
 from nvscope.units import parameter
 
