@@ -15,7 +15,7 @@ from tests.packets import batch_of
 from tests.program import run_text
 
 
-def logged(folder: Path, sent: list[tuple[float, int, int, int]]) -> list[tuple[int | None, ...]]:
+def logged(folder: Path, sent: list[tuple[float, int, int, int]]) -> list[tuple[object, ...]]:
     """Log telegrams of a list of three (when in ms, SubIndex, Counter, value) in its cycles; return the values."""
     names = ["dwA", "dwB", "dwC"]
     (folder / "list1.gvl").write_text(gvl(1, names, pack=False))
@@ -31,7 +31,7 @@ def logged(folder: Path, sent: list[tuple[float, int, int, int]]) -> list[tuple[
         sink.write(batch_of(frames))
     done = run_text("datalog", "plant.pcap", "--config", "c.xml", "--gvl", ".", cwd=folder)
     assert done.returncode == 0, done.stderr
-    return [row[3:] for row in rows_of(folder / "log.db")]
+    return [row[3:] if row[2] else ("lost before", *row[3:]) for row in rows_of(folder / "log.db")]
 
 
 ORDERS = [(0, 1, 2), (1, 0, 2), (0, 2, 1), (2, 1, 0), (2, 0, 1), (1, 2, 0)]
@@ -54,7 +54,34 @@ def test_what_is_lost_of_a_cycle_makes_no_other_of_it(tmp_path: Path) -> None:
         for place, subindex in enumerate((1, 0, 2))
         if cycle % 5 != 2 or subindex != cycle % 3
     ]
-    # Of what is lost, the value of the cycle before stays.
-    assert logged(tmp_path, sent) == [
+    # Of what is lost, the value of the cycle before stays; the row behind the gap tells of it.
+    assert [row[-3:] for row in logged(tmp_path, sent)] == [
         tuple(cycle - (cycle % 5 == 2 and subindex == cycle % 3) for subindex in range(3)) for cycle in range(20)
     ]
+
+
+@pytest.mark.parametrize(
+    ("late_ms", "behind"),
+    [(49.95, 4), (50.05, 4), (50.5, 5)],  # in front of what replaces it, behind that, behind the next cycle
+)
+def test_what_comes_when_the_next_cycle_has_begun_is_in_no_other(late_ms: float, behind: int, tmp_path: Path) -> None:
+    sent = [
+        (50 * cycle + place / 10 + late_ms * (cycle == 3 and place == 1), place, cycle + 1, cycle)
+        for cycle in range(8)
+        for place in range(3)
+    ]
+    rows = logged(tmp_path, sorted(sent))
+    expected: list[tuple[object, ...]] = [(cycle,) * 3 for cycle in range(8)]
+    expected[3] = (3, 2, 3)
+    expected[behind] = ("lost before", *expected[behind])
+    assert rows == expected
+
+
+def test_what_comes_of_the_next_cycle_is_not_in_this_one(tmp_path: Path) -> None:
+    """Its first telegram is late, and all others come at once with the next."""
+    sent = [
+        (50 * cycle + place / 10 + 49.85 * (cycle == 3), 2 - place if cycle == 4 else place, cycle + 1, cycle)
+        for cycle in range(8)
+        for place in range(1 if cycle == 3 else 3)
+    ]
+    assert [row[-3:] for row in logged(tmp_path, sent)[3:5]] == [(3, 2, 2), (4, 4, 4)]
