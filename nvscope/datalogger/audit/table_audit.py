@@ -155,6 +155,11 @@ class TableAudit:
         ]  # fmt: skip
         return found
 
+    def lacks_in_front_of(self, path: str) -> bool:
+        """Return whether rows or changes are missing in front of the first row of the file that was read last."""
+        own = self._notes[-1] if self._files[-1:] == [path] else Notes()
+        return own.begins_with(topics.GAP) or own.begins_with(topics.MISSED)
+
     @property
     def figures(self) -> list[Figures]:
         """The figures of each variable, in the order of the table."""
