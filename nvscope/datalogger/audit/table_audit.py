@@ -217,7 +217,7 @@ class TableAudit:
         if self._judge is not None or self._known is not None:
             return None
         grouping = self._tasks.grouping
-        return grouping if self._have_joined or grouping.apart else None
+        return grouping if self._have_joined or grouping.apart or self._tasks.has_erred else None
 
     @property
     def overlaps_now(self) -> bool:
