@@ -28,7 +28,7 @@ from nvscope.capture.can.sqlite_file import left_beside
 from nvscope.capture.datalogger.names import BEGUN, closed_files, to_close
 from nvscope.datalogger.begun_files import begin_file, made_beside, take_away
 from nvscope.datalogger.configuration import Session
-from nvscope.datalogger.existing import NO_DATABASE, continued, tables_in, told_against
+from nvscope.datalogger.existing import NO_DATABASE, continued, table_in, tables_in, told_against
 from nvscope.datalogger.logged import Logged
 from nvscope.datalogger.oldest_rows import Deleted, OldestRows
 from nvscope.datalogger.set_aside import without_leftovers
@@ -99,7 +99,10 @@ class Database:
         in_memory = self.path == IN_MEMORY
         exists = not in_memory and os.path.exists(self.path)
         if append and not in_memory:
-            self.goes_on = bool(closed_files(self.path))
+            closed = [path for _, path in closed_files(self.path)]
+            self.goes_on = bool(closed)
+            if closed and not exists:
+                self._take(table_in(closed[-1], self.table) or self.table)
         self._made |= not exists
         found: Sequence[LogTable] = ()
         try:

@@ -40,7 +40,7 @@ def others_in(path: str, own: LogTable) -> int:
     """Return how many tables of a DataLogger a file has beside one, as far as that can be read; it stays as it is."""
     try:
         with opened(path) as database:
-            found = {table.log.name: table.log for table in database.tables}
+            found = {one.log.name: one.log for one in database.tables}
             return len(found) - (continued(found, own) is not None)
     except UnreadableInput:
         return 0
@@ -63,6 +63,15 @@ def continued(found: Mapping[str, LogTable | None], own: LogTable) -> LogTable |
     """
     same = [table for table in found.values() if table is not None and table.has_columns_of(own)]
     return next((table for table in same if table.name == own.name), same[-1] if same else None)
+
+
+def table_in(path: str, own: LogTable) -> LogTable | None:
+    """Return the table of a file that has the columns of one, None where none has, or the file cannot be read."""
+    try:
+        with opened(path) as database:
+            return continued({table.log.name: table.log for table in database.tables}, own)
+    except UnreadableInput:
+        return None
 
 
 def told_against(connection: sqlite3.Connection, own: LogTable) -> tuple[str, str] | None:

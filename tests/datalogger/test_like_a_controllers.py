@@ -144,6 +144,13 @@ def test_the_table_of_a_controller_is_gone_on_with(ours: Path, tmp_path: Path) -
     before, own, both = (rows_of(path) for path in (GENUINE, ours, copy))
     assert both[: len(before)] == before
     assert [row[1:] for row in both[len(before) :]] == [row[1:] for row in own]
+    # A file that follows one that a controller has closed has the same table, too.
+    shutil.copyfile(GENUINE, tmp_path / "next.db.3")
+    assert gone_on(ours, tmp_path / "next.db")[0] == 0
+    ((name,),), ((genuine,),) = (
+        asked(path, "SELECT name FROM sqlite_master")[0] for path in (tmp_path / "next.db", GENUINE)
+    )
+    assert (name, len(rows_of(tmp_path / "next.db"))) == (genuine, len(own))
 
 
 def test_a_table_with_its_columns_in_another_order_gets_values_in_its_own(ours: Path, tmp_path: Path) -> None:
