@@ -117,15 +117,18 @@ class Cycles:
     ``places`` are those of the list, with their SubIndexes in ``subindexes``, which may come in any order; a cycle is
     over when all of these have come, with a SubIndex that it has already, or with one that comes later than
     ``apart_ns`` behind the one before; and where the clock was set back. ``is_open``: there may be further SubIndexes.
+    ``sends_all``: all of them are sent each time, as of a list that is sent cyclically and not on a change.
     ``late`` are the frames of telegrams, of those taken last, that are of a cycle that was over: they are in none.
     """
 
     def __init__(
-        self, places: Sequence[int], subindexes: Collection[int], apart_ns: int, *, is_open: bool = False
-    ) -> None:
+        self, places: Sequence[int], subindexes: Collection[int], apart_ns: int, *, is_open: bool = False,
+        sends_all: bool = False,
+    ) -> None:  # fmt: skip
         self._places = np.array(sorted(places), np.int64)
         self._all = frozenset(subindexes)
         self._is_open = is_open
+        self._sends_all = sends_all
         self._apart_ns = apart_ns
         self._senders: dict[int, SenderCycles] = {}
         self.late = np.empty(0, np.int64)
@@ -193,7 +196,8 @@ class Cycles:
         sender, counter = rows.sender[own], told.batch.counter[rows.frame[own] - told.first_frame]
         for number in np.flatnonzero(np.bincount(sender)).tolist():
             if number not in self._senders:
-                self._senders[number] = SenderCycles(frozenset() if self._is_open else self._all, self._apart_ns)
+                subindexes = frozenset[int]() if self._is_open else self._all
+                self._senders[number] = SenderCycles(subindexes, self._apart_ns, sends_all=self._sends_all)
             cycles, mine = self._senders[number], np.flatnonzero(sender == number)
             some = rows.take(own[mine])
             found.append(cycles.take(some.subindex, counter[mine], some.ts_ns, some.frame))

@@ -36,13 +36,15 @@ class Open(NamedTuple):
 class SenderCycles:
     """Cuts the telegrams of one sender into cycles.
 
-    ``subindexes`` are those of a whole cycle, empty where nobody knows all. What comes later than ``apart_ns`` behind
+    ``subindexes`` are those of a whole cycle, empty where nobody knows all; ``sends_all``: all of them are sent each
+    time, and Counters tell something. What comes later than ``apart_ns`` behind
     the telegram before begins a cycle. ``open`` is the cycle that may go on; ``late`` are the frames of those telegrams
     taken last whose cycle was over when they came.
     """
 
-    def __init__(self, subindexes: frozenset[int], apart_ns: int) -> None:
+    def __init__(self, subindexes: frozenset[int], apart_ns: int, *, sends_all: bool) -> None:
         self._all = subindexes
+        self._sends_all = sends_all
         self._apart_ns = apart_ns
         self.open: Open | None = None
         self.late: list[int] = []
@@ -60,7 +62,7 @@ class SenderCycles:
         cut = _Cut.of(self.open, subindex, counter, time_ns, frame, self._apart_ns)
         is_whole = cut.size == len(self._all)
         is_whole &= bool(self._all)
-        if not self._is_sure and not (is_whole & cut.is_one).any():
+        if not self._sends_all or (not self._is_sure and not (is_whole & cut.is_one).any()):
             return self._taken(cut, is_whole)
         step = np.diff(np.append(self._newest if self._is_sure else cut.counter[0], cut.counter)).astype(np.int16)
         if cut.is_one.all() and (step >= 0).all():

@@ -258,7 +258,7 @@ def _cycles(packets: Sequence[Packet], defined: DefinedList) -> tuple[list[tuple
         now = max(now, packet.time_ns)
         if packet.index != defined.index or not counts_for(packet, defined) or place in seen_twice:
             continue
-        sender = senders.setdefault(packet.node, CycleSender())
+        sender = senders.setdefault(packet.node, CycleSender(sends_all=defined.interval_ns is not None))
         if sender.is_late(packet):
             too_late.add(place)
             continue
@@ -281,6 +281,7 @@ def _cycles(packets: Sequence[Packet], defined: DefinedList) -> tuple[list[tuple
 class CycleSender:
     """What the Counters of a sender say of cycles, if its last whole one had the same in all telegrams."""
 
+    sends_all: bool
     going: list[int] = field(default_factory=list)
     counts_cycles: bool = False
     begun: int = 0
@@ -318,7 +319,8 @@ class CycleSender:
 
     def complete(self, own: Sequence[Packet]) -> None:
         self.going = []
-        was_sure, self.counts_cycles = self.counts_cycles, len({one.counter for one in own}) == 1
+        is_one = len({one.counter for one in own}) == 1
+        was_sure, self.counts_cycles = self.counts_cycles, is_one and self.sends_all
         if self.counts_cycles:
             self.said.clear()
             self.torn = self.torn if was_sure else {}

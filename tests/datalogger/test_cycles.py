@@ -15,10 +15,15 @@ from tests.packets import batch_of
 from tests.program import run_text
 
 
-def logged(folder: Path, sent: list[tuple[float, int, int, int]]) -> list[tuple[object, ...]]:
+def logged(
+    folder: Path, sent: list[tuple[float, int, int, int]], *, on_change: bool = False
+) -> list[tuple[object, ...]]:  # fmt: skip
     """Log telegrams of a list of three (when in ms, SubIndex, Counter, value) in its cycles; return the values."""
     names = ["dwA", "dwB", "dwC"]
-    (folder / "list1.gvl").write_text(gvl(1, names, pack=False))
+    defined = gvl(1, names, pack=False)
+    if on_change:
+        defined = defined.replace("OnChange>False", "OnChange>True")
+    (folder / "list1.gvl").write_text(defined)
     (folder / "c.xml").write_text(configuration([f"Arp.Plc.Eclr/{name}" for name in names], 'taskContext="list1"'))
     frames = [
         telegram(
@@ -85,3 +90,12 @@ def test_what_comes_of_the_next_cycle_is_not_in_this_one(tmp_path: Path) -> None
         for place in range(1 if cycle == 3 else 3)
     ]
     assert [row[-3:] for row in logged(tmp_path, sent)[3:5]] == [(3, 2, 2), (4, 4, 4)]
+
+
+def test_a_telegram_that_is_sent_alone_on_a_change_begins_no_cycle_that_others_are_late_for(tmp_path: Path) -> None:
+    sent = [(50 * cycle + place / 10, place, cycle + 1, cycle) for cycle in range(4) for place in range(3)]
+    # One more of the first, and the next cycle: of the others, Counters are one less than its own.
+    sent += [(175, 0, 5, 40)]
+    sent += [(200 + place / 10, place, 6 - (place > 0), 4) for place in range(3)]
+    expected = [*[(cycle,) * 3 for cycle in range(4)], (40, 3, 3), (4, 4, 4)]
+    assert logged(tmp_path, sent, on_change=True) == expected
