@@ -63,7 +63,8 @@ class Database:
 
     ``deleted`` are rows that made room in it, ``removed`` full files that did (``removed_before``: so many of earlier
     runs), ``closed`` those of this run that stayed.
-    ``table`` is the one that rows go to: that of the file with the same columns where it is gone on with, else its own.
+    ``table`` is the one that rows go to: that of the file with the same columns where it is gone on with, else its own;
+    ``found`` are those that were there.
     ``durable``: each block is on the disk before the next one is taken, where it survives a power cut. ``begins`` tells
     whether the next row is the first of a file. ``had_rows`` tells whether the table had any in the file when that was
     opened to be gone on with, ``goes_on`` whether it had, or the series had closed files.
@@ -75,6 +76,7 @@ class Database:
         self.closed: list[str] = []
         self.removed: list[str] = []
         self.removed_before = 0
+        self.found: Sequence[LogTable] = ()
         self._oldest: OldestRows | None = None
         self._own, self._own_closed = 0, dict[str, int]()
         self.begins = True
@@ -104,7 +106,6 @@ class Database:
             if closed and not exists:
                 self._take(table_in(closed[-1], self.table) or self.table)
         self._made |= not exists
-        found: Sequence[LogTable] = ()
         try:
             if not in_memory:
                 take_away(self.path + BEGUN)
@@ -113,12 +114,12 @@ class Database:
                     os.rename(made_beside(self.path, self.table, durable=self._durable), self.path)
             self._connect()
             if exists:
-                found = self._check(append=append)
+                self.found = self._check(append=append)
             elif not tables_in(self._connection):
                 # In memory, or in a file to which a link leads.
                 self._connection.execute(statement(self.table))
             if self._session.files == 1 or self.path == IN_MEMORY:
-                self._oldest = OldestRows(self._connection, self.table, found)
+                self._oldest = OldestRows(self._connection, self.table, self.found)
         except sqlite3.Error as error:
             self.close()
             raise self._failure(error) from None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sqlite3
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 
@@ -63,6 +63,25 @@ def continued(found: Mapping[str, LogTable | None], own: LogTable) -> LogTable |
     """
     same = [table for table in found.values() if table is not None and table.has_columns_of(own)]
     return next((table for table in same if table.name == own.name), same[-1] if same else None)
+
+
+def other_table(found: Sequence[LogTable], own: LogTable) -> str:
+    """Return why rows go into a table of their own where there are others; '' where there are none, or one is theirs.
+
+    It is what tells the most alike of these from it.
+    """
+    if not found or continued({one.name: one for one in found}, own) is not None:
+        return ""
+    names = {one.name for one in own.variables}
+    alike = max(found, key=lambda table: sum(one.name in names for one in table.variables))
+    there = {one.name for one in alike.variables}
+    what = f"stores {'changes only' if alike.only_changes else 'every value'}"
+    if names != there:
+        shown = ((f"has no '{min(names - there)[:_SHOWN]}'",) if names - there else ()) + (
+            (f"has '{min(there - names)[:_SHOWN]}', too",) if there - names else ()
+        )
+        what = " and ".join(shown)
+    return f"in a table of its own, {own.name}, beside {alike.name[:_SHOWN]}, which {what}"
 
 
 def table_in(path: str, own: LogTable) -> LogTable | None:

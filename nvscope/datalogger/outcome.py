@@ -24,6 +24,8 @@ def outcome(log: SessionLog, heard: Heard) -> Iterator[str]:
     if counted.inconsistent:
         rows = "row says" if counted.inconsistent == 1 else "rows say"
         told.append(f"{counted.inconsistent} {rows} that something is missing in front of it (ConsistentDataSeries 0)")
+    if counted.rows and log.other_table:
+        told.append(visible(log.other_table))
     if counted.files == [IN_MEMORY]:
         told.append("gone with the end of the session: -w FILE keeps one that is volatile")
     yield f"{name}: {'; '.join(told)}."

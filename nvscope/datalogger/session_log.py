@@ -17,6 +17,7 @@ from nvscope.datalogger.changes import Changed, Counts
 from nvscope.datalogger.columns import TableColumns
 from nvscope.datalogger.configuration import Session
 from nvscope.datalogger.database import Database, DatabaseLocked
+from nvscope.datalogger.existing import other_table
 from nvscope.datalogger.instants import Cycles, Interval
 from nvscope.datalogger.logged import Content, Logged
 from nvscope.datalogger.oldest_rows import Deleted
@@ -147,6 +148,11 @@ class SessionLog:
             np.sort(np.append(own, late.frame[np.array([key in keys for key in of_list], np.bool_)]))
             for own, keys in zip(losses, self.needed, strict=True)
         ]
+
+    @property
+    def other_table(self) -> str:
+        """Why rows are in a table of their own in a file that had others, '' where they are not."""
+        return other_table(self._database.found, self._database.table)
 
     def lose(self) -> None:
         """Let the next row of each task say that something was lost in front of it."""
