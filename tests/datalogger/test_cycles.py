@@ -15,10 +15,10 @@ from tests.packets import batch_of
 from tests.program import run_text
 
 
-def logged(
+def recorded(
     folder: Path, sent: list[tuple[float, int, int, int]], *, on_change: bool = False
-) -> list[tuple[object, ...]]:  # fmt: skip
-    """Log telegrams of a list of three (when in ms, SubIndex, Counter, value) in its cycles; return the values."""
+) -> tuple[list[tuple[object, ...]], str]:  # fmt: skip
+    """Log a list of three telegrams (when in ms, SubIndex, Counter, value) in cycles; return rows, and what is said."""
     names = ["dwA", "dwB", "dwC"]
     defined = gvl(1, names, pack=False)
     if on_change:
@@ -36,7 +36,12 @@ def logged(
         sink.write(batch_of(frames))
     done = run_text("datalog", "plant.pcap", "--config", "c.xml", "--gvl", ".", cwd=folder)
     assert done.returncode == 0, done.stderr
-    return [row[3:] if row[2] else ("lost before", *row[3:]) for row in rows_of(folder / "log.db")]
+    return [row[3:] if row[2] else ("lost before", *row[3:]) for row in rows_of(folder / "log.db")], done.stderr
+
+
+def logged(folder: Path, sent: list[tuple[float, int, int, int]]) -> list[tuple[object, ...]]:
+    """Return the values of rows alone."""
+    return recorded(folder, sent)[0]
 
 
 ORDERS = [(0, 1, 2), (1, 0, 2), (0, 2, 1), (2, 1, 0), (2, 0, 1), (1, 2, 0)]
@@ -75,7 +80,10 @@ def test_what_comes_when_the_next_cycle_has_begun_is_in_no_other(late_ms: float,
         for cycle in range(8)
         for place in range(3)
     ]
-    rows = logged(tmp_path, sorted(sent))
+    rows, told = recorded(tmp_path, sorted(sent))
+    assert (
+        "session: 1 telegram came when the next cycle had begun, too late for a row; the next row tells of it." in told
+    )
     expected: list[tuple[object, ...]] = [(cycle,) * 3 for cycle in range(8)]
     expected[3] = (3, 2, 3)
     expected[behind] = ("lost before", *expected[behind])
@@ -98,4 +106,4 @@ def test_a_telegram_that_is_sent_alone_on_a_change_begins_no_cycle_that_others_a
     sent += [(175, 0, 5, 40)]
     sent += [(200 + place / 10, place, 6 - (place > 0), 4) for place in range(3)]
     expected = [*[(cycle,) * 3 for cycle in range(4)], (40, 3, 3), (4, 4, 4)]
-    assert logged(tmp_path, sent, on_change=True) == expected
+    assert recorded(tmp_path, sent, on_change=True)[0] == expected
