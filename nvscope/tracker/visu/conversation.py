@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from dissectors.http import Side
 from dissectors.webvisu import Likeness
+from dissectors.webvisu_lists import list_likeness
 from nvscope.tracker.pieces import ORDER_BITS
 from nvscope.tracker.visu.asking import NOTHING, Ask, fits
 from nvscope.tracker.visu.events import OK
@@ -119,6 +120,8 @@ class Conversation:
         elif form.what is What.BROKEN:
             if self._is_of_page(form):
                 self._tell_request(Kind.CUT, NOTHING, order, message, tell)
+                if form.is_malformed:
+                    self._tell_unbounded(form, order, tell)
             if self.has_begun_early:
                 self.early.popleft()
             self._forget_waiting()
@@ -222,7 +225,9 @@ class Conversation:
             if self.waiting:
                 asked = self.waiting.popleft()
                 self.turns.answer(asked.reach.acknowledged, reach.behind)
-                if is_cut:
+                if asked.asked.is_list:
+                    self._tell_list(form, asked, order, arrival_ns, message, tell)
+                elif is_cut:
                     self._tell_answer(Kind.CUT, asked, order, arrival_ns, message, tell)
                 elif asked.asked.is_part:
                     # What says that a part was done says nothing of it.
@@ -237,15 +242,34 @@ class Conversation:
                 self.beyond -= 1
         elif form.what is What.BROKEN:
             if self.waiting and form.touched is Likeness.YES:
-                self._tell_answer(Kind.CUT, self.waiting[0], order, arrival_ns, message, tell)
+                asked = self.waiting[0]
+                self._tell_list(form, asked, order, arrival_ns, message, tell)
+                self._tell_answer(Kind.CUT, asked, order, arrival_ns, message, tell)
+                if form.is_malformed and asked.asked.request is not None:
+                    self._tell_unbounded(form, order, tell)
             else:
                 self._tell_leaving(Kind.UNCLEAR, order, tell)
             self._forget_waiting()
             self._lose_turns(1)
         elif form.what is What.END:
             self._tell_unanswered(order, arrival_ns, tell, by_client=form.broken_by is Side.CLIENT)
+        elif form.what is What.PART:
+            if self.waiting and not form.answers_nobody:
+                self._tell_list(form, self.waiting[0], order, arrival_ns, message, tell)
         elif form.what is not What.ANEW:
             self._take_other(form, order, tell)
+
+    def _tell_list(
+        self, form: Form, asked: Waiting, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
+    ) -> None:  # fmt: skip
+        """Tell what came in place of a list of variables; what is not whole, or not read, if it is known to be one."""
+        if asked.asked.is_list and (not form.lacks_content or self._is_list(form, asked.asked)):
+            after_ns, frame = arrival_ns - asked.arrival_ns, asked.order >> ORDER_BITS
+            tell(Happened(Kind.NAMES, self.connection, order, message, asked.asked, after_ns, frame, 0, False))
+
+    def _is_list(self, form: Form, asked: Ask) -> bool:
+        found = list_likeness(form.begin, asked.target)
+        return form.head is not None and (found is Likeness.YES or (found is Likeness.PERHAPS and self.is_visu))
 
     def _may_answer(self, reach: Reach) -> bool:
         """Tell whether a response may answer the first request that waits."""
@@ -297,7 +321,7 @@ class Conversation:
         self._take_other(Form(What.GAP, missing_bytes=size), order, tell)
 
     def _tell_unbounded(self, form: Form, order: int, tell: Callable[[Happened], None]) -> None:
-        if form.head is not None and form.head.is_unbounded:
+        if form.is_endless:
             tell(Happened(Kind.UNBOUNDED, self.connection, order, -1, NOTHING, 0, 0, 0, False))
 
     def _tell_leaving(self, kind: Kind, order: int, tell: Callable[[Happened], None]) -> None:
@@ -327,9 +351,7 @@ class Conversation:
         self, kind: Kind, asked: Waiting, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
     ) -> None:  # fmt: skip
         if asked.asked.request is None:
-            if not asked.asked.is_list or kind is not Kind.REPLY:
-                return
-            kind = Kind.NAMES
+            return
         if kind is Kind.CUT:
             tell(Happened(kind, self.connection, order, message, NOTHING, 0, 0, 0, False))
             return

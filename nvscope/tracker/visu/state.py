@@ -290,7 +290,7 @@ class VisuCounts:
         wanted = np.isin(kind, (Kind.UNANSWERED, Kind.WRITE, Kind.CUT, Kind.UNBOUNDED))
         wanted |= (messages.latency_ns > SLOW_NS) | ~np.isin(outcome, (Outcome.NONE, Outcome.DONE))
         wanted &= ~np.isin(kind, (Kind.LEFT, Kind.UNCLEAR, Kind.PART))
-        wanted &= (kind != Kind.CUT) | (outcome != Outcome.UNREAD)  # NV906 tells of those
+        wanted &= (kind != Kind.CUT) | (outcome == Outcome.NONE)  # NV906 and NV804 tell of the others
         reads, replies = np.flatnonzero(kind == Kind.READ), np.flatnonzero(kind == Kind.REPLY)
         wanted[reads] |= peculiar[asked[reads]]
         # What was asked before says nothing new.

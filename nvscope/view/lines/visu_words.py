@@ -59,6 +59,12 @@ _PROTOCOLS = {
 }  # fmt: skip
 
 
+_CUT = {
+    Outcome.UNREAD: "not read: too long, or in an unknown coding",
+    Outcome.MALFORMED: "not read: its chunks are malformed",
+}  # fmt: skip
+
+
 def protocol_words(protocol: WebProtocol) -> str:
     """Return what people call another protocol on these ports."""
     return _PROTOCOLS[protocol]
@@ -71,8 +77,7 @@ def message_words(part: VisuBatch, message: int, *, secrets: bool = False) -> st
     if kind is Kind.GAP:
         return f"{units.count_of(int(messages.gap_bytes[message]), 'byte')} missing"
     if kind is Kind.CUT:
-        unread = messages.outcome[message] == Outcome.UNREAD
-        return "not read: too long, or in an unknown coding" if unread else "cut: bytes are missing"
+        return _CUT.get(Outcome(int(messages.outcome[message])), "cut: bytes are missing")
     if kind in (Kind.OTHER_BYTES, Kind.OTHER_REPLY_BYTES):
         differ = units.count_of(int(messages.fields[message]), "byte")
         sent = "sent again with other bytes"
@@ -81,7 +86,7 @@ def message_words(part: VisuBatch, message: int, *, secrets: bool = False) -> st
             sent = f"since frame {messages.asked_frame[message]}, {who} {sent}"
         return f"{sent} ({differ}): what came first is shown, the receiver may have the others"
     if kind is Kind.UNBOUNDED:
-        return "its Content-Length is not one number, nobody knows where it ends"
+        return "no one number as Content-Length, or malformed chunks: nobody knows where it ends"
     if kind is Kind.OTHER:
         return f"{protocol_words(WebProtocol(int(messages.spoken[message])))}, not decoded"
     if kind is Kind.NAMES:
@@ -130,7 +135,7 @@ def _list(part: VisuBatch, message: int) -> str:
     size = units.count_of(len(content), "byte")
     flaw = part.list_flaws.get(message)
     if isinstance(flaw, UnreadList):
-        return f"variable list ({size}), cannot be used: {flaw.why}"
+        return f"variable list{f' ({size})' if flaw.is_whole else ''}, cannot be used: {flaw.why}"
     text = content.replace(b"\0", b"").lower()
     return f"variable list ({size})" if any(one in text for one in _LISTS) else f"XML, no variable list ({size})"
 
