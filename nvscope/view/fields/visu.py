@@ -14,7 +14,7 @@ from nvscope.expression.typed_columns import AddressColumn, FieldType, Numbers, 
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.fields.frame_messages import message_field
-from nvscope.view.fields.visu_variable import value_field, variable_field
+from nvscope.view.fields.visu_variable import index_field, value_field, variable_field
 
 NAME = "visu"
 _KINDS = tuple(kind.name.lower() for kind in Kind)
@@ -96,6 +96,7 @@ VISU_FIELDS: Sequence[TelegramField] = (
         _of_requests(lambda part: [len(one.entries) for one in part.requests]), _asks_whole, of=NAME,
     ),
     variable_field(),
+    index_field(),
     value_field(),
     message_field(
         "visu.status", FieldType.UNSIGNED, "Status", "of the HTTP response", _column("status"), _known("status"),

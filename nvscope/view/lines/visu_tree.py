@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from dissectors.webvisu import Place
+from dissectors.webvisu import Entry as VisuEntry
 from nvscope import units
 from nvscope.tracker.readings.form import HIDDEN
 from nvscope.tracker.visu.messages import Kind, VisuBatch
@@ -75,12 +75,13 @@ def _fact(label: str, text: str, *, wrong: bool = False) -> Entry:
 def _variable(variable: Variable) -> Entry:
     value = "" if variable.value is None else f" = {visible(variable.value)}"
     tone = Tone.FAINT if variable.value == HIDDEN else Tone.PLAIN
-    return Entry([_MARGIN, label_cell(str(visible(variable.name))), Cell(value, tone)], _where(variable.entry.place))
+    return Entry([_MARGIN, label_cell(str(visible(variable.name))), Cell(value, tone)], _where(variable.entry))
 
 
-def _where(place: Place | str) -> str:
+def _where(entry: VisuEntry) -> str:
+    place = entry.place
     if isinstance(place, str):
         return ""
     area = _AREAS[place.ref] if place.ref < len(_AREAS) else f"area {place.ref}"
     size = units.count_of(place.size, "byte") if place.size else "one bit"
-    return f"{place.type_name}, {area}, offset {place.offset}, {size}"
+    return f"index {entry.number}: {place.type_name}, {area}, offset {place.offset}, {size}"

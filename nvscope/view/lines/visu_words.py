@@ -8,12 +8,13 @@ from typing import NamedTuple
 from dissectors.web_protocols import WebProtocol
 from dissectors.webvisu import MOST_DECLARED, UNREADABLE, Entry, Request, read_reply
 from nvscope import units
+from nvscope.enumeration import first_few
 from nvscope.tracker.readings.form import HIDDEN
 from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch
 from nvscope.tracker.visu.names import Naming, UnreadList, is_secret, name_of
 
-_MOST_SHOWN = 8
+_MOST_SHOWN, _MOST_INDEXES = 8, 4
 _NOT_CHANGED = 304
 _LISTS = (b"<variablelist", b"<symbolvarlist")
 
@@ -115,7 +116,16 @@ def message_words(part: VisuBatch, message: int, *, secrets: bool = False) -> st
     if request.ambiguous:
         miscounted = f" or more, declares {declared}, ambiguous"
     verb = "write" if request.writes else "read"
-    return f"{verb} {units.count_of(len(request.entries), 'variable')}{miscounted}{f': {told}' if told else ''}"
+    counted = f"{units.count_of(len(request.entries), 'variable')}{miscounted}{_indexes(request)}"
+    return f"{verb} {counted}{f': {told}' if told else ''}"
+
+
+def _indexes(request: Request) -> str:
+    """Return the indexes of variables where they do not run from 0 on: some clients number otherwise."""
+    numbers = [entry.number for entry in request.entries]
+    if request.query or numbers == list(range(len(numbers))):
+        return ""
+    return f", {'index' if len(numbers) == 1 else 'indexes'} {first_few(list(map(str, numbers)), _MOST_INDEXES)}"
 
 
 def _declared(request: Request) -> str:
