@@ -216,16 +216,20 @@ class VisuTransactions:
                 values[key] = value
 
     def _said(self, variable: Variable, old: str | None, names: Naming) -> Said:
-        """Return what is told of a variable: what may be secret is hidden, by the names that are known now."""
+        """Return what is told of a variable: what may be secret is hidden, by the names that are known now.
+
+        Of what the controller could not read, the text alone says so.
+        """
         from nvscope.view.lines.visu_words import shown  # noqa: PLC0415
 
         entry, name, value = variable
         cut = self._room.cut
-        text = None if value is None or value == _UNREADABLE else cut(shown(entry, names, value))
+        text = None if value is None else cut(shown(entry, names, value))
+        said = None if value == _UNREADABLE else json_value(entry, text)
         if old is None:
-            return Said(cut(name), json_value(entry, text), text)
+            return Said(cut(name), said, text)
         old_text = cut(shown(entry, names, old))
-        return Said(cut(name), json_value(entry, text), text, json_value(entry, old_text), old_text)
+        return Said(cut(name), said, text, json_value(entry, old_text), old_text)
 
 
 def _asked(request: Request, names: Naming) -> Sequence[Variable]:
