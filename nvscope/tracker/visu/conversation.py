@@ -20,7 +20,7 @@ from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.going_on import Closed
 from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.limits import MOST_EARLY, MOST_WAITING
-from nvscope.tracker.visu.messages import Kind
+from nvscope.tracker.visu.messages import UNMEASURED_NS, Kind
 from nvscope.tracker.visu.one_way import UNKNOWN
 from nvscope.tracker.visu.reach import NOWHERE, Reach, distance
 from nvscope.tracker.visu.turns import Turns
@@ -30,7 +30,7 @@ class Waiting(NamedTuple):
     """A request that nobody has answered: what it asks for, its order, and when it had arrived.
 
     ``acknowledged`` is up to where its client had the server's bytes then, where none of these was captured; else -1.
-    ``reach`` is where it lies in the client's stream.
+    ``reach`` is where it lies in the client's stream. ``is_early``: its reply was captured before it was whole.
     """
 
     asked: Ask
@@ -39,6 +39,7 @@ class Waiting(NamedTuple):
     is_head: bool = False
     acknowledged: int = UNKNOWN
     reach: Reach = NOWHERE
+    is_early: bool = False
 
 
 class Early(NamedTuple):
@@ -297,7 +298,7 @@ class Conversation:
         """Take that the request is whole, with an order, that was answered before; the response is a message now."""
         form, arrival_ns, reach, has_begun = self.early.popleft()
         if self.waiting:
-            arrival_ns = max(arrival_ns, self.waiting[0].arrival_ns)
+            self.waiting[0] = self.waiting[0]._replace(is_early=True)
             # What answers a request that has begun may be sent before any more of that is there.
             reach = reach._replace(acknowledged=UNKNOWN) if has_begun else reach
             self.take_from_server(form, order, arrival_ns, message, tell, reach)
@@ -356,6 +357,7 @@ class Conversation:
             tell(Happened(kind, self.connection, order, message, NOTHING, 0, 0, 0, False))
             return
         latency_ns = arrival_ns - asked.arrival_ns if kind in (Kind.REPLY, Kind.GIVEN_UP, Kind.LEFT) else 0
+        latency_ns = UNMEASURED_NS if kind is Kind.REPLY and asked.is_early else latency_ns
         frame = asked.order >> ORDER_BITS
         tell(Happened(kind, self.connection, order, message, asked.asked, latency_ns, frame, 0, False))
 

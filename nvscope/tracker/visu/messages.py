@@ -21,6 +21,9 @@ from nvscope.tracker.visu.leaving import Leaving
 from nvscope.tracker.visu.limits import Beyond
 from nvscope.tracker.visu.names import ListFlaw, Naming
 
+UNMEASURED_NS = int(np.iinfo(np.int64).min)
+"""Stands for the latency of a reply that was captured before its request was whole: nobody knows it."""
+
 _PORT = 4
 """The column of the server's port in ``VisuBatch.pairs``."""
 
@@ -85,7 +88,8 @@ class VisuMessages(Columns):
     ``row`` is that of the packet in its batch, ``pair`` the number of client, server and port. ``asked`` is the number
     of the request: that of a request itself, or that which a reply answers; -1 of what is neither. ``start`` and
     ``stop`` are where the content of its body lies. Of replies: HTTP ``status``, ``outcome``, how many values it has
-    (``fields``), ``latency_ns``, and ``asked_frame``, that of the request; of what is no reply -1, 0 of times.
+    (``fields``), ``latency_ns``, and ``asked_frame``, that of the request; of what is no reply -1, 0 of times; of a
+    latency that nobody knows ``UNMEASURED_NS``.
     ``spoken`` is a ``WebProtocol``, -1 of what is of WebVisu.
     ``asked_frame`` is also that of what is unanswered, or waits, ``latency_ns`` also how long the client waited that
     gave up, or leaves. Of other bytes that are told later, ``asked_frame`` is where they came first.

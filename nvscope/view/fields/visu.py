@@ -11,7 +11,7 @@ import numpy as np
 
 from dissectors.batch import I64, U64, Bool
 from nvscope.expression.typed_columns import AddressColumn, FieldType, Numbers, TextColumn
-from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch
+from nvscope.tracker.visu.messages import UNMEASURED_NS, Kind, Outcome, VisuBatch
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.fields.frame_messages import message_field
 from nvscope.view.fields.visu_variable import index_field, value_field, variable_field
@@ -36,6 +36,11 @@ def _known(name: str) -> Callable[[VisuBatch, I64], Bool]:
 
 def _is_reply(part: VisuBatch, at: I64) -> Bool:
     own: Bool = _of(part, at, "kind") == Kind.REPLY
+    return own
+
+
+def _is_measured(part: VisuBatch, at: I64) -> Bool:
+    own: Bool = _is_reply(part, at) & (_of(part, at, "latency_ns") != UNMEASURED_NS)
     return own
 
 
@@ -109,7 +114,7 @@ VISU_FIELDS: Sequence[TelegramField] = (
     ),
     message_field(
         "visu.latency", FieldType.DURATION, "Latency", "from the request to its reply", _column("latency_ns"),
-        _is_reply, of=NAME,
+        _is_measured, of=NAME,
     ),
     message_field(
         "visu.request_frame", FieldType.UNSIGNED, "Request", "frame of the request", _column("asked_frame"),

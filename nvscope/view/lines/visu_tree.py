@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dissectors.webvisu import Entry as VisuEntry
 from nvscope import units
 from nvscope.tracker.readings.form import HIDDEN
-from nvscope.tracker.visu.messages import Kind, VisuBatch
+from nvscope.tracker.visu.messages import UNMEASURED_NS, Kind, VisuBatch
 from nvscope.view.escape import visible
 from nvscope.view.lines import tree_lines
 from nvscope.view.lines.shown import Spans, Wording
@@ -65,7 +65,9 @@ class VisuTree(TransportTree):
             yield _fact("Request", f"frame {messages.asked_frame[message]}")
         if kind is Kind.REPLY:
             yield _fact("Status", str(messages.status[message]))
-            yield _fact("Took", units.duration(int(messages.latency_ns[message])))
+            latency_ns = int(messages.latency_ns[message])
+            unknown = latency_ns == UNMEASURED_NS
+            yield _fact("Took", "not known, captured before its request" if unknown else units.duration(latency_ns))
 
 
 def _fact(label: str, text: str, *, wrong: bool = False) -> Entry:

@@ -11,7 +11,7 @@ from nvscope import units
 from nvscope.enumeration import first_few
 from nvscope.tracker.readings.form import HIDDEN
 from nvscope.tracker.visu.events import OK
-from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch
+from nvscope.tracker.visu.messages import UNMEASURED_NS, Kind, Outcome, VisuBatch
 from nvscope.tracker.visu.names import Naming, UnreadList, is_secret, name_of
 
 _MOST_SHOWN, _MOST_INDEXES = 8, 4
@@ -152,7 +152,8 @@ def _list(part: VisuBatch, message: int) -> str:
 
 def _reply(part: VisuBatch, message: int, request: Request, told: str) -> str:
     messages = part.messages
-    took = f" ({units.duration(int(messages.latency_ns[message]))})"
+    latency_ns = int(messages.latency_ns[message])
+    took = " (captured before its request)" if latency_ns == UNMEASURED_NS else f" ({units.duration(latency_ns)})"
     outcome = Outcome(int(messages.outcome[message]))
     if outcome is Outcome.STATUS:
         return f"HTTP status {messages.status[message]}{took}"

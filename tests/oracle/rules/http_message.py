@@ -15,7 +15,7 @@ class Message:
     ``part``: that no more than a part of it was sent; ``unasked``: that it is a response to
     HEAD, which was not captured; ``late``: that it may be one to a request from before the capture;
     ``unbounded``: that nobody knows where it ends, and ``malformed``: that this is so since its chunks are none;
-    ``unread``: that nothing is missing of it, and nobody reads it.
+    ``unread``: that nothing is missing of it, and nobody reads it; ``early``: that it came before its request.
     ``head_at`` and ``behind`` are the sequence numbers behind its head,
     and behind all of it, or both the latter where not all of it came; ``told`` is what the segment with which it was
     whole acknowledges. Of what ends otherwise than by what it says, nobody knows them.
@@ -36,6 +36,7 @@ class Message:
     unbounded: bool = False
     unread: bool = False
     malformed: bool = False
+    early: bool = False
     head_at: int | None = None
     behind: int | None = None
     told: int | None = None

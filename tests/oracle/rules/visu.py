@@ -18,7 +18,7 @@ Readings, where the rules leave a choice:
 - a request that does not say where it ends is whole, too, where the connection is reset, or another one begins, if as
   many variables come as it declares, unambiguously, and a bar behind the last; else it is a part of one
 - a response that comes while none waits, and the head of a request is there that says where it ends, answers that: with
-  the frame with which it is whole, and no latency, as far as it ever is
+  the frame with which it is whole, as far as it ever is; what came first has no latency
 - requests that become whole behind the server's end are unanswered if RST or a new connection made that, else nothing
 - the same body is the same decoded bytes; a poll runs from the last read with this body, whatever came between
 - events of a finding are in order of what happened: first and last are times, the first ten are told by their frames
@@ -166,7 +166,7 @@ class Visu:
             self.ask(talk, message)
         if has_early(talk, message) and talk.waiting:
             early, forgotten = talk.early.pop(0), talk.forgotten
-            early.arrival, talk.forgotten = max(early.arrival, message.arrival), False
+            early.early, talk.forgotten = True, False
             self.response(talk, early)
             talk.forgotten = forgotten
 
@@ -285,8 +285,9 @@ class Visu:
         body = message.body or b""
         self.messages.append(Told(self.number, talk.connection.server, talk.connection.client, "reply", body))
         row.counts["replies"] += 1
-        row.latencies.append(message.arrival - waiting.message.arrival)
-        if row.latencies[-1] > SECOND:
+        if not message.early:
+            row.latencies.append(message.arrival - waiting.message.arrival)
+        if not message.early and row.latencies[-1] > SECOND:
             self.happened["slow"] += 1
             self.find("NV805", talk)
         if message.body is None and message.status == 200 and not waiting.asked.query:
