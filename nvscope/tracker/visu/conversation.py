@@ -251,7 +251,9 @@ class Conversation:
             else:
                 self._tell_leaving(Kind.UNCLEAR, order, tell)
             self._forget_waiting()
-            self._lose_turns(1)
+            # What has come before is known to answer the next request.
+            if not self.early:
+                self._lose_turns(1)
         elif form.what is What.END:
             self._tell_unanswered(order, arrival_ns, tell, by_client=form.broken_by is Side.CLIENT)
         elif form.what is What.PART:
