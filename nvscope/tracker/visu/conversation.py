@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from dissectors.http import Side
@@ -288,6 +288,13 @@ class Conversation:
             if one.asked.request is not None:
                 self._tell_answer(Kind.UNCLEAR, one, order, 0, -1, tell)
                 self.waiting[place] = one._replace(asked=NOTHING)
+
+    def copy(self) -> Conversation:
+        """Return another one that is as this one is, of which nobody knows what the requests that wait ask for."""
+        waiting = deque(one._replace(asked=NOTHING) for one in self.waiting)
+        return replace(
+            self, waiting=waiting, early=deque(self.early), turns=replace(self.turns), _lacks=[*self._lacks]
+        )  # fmt: skip
 
     def keep(self, early: Early) -> None:
         """Keep a response that may answer a request that is still to come."""

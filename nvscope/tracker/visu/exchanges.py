@@ -85,11 +85,9 @@ class Exchanges:
         """Return the requests of a connection that wait for a reply."""
         conversation = self._conversations.get(connection)
         if conversation is None:
-            return Waiting()
-        are_head = [one.is_head for one in conversation.waiting]
+            return Waiting(Conversation(connection))
         first = next(iter(conversation.waiting), None) if not conversation.is_heard else None
-        begun = None if first is None else (first.order, first.acknowledged)
-        return Waiting(are_head, conversation.beyond, conversation.has_begun_early, begun)
+        return Waiting(conversation.copy(), None if first is None else (first.order, first.acknowledged))
 
     def pass_time(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> None:
         """Take a batch without segments: time has passed for those who have closed their side."""

@@ -261,7 +261,7 @@ class HttpReader(Answering):
         self.known_at = at = max(at, self.known_at)
         is_told = lost.touched is not Likeness.NO
         if is_told and self.requests is not None:
-            self.requests.answered(at)
+            self.requests.lost(at)
         self._out_of_step(at)
         self.breaks.append(len(found.at))
         is_first = self._is_first and len(found.at) == self._found_before and not is_told
@@ -336,7 +336,7 @@ class HttpReader(Answering):
         if in_step and self.side is Side.SERVER and not self._answers_nobody:
             lost = replace(lost, touched=Likeness.YES)
             if self.requests is not None:
-                self.requests.answered(at)
+                self.requests.lost(at)
         self._out_of_step(at)
         self.breaks.append(len(found.at))
         found.tell(at, lost)
