@@ -37,6 +37,7 @@ from nvscope.tracker.parameter.matching import (
 )
 from nvscope.tracker.parameter.values import values_in
 from nvscope.tracker.parameter.writes import Writes
+from nvscope.tracker.parameter.written_over import Answers
 
 MOST_OPEN = 1 << 16
 """So many requests are waited for at the same time."""
@@ -157,11 +158,12 @@ class Transactions:
             late = self._open.last_ns + self.timeout_ns < told.until_ns
             waits = self._sorted(self._open.take(late))
             self._give_up(told, waits)
+            self.writes.give_up(waits, told.first_frame + len(told))
             self._open = self._open.take(~late)
             shown = np.append(became.shown, np.full(len(waits), len(told)))
             became = replace(became, unanswered=Open.stacked([became.unanswered, waits]), shown=shown)
         for unheard in told.unheard:
-            self._resume(unheard)
+            self._resume(unheard, told.first_frame + len(told))
         self.events.settle()
         self.left_out.settle()
         return became
@@ -214,7 +216,9 @@ class Transactions:
             asked = opened.take(opened.service == Service.ODWriteRequest)
             self._tell(told, ParameterEvent.WRITE_ASKED, asked, asked.time_ns)
         closing = messages.take(found.closing)
-        untold = self.writes.observe(told, opened, closing, found.closed)
+        unexpected = messages.take(found.unexpected)
+        answers = Answers(closing, found.closed, unexpected, found.expired, found.shown)
+        untold = self.writes.observe(told, opened, answers)
         for what, left_out in zip((Beyond.WRITE, Beyond.VALUE), untold, strict=True):
             self._leave_out(what, left_out.time_ns, left_out.packet + told.first_frame)
         if told.hears_answers:
@@ -226,7 +230,7 @@ class Transactions:
             self._leave_out(Beyond.OPEN, beyond.since_ns, beyond.frame)
             self._forgot_until_ns = max(self._forgot_until_ns, int(beyond.last_ns.max()) + self.timeout_ns)
             self._open = self._open.take(np.sort(by_frame[:MOST_OPEN]))
-        unexpected = messages.take(found.unexpected)
+            self.writes.leave(beyond, told.first_frame + len(told))
         return Became(opened, closing, found.closed, unexpected, found.expired, found.shown)
 
     def _count_undeliverable(self, told: Told) -> None:
@@ -273,7 +277,6 @@ class Transactions:
         """Count requests that nobody answered in time."""
         if len(waits):
             np.add.at(self.columns.timeouts, waits.pair, 1)
-            self.writes.give_up(waits)
             time_ns = waits.last_ns + self.timeout_ns
             self._note(told, ParameterEvent.TIMEOUT, waits, time_ns, waits.frame, waits.since_ns)
 
@@ -349,12 +352,14 @@ class Transactions:
         if len(time_ns):
             self.left_out.record(time_ns, frame, np.full(len(time_ns), int(what), np.uint64))
 
-    def _resume(self, unheard: Unheard) -> None:
-        """Forget the requests of what nobody listens to any more: what became of them is not known."""
+    def _resume(self, unheard: Unheard, frame: int) -> None:
+        """Forget the requests of what nobody listens to any more, in front of a frame."""
         if unheard.everything:
             self._open = NOTHING_OPEN
+            self.writes.forget()
         elif len(self._open):
             gone = np.isin(self._open.node, unheard.nodes) | np.isin(self._open.peer, unheard.nodes)
+            self.writes.leave(self._open.take(gone), frame)
             self._open = self._open.take(~gone)
 
 
