@@ -152,9 +152,9 @@ def test_where_answers_are_not_to_be_seen_nobody_knows_what_became_of_a_write() 
 
 
 def test_a_malformed_write_may_have_been_taken() -> None:
-    frames = exchange(*KNOWN, (2, WRITE, 2, b"5"), (3, WRITE, 3, b"6"))
-    short = frames[2].data[:-1]  # one byte less than its Length says
-    frames[2] = frames[2]._replace(data=short, original_bytes=len(short))
+    frames = exchange(*KNOWN, (3, WRITE, 3, b"6"))
+    malformed = telegram(WRITE, 0x2000, 1, counter=2, data=b"5", length=99)
+    frames.insert(2, data_frame(2 * MILLISECOND, HMI, PRESS, malformed))
     assert told(frames) == [(None, b"6", "open")]
 
 

@@ -118,9 +118,8 @@ class Became:
     shown: I64
 
 
-NOTHING_BECAME = Became(
-    NO_MESSAGES, NO_MESSAGES, NOTHING_OPEN, NO_MESSAGES, NOTHING_OPEN, np.empty(0, np.int64)
-)  # fmt: skip
+_NOTHING = np.empty(0, np.int64)
+NOTHING_BECAME = Became(NO_MESSAGES, NO_MESSAGES, NOTHING_OPEN, NO_MESSAGES, NOTHING_OPEN, _NOTHING)
 
 
 class Transactions:
@@ -192,6 +191,7 @@ class Transactions:
     def _observe(self, told: Told) -> Became:
         messages = self._messages(told)
         if not len(messages) and not len(self._open):
+            self.writes.observe(told, messages, Answers(messages, NOTHING_OPEN, messages, NOTHING_OPEN, _NOTHING))
             return NOTHING_BECAME
         found = matched(self._open, messages, told.clock, told.first_frame, self.timeout_ns)
         columns = self.columns

@@ -144,7 +144,8 @@ class _Parameter:
         self.changed = frame
 
     def _share(self) -> None:
-        """Let open writes be no longer alone."""
+        """Let open writes, and the last one, be no longer alone."""
+        self.is_alone = False
         self.open = {frame: (value, True) for frame, (value, _) in self.open.items()}
 
 

@@ -23,7 +23,7 @@ Readings, where the rules leave a choice:
 - behind a write that nobody answers in time, or that is answered by ODErrorTimeOut, nothing is known
 - a late or second reply to the write asked for last tells that it was taken, unless it was refused; every other reply
   to a write that ends none, and every malformed request to write, may be of one that nobody saw: nothing is known, nor
-  when writes that are open then are confirmed
+  when writes that are open then, and the last one, are confirmed
 - other error replies, and busy, change nothing
 - a value of which not all was captured is not known, and what was known before is not any more
 """
@@ -232,9 +232,9 @@ class Parameters:
     def hidden(self, holds: Holds, seen: Telegram) -> None:
         """Let something have been written that nobody saw."""
         holds.value, holds.written = None, seen.frame
-        for wait in self.writes_of(
-            seen.destination if seen.service == WRITE else seen.source, seen.index, seen.subindex
-        ):
+        partner = seen.destination if seen.service == WRITE else seen.source
+        last = [holds.last[1]] if holds.last else []
+        for wait in (*self.writes_of(partner, seen.index, seen.subindex), *last):
             wait.shared = True
 
     def stray(self, place: Place, seen: Telegram) -> None:
@@ -251,8 +251,9 @@ class Parameters:
             elif holds.fate == "waits":
                 last, opened = holds.last[1], self.writes_of(place[0][1], place[1], place[2])
                 assert last.write
+                alone = not last.shared and not opened
                 self.hidden(holds, seen)
-                if not last.shared and last.write.new.known and not opened:
+                if alone and last.write.new.known:
                     holds.value = last.write.new
                 holds.fate = "taken"
 
