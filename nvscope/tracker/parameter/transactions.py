@@ -35,6 +35,7 @@ from nvscope.tracker.parameter.matching import (
     parameter_of,
     word_of,
 )
+from nvscope.tracker.parameter.unseen_writes import UnseenWrites
 from nvscope.tracker.parameter.values import values_in
 from nvscope.tracker.parameter.writes import Writes
 from nvscope.tracker.parameter.written_over import Answers
@@ -143,6 +144,7 @@ class Transactions:
         self.timeout_ns = PARAMETER_TIMEOUT_NS
         self._open = NOTHING_OPEN
         self._ports = AskedPorts()
+        self._unseen = UnseenWrites()
         self._forgot_until_ns = _NEVER_NS
 
     def observe(self, told: Told) -> Became:
@@ -217,6 +219,10 @@ class Transactions:
             self._tell(told, ParameterEvent.WRITE_ASKED, asked, asked.time_ns)
         closing = messages.take(found.closing)
         unexpected = messages.take(found.unexpected)
+        if told.is_heard:
+            confirms = unexpected.take(unexpected.service == Service.ODWriteRequestReply)
+            unseen = self._unseen.of(opened.take(opened.service == Service.ODWriteRequest), confirms)
+            self._tell(told, ParameterEvent.WRITE_UNSEEN, unseen, unseen.time_ns)
         answers = Answers(closing, found.closed, unexpected, found.expired, found.shown)
         untold = self.writes.observe(told, opened, answers)
         for what, left_out in zip((Beyond.WRITE, Beyond.VALUE), untold, strict=True):
