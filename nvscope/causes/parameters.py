@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dissectors.batch import I64
+from dissectors.batch import I64, Bool
 from dissectors.netvar import PORT
 from nvscope.causes.case import Case, Draft, Explained
 from nvscope.causes.kind import CauseKind
@@ -71,7 +71,8 @@ def judge_unanswered_parameters(case: Case) -> Iterator[Explained]:
         asked = sum(one.requests for one in pairs)
         what = f"{_what(case, own)}{_on(case, served)}"
         requests = f"{count_of(len(own), 'request')} {what}"
-        if asked > len(own):
+        # Of those that may still be answered when the capture ends, nothing is to be said.
+        if asked > len(own) and any(one.replies or one.busy for one in pairs):
             those = "that" if len(own) == 1 else "those"
             requests = f"{len(own)} of {count_of(asked, 'request')}, {those} {what},"
         when = span_in_words(case, since_ns, until_ns)
@@ -82,6 +83,25 @@ def judge_unanswered_parameters(case: Case) -> Iterator[Explained]:
             nodes=_nodes(case, own, served.partner), since_ns=since_ns, until_ns=until_ns,
         )  # fmt: skip
         yield draft, case.only(own) | late
+
+
+def copied_replies(case: Case) -> Bool:
+    """Tell which unexpected replies are copies of replies, where all telegrams came twice.
+
+    They are of pairs of nodes whose replies that close requests are as many, and are about what was answered in time.
+    """
+    chosen = case.free(SDO_UNEXPECTED_REPLY)
+    if not chosen.any():
+        return chosen
+    pairs = {(one.requester, one.partner, one.port): one for one in case.facts.summary.parameters}
+    late = {(one.node, one.variable) for one in case.findings if one.kind is SDO_TIMEOUT}
+    for place in _distinct(case, np.flatnonzero(chosen)):
+        one = case.findings[place]
+        asked = place_of(one.variable)
+        pair = pairs.get((case.facts.address(one.node) if one.node is not None else "", asked.partner, asked.port))
+        if pair is None or pair.unexpected > pair.replies + pair.busy or (one.node, one.variable) in late:
+            chosen &= case.symptoms.finding != place
+    return chosen
 
 
 def judge_refused_parameters(case: Case) -> Iterator[Explained]:
