@@ -81,6 +81,13 @@ def test_where_nothing_was_answered_those_that_still_wait_are_not_counted(tmp_pa
     assert "it answered none" in cause.checked
 
 
+@pytest.mark.parametrize("partner", ["10.0.0.255", "255.255.255.255", "239.1.2.3"])
+def test_requests_to_everybody_are_no_silent_nodes(partner: str, tmp_path: Path) -> None:
+    request = data_frame(0, ASKING, partner, telegram(1, 0x2000, 1, data=b""))
+    cause = cause_of([request, asked(rejected=0)[-1]], tmp_path)
+    assert cause.title.startswith(f"Nobody answered 1 request of {ASKING} for 0x2000:1 to {partner}")
+
+
 def test_copies_of_replies_are_the_fault_of_a_mirror_that_shows_all_twice(tmp_path: Path) -> None:
     """Not so replies that come late, or that nobody asked for."""
     frames = [
