@@ -258,6 +258,7 @@ class Chunks:
                 self._begun = slice(line, min(end, stop))
                 return Chunked()
             if data[behind] != ord("\n"):
+                self._begun = slice(line, end)
                 return Chunked(wrong_at=behind + 1)
             self._parts.append(data[line:end])
             at = behind + 1
@@ -281,15 +282,12 @@ class Chunks:
         return b"".join([*self._parts, data[self._begun]])
 
 
-def content_up_to(data: bytes, start: int, stop: int, head: Head, chunks: Chunks | None = None) -> bytes | None:
+def body_up_to(data: bytes, start: int, stop: int, head: Head, chunks: Chunks) -> bytes | None:
     """Return what is in a body that does not say how long it is, and that ends at ``stop``, wherever it is by then.
 
-    None where nobody knows: a chunk is not whole, or it cannot be decoded. ``chunks`` are those that were read of it.
+    It is in its coding; None where a chunk is not whole. ``chunks`` are those that were read of it.
     """
-    if head.body is Body.END:
-        return decoded(data[start:stop], head.coding)
-    content = (chunks or Chunks()).whole_up_to(data, start, stop)
-    return None if content is None else decoded(content, head.coding)
+    return data[start:stop] if head.body is Body.END else chunks.whole_up_to(data, start, stop)
 
 
 def read_chunks(data: bytes, start: int, stop: int) -> Chunked:

@@ -14,7 +14,7 @@ from functools import cached_property
 from typing import NamedTuple
 from urllib.parse import unquote
 
-from dissectors.webvisu_entries import divide
+from dissectors.webvisu_entries import divide, is_number
 
 TYPES = (
     "BOOL", "INT", "BYTE", "WORD", "DINT", "DWORD", "REAL", "TIME", "STRING", "ARRAY", "ENUM", "USERDEF", "BITORBYTE",
@@ -44,7 +44,6 @@ _DONE = b"|0|"
 _BREAKS = re.compile(rb"[\r\n]*\|[\r\n]*")
 _REQUEST = re.compile(rb"\|([01])\|(\d+)\|")
 _MAY_BECOME = re.compile(rb"\|(?:[01](?:\|\d*)?)?\Z")
-_NUMBER = re.compile(r"[0-9]{1,10}")
 _PASSWORD = re.compile(r"(?:.*\.)?CurrentPasswords?(?:\[\d+\])?\Z", re.IGNORECASE | re.DOTALL)
 _QUERY = re.compile(r"(READPI|WRITEPI)\?(.*)\Z", re.IGNORECASE | re.DOTALL)
 _ENTRY_FIELDS = 5
@@ -206,7 +205,7 @@ def read_request(body: bytes) -> Request | None:
     entries = []
     for start in range(0, min(len(fields), MOST_ENTRIES * _ENTRY_FIELDS) - _ENTRY_FIELDS + 1, _ENTRY_FIELDS):
         numbers = fields[start : start + _ENTRY_FIELDS]
-        if not all(map(_NUMBER.fullmatch, numbers)):
+        if not all(map(is_number, numbers)):
             break
         entries.append(_entry(numbers, None))
     return Request(writes, declared, tuple(entries))

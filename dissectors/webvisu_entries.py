@@ -7,6 +7,7 @@ do, whatever is in them: of each place there is only one entry by its number tha
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -17,6 +18,7 @@ WIDTH = 6
 _MOST_FIELDS = 1 << 15
 """Among more fields, entries are looked for by position alone."""
 
+_NUMBER = re.compile(r"[ \t]*\+?[0-9]{1,10}[ \t]*")
 _MOST_DIGITS = 10
 _TYPE = 4
 
@@ -45,6 +47,11 @@ def divide(fields: Sequence[str], declared: int, string: int, most: int) -> Divi
     return _Fields(fields, string, most).divided(declared, most)
 
 
+def is_number(field: str) -> bool:
+    """Tell whether a field is a number: blanks around it, and a plus, change nothing for whoever reads numbers in C."""
+    return (field.isdecimal() and len(field) <= _MOST_DIGITS) or _NUMBER.fullmatch(field) is not None
+
+
 class _Fields:
     """The fields behind command and count; ``_entries`` says where an entry may begin by what stands there."""
 
@@ -52,7 +59,7 @@ class _Fields:
         self._fields, self._string = fields, string
         self._count = len(fields)
         looked_at = fields[: max(_MOST_FIELDS, most * WIDTH)]
-        numbers = [field.isdecimal() and len(field) <= _MOST_DIGITS for field in looked_at]
+        numbers = list(map(is_number, looked_at))
         begins = max(len(numbers) - WIDTH + 1, 0)
         columns = (numbers[place : place + begins] for place in range(WIDTH - 1))
         self._entries = list(map(all, zip(*columns, strict=True)))

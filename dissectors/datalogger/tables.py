@@ -6,6 +6,7 @@ A table is recognised by its columns, never by its name. Source: the DataLogger'
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -67,6 +68,16 @@ class LogTable:
         """How many columns it has."""
         return 2 + len(self.variables) * (1 + self.only_changes)
 
+    @property
+    def sql_name(self) -> str:
+        """Its name as SQL takes it, without quotes where it is like those that controllers give."""
+        return self.name if re.fullmatch(r"log_\w+", self.name, re.ASCII) else quoted(self.name)
+
+    def has_columns_of(self, other: LogTable) -> bool:
+        """Tell whether it has the same columns as another table, of the same types, in whatever order of variables."""
+        own, others = ({one.name: one.declared.upper() for one in table.variables} for table in (self, other))
+        return (self.raw, self.only_changes, own) == (other.raw, other.only_changes, others)
+
 
 def recognise(name: str, columns: Sequence[tuple[str, str]]) -> LogTable | None:
     """Return a table by the names and declared types of its columns; None where it is no DataLogger's.
@@ -102,7 +113,7 @@ def statement(table: LogTable) -> str:
         if variable.counter is not None:
             column += f", {quoted(variable.name + COUNT_SUFFIX)} DEFAULT NULL"
         parts.append(column)
-    return f"CREATE TABLE {table.name}( {','.join(parts)})"
+    return f"CREATE TABLE {table.sql_name}( {','.join(parts)})"
 
 
 def quoted(name: str) -> str:

@@ -188,7 +188,7 @@ class AskedWhile:
 
     def _take_messages(self, told: Told, part: VisuBatch) -> None:
         from nvscope.tracker.visu.leaving import LeavingClients  # noqa: PLC0415
-        from nvscope.tracker.visu.messages import Kind, Outcome  # noqa: PLC0415
+        from nvscope.tracker.visu.messages import UNMEASURED_NS, Kind, Outcome  # noqa: PLC0415
 
         self._leaving = self._leaving or LeavingClients()
         self._leaving.observe(told, part.leaving)
@@ -220,7 +220,9 @@ class AskedWhile:
             row = np.flatnonzero(own & judged)
             packet = messages.row[row]
             frame = messages.asked_frame[row] if came is Came.UNANSWERED else packet + told.first_frame
-            self._visu.take(came, messages.pair[row], frame, known_ns[row], messages.latency_ns[row], is_reply[row])
+            latency_ns = messages.latency_ns[row]
+            is_measured = is_reply[row] & (latency_ns != UNMEASURED_NS)
+            self._visu.take(came, messages.pair[row], frame, known_ns[row], latency_ns, is_measured)
 
     def _judged(self, asked: I64) -> Bool:
         """Tell of the frames of requests which of them are judged."""

@@ -123,12 +123,15 @@ class WrittenWhile:
         messages = part.messages
         frame, time_ns = messages.row + told.first_frame, told.packets.ts_ns[messages.row]
         judged = self._judged(frame, time_ns)
-        unread = (messages.kind == Kind.CUT) & (messages.outcome == Outcome.UNREAD) & judged
-        cut = ((messages.kind == Kind.CUT) | (messages.gap_bytes > 0)) & judged & ~unread
+        unread, malformed = (
+            (messages.kind == Kind.CUT) & (messages.outcome == one) & judged
+            for one in (Outcome.UNREAD, Outcome.MALFORMED)
+        )
+        cut = ((messages.kind == Kind.CUT) | (messages.gap_bytes > 0)) & judged & ~(unread | malformed)
         more = np.array([one.may_write_more for one in part.requests] + [False], np.bool_)[messages.asked]
         behind_part = np.append(False, messages.kind[:-1] == Kind.PART)
         unclear = ((messages.kind == Kind.WRITE) & more) | ((messages.kind == Kind.UNBOUNDED) & behind_part)
-        unclear = (unclear | (messages.kind == Kind.OTHER_BYTES)) & judged
+        unclear = (unclear | malformed | (messages.kind == Kind.OTHER_BYTES)) & judged
         for rows, pairs in ((cut, self.cut), (unread, self.unread), (unclear, self.unclear)):
             for number in distinct(messages.pair[rows]).tolist():
                 if len(pairs) < MOST_PLACES:

@@ -28,7 +28,7 @@ from nvscope.capture.can.sqlite_file import left_beside
 from nvscope.capture.datalogger.names import BEGUN, closed_files, to_close
 from nvscope.datalogger.begun_files import begin_file, made_beside, take_away
 from nvscope.datalogger.configuration import Session
-from nvscope.datalogger.existing import NO_DATABASE, tables_in, told_against
+from nvscope.datalogger.existing import NO_DATABASE, continued, table_in, tables_in, told_against
 from nvscope.datalogger.logged import Logged
 from nvscope.datalogger.oldest_rows import Deleted, OldestRows
 from nvscope.datalogger.set_aside import without_leftovers
@@ -63,6 +63,8 @@ class Database:
 
     ``deleted`` are rows that made room in it, ``removed`` full files that did (``removed_before``: so many of earlier
     runs), ``closed`` those of this run that stayed.
+    ``table`` is the one that rows go to: that of the file with the same columns where it is gone on with, else its own;
+    ``found`` are those that were there.
     ``durable``: each block is on the disk before the next one is taken, where it survives a power cut. ``begins`` tells
     whether the next row is the first of a file. ``had_rows`` tells whether the table had any in the file when that was
     opened to be gone on with, ``goes_on`` whether it had, or the series had closed files.
@@ -74,17 +76,22 @@ class Database:
         self.closed: list[str] = []
         self.removed: list[str] = []
         self.removed_before = 0
+        self.found: Sequence[LogTable] = ()
         self._oldest: OldestRows | None = None
         self._own, self._own_closed = 0, dict[str, int]()
         self.begins = True
         self.goes_on = self.had_rows = False
         self._made = False
         self._session = session
-        self._table = table
         self._durable = durable
-        self._template, self._root = _template(table)
+        self._take(table)
         self._connection: Any = None
-        self._insert = f"INSERT INTO main.{table.name} VALUES ({','.join('?' * table.columns)})"
+
+    def _take(self, table: LogTable) -> None:
+        """Let rows be those of a table."""
+        self.table = table
+        self._template, self._root = _template(table)
+        self._insert = f"INSERT INTO main.{table.sql_name} VALUES ({','.join('?' * table.columns)})"
 
     def open(self, *, append: bool) -> None:
         """Open the file, or make it; an existing one is gone on with where ``append``.
@@ -94,23 +101,25 @@ class Database:
         in_memory = self.path == IN_MEMORY
         exists = not in_memory and os.path.exists(self.path)
         if append and not in_memory:
-            self.goes_on = bool(closed_files(self.path))
+            closed = [path for _, path in closed_files(self.path)]
+            self.goes_on = bool(closed)
+            if closed and not exists:
+                self._take(table_in(closed[-1], self.table) or self.table)
         self._made |= not exists
-        found: Sequence[LogTable] = ()
         try:
             if not in_memory:
                 take_away(self.path + BEGUN)
                 if not os.path.lexists(self.path):
                     without_leftovers(self.path)
-                    os.rename(made_beside(self.path, self._table, durable=self._durable), self.path)
+                    os.rename(made_beside(self.path, self.table, durable=self._durable), self.path)
             self._connect()
             if exists:
-                found = self._check(append=append)
+                self.found = self._check(append=append)
             elif not tables_in(self._connection):
                 # In memory, or in a file to which a link leads.
-                self._connection.execute(statement(self._table))
+                self._connection.execute(statement(self.table))
             if self._session.files == 1 or self.path == IN_MEMORY:
-                self._oldest = OldestRows(self._connection, self._table, found)
+                self._oldest = OldestRows(self._connection, self.table, self.found)
         except sqlite3.Error as error:
             self.close()
             raise self._failure(error) from None
@@ -136,7 +145,7 @@ class Database:
                 # SQLite copies the records of a database in memory as they are.
                 self._connection.deserialize(self._image(leaves), name=_IMAGE)
                 self._connection.execute("BEGIN IMMEDIATE")
-                name = self._table.name
+                name = self.table.sql_name
                 self._connection.execute(f"INSERT INTO main.{name} SELECT * FROM {_IMAGE}.{name}")
             self._connection.execute("COMMIT")
         except sqlite3.Error as error:
@@ -185,7 +194,7 @@ class Database:
         """Return whether the file holds the table alone, and that has no row."""
         if self._connection is None:
             return False
-        asked = f"SELECT (SELECT count(*) FROM main.sqlite_master), EXISTS (SELECT 1 FROM main.{self._table.name})"
+        asked = f"SELECT (SELECT count(*) FROM main.sqlite_master), EXISTS (SELECT 1 FROM main.{self.table.sql_name})"
         try:
             return bool(self._connection.execute(asked).fetchone() == (1, 0))
         except sqlite3.Error:
@@ -238,8 +247,7 @@ class Database:
             )  # fmt: skip
         execute = self._connection.execute
         found = tables_in(self._connection)
-        own = self._table.name
-        reason = told_against(self._connection, self._table)
+        reason = told_against(self._connection, self.table)
         # What a program was at that did not end is undone by now; SQLite takes what is missing of a page for zeros.
         if reason is None and os.path.getsize(self.path) % execute("PRAGMA main.page_size").fetchone()[0]:
             reason = (
@@ -249,11 +257,12 @@ class Database:
         if reason:
             self.close()
             raise UsageError(reason[0], where=self.path, next_step=reason[1])
-        if own in found:
-            self.had_rows = bool(execute(f"SELECT EXISTS (SELECT 1 FROM main.{own})").fetchone()[0])
+        if known := continued(found, self.table):
+            self._take(known)
+            self.had_rows = bool(execute(f"SELECT EXISTS (SELECT 1 FROM main.{known.sql_name})").fetchone()[0])
             self.goes_on |= self.had_rows
         else:
-            execute(statement(self._table))
+            execute(statement(self.table))
         return [table for table in found.values() if table is not None]
 
     def _image(self, leaves: Leaves) -> bytes:
@@ -283,7 +292,7 @@ class Database:
             return
         closed, target = to_close(self.path)
         try:
-            begun = made_beside(self.path, self._table, durable=self._durable)
+            begun = made_beside(self.path, self.table, durable=self._durable)
             try:
                 _rename(self.path, target, begun)
             except OSError as error:

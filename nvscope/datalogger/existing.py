@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sqlite3
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 
@@ -36,11 +36,12 @@ def unlike_logger(path: str) -> str:
         return error.what
 
 
-def others_in(path: str, own: str) -> int:
+def others_in(path: str, own: LogTable) -> int:
     """Return how many tables of a DataLogger a file has beside one, as far as that can be read; it stays as it is."""
     try:
         with opened(path) as database:
-            return sum(table.log.name != own for table in database.tables)
+            found = {one.log.name: one.log for one in database.tables}
+            return len(found) - (continued(found, own) is not None)
     except UnreadableInput:
         return 0
 
@@ -53,6 +54,43 @@ def tables_in(connection: sqlite3.Connection) -> dict[str, LogTable | None]:
         columns = connection.execute(f"PRAGMA main.table_info({quoted(name)})")
         found[name] = recognise(name, [(column, kind) for _, column, kind, *_ in columns])
     return found
+
+
+def continued(found: Mapping[str, LogTable | None], own: LogTable) -> LogTable | None:
+    """Return the table of a file that rows go on with, None where it has none of the same columns.
+
+    Controllers number tables in another way. Of several, it is that of the same name, else the last one.
+    """
+    same = [table for table in found.values() if table is not None and table.has_columns_of(own)]
+    return next((table for table in same if table.name == own.name), same[-1] if same else None)
+
+
+def other_table(found: Sequence[LogTable], own: LogTable) -> str:
+    """Return why rows go into a table of their own where there are others; '' where there are none, or one is theirs.
+
+    It is what tells the most alike of these from it.
+    """
+    if not found or continued({one.name: one for one in found}, own) is not None:
+        return ""
+    names = {one.name for one in own.variables}
+    alike = max(found, key=lambda table: sum(one.name in names for one in table.variables))
+    there = {one.name for one in alike.variables}
+    what = f"stores {'changes only' if alike.only_changes else 'every value'}"
+    if names != there:
+        shown = ((f"has no '{min(names - there)[:_SHOWN]}'",) if names - there else ()) + (
+            (f"has '{min(there - names)[:_SHOWN]}', too",) if there - names else ()
+        )
+        what = " and ".join(shown)
+    return f"in a table of its own, {own.name}, beside {alike.name[:_SHOWN]}, which {what}"
+
+
+def table_in(path: str, own: LogTable) -> LogTable | None:
+    """Return the table of a file that has the columns of one, None where none has, or the file cannot be read."""
+    try:
+        with opened(path) as database:
+            return continued({table.log.name: table.log for table in database.tables}, own)
+    except UnreadableInput:
+        return None
 
 
 def told_against(connection: sqlite3.Connection, own: LogTable) -> tuple[str, str] | None:
@@ -90,8 +128,10 @@ def _unlike(found: Mapping[str, LogTable | None], own: LogTable) -> tuple[str, s
     foreign = next((name for name, table in found.items() if table is None), None)
     if foreign is not None:
         return f"the file holds what is no DataLogger's: the table {foreign[:_SHOWN]}", "log to another file"
-    known = found.get(own.name)
-    if known is None or known == own:
+    if continued(found, own) is not None:
+        return None
+    known = found.get(own.name) or next((table for table in found.values() if table and _is_of(table, own)), None)
+    if known is None:
         return None
     if known.raw != own.raw:
         there, here = ("numbers", "texts") if known.raw else ("texts", "numbers")
@@ -106,3 +146,9 @@ def _unlike(found: Mapping[str, LogTable | None], own: LogTable) -> tuple[str, s
         what = f"'{other.name[:_SHOWN]}' is {types[other.name]} in the table there, and {other.declared} in its list"
         return what, "log to another file: the type of the variable has changed"
     return "the file has a table of this name for other variables", "log to another file"
+
+
+def _is_of(table: LogTable, own: LogTable) -> bool:
+    """Tell whether a table is of the same variables, stored in the same way."""
+    names, own_names = ({one.name for one in each.variables} for each in (table, own))
+    return table.only_changes == own.only_changes and names == own_names

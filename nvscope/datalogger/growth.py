@@ -71,7 +71,7 @@ def always_full(planned: Planned, *, append: bool = False) -> str:
         page_bytes = connection.execute("PRAGMA page_size").fetchone()[0]
     others = 0
     if append and planned.deletes_oldest and os.path.isfile(planned.path):
-        others = others_in(planned.path, table.name)
+        others = others_in(planned.path, table)
         empty_bytes += others * page_bytes
     if empty_bytes < session.max_bytes:
         return ""

@@ -13,11 +13,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
-from dissectors.batch import I64, Bool
+from dissectors.batch import I64
+from nvscope.datalogger.sender_cycles import SenderCycles
 from nvscope.engine.told import Told
 from nvscope.view.rows.defined import DefinedRows
 
@@ -29,6 +29,8 @@ SET_BACK_NS = 1_000_000_000
 
 MOST_AT_ONCE = 1 << 14
 _NEVER = -(1 << 63)
+_MOST_SENDERS = 1_000
+"""Of more senders of a list, nothing is remembered but cycles that may go on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,22 +119,27 @@ class Cycles:
     ``places`` are those of the list, with their SubIndexes in ``subindexes``, which may come in any order; a cycle is
     over when all of these have come, with a SubIndex that it has already, or with one that comes later than
     ``apart_ns`` behind the one before; and where the clock was set back. ``is_open``: there may be further SubIndexes.
+    ``sends_all``: all of them are sent each time, as of a list that is sent cyclically and not on a change.
+    ``late`` are the frames of telegrams, of those taken last, that are of a cycle that was over: they are in none.
     """
 
     def __init__(
-        self, places: Sequence[int], subindexes: Collection[int], apart_ns: int, *, is_open: bool = False
-    ) -> None:
+        self, places: Sequence[int], subindexes: Collection[int], apart_ns: int, *, is_open: bool = False,
+        sends_all: bool = False,
+    ) -> None:  # fmt: skip
         self._places = np.array(sorted(places), np.int64)
         self._all = frozenset(subindexes)
         self._is_open = is_open
+        self._sends_all = sends_all
         self._apart_ns = apart_ns
-        self._open: dict[int, _Open] = {}
+        self._senders: dict[int, SenderCycles] = {}
+        self.late = np.empty(0, np.int64)
         self._now_ns = _NEVER
 
     @property
     def open_frames(self) -> list[int]:
         """The last frames of cycles that may go on."""
-        return [one.frame for one in self._open.values()]
+        return [one.open.frame for one in self._senders.values() if one.open]
 
     def take(self, told: Told, rows: DefinedRows) -> Iterator[Instants]:
         """Yield the instants of the cycles that are over with a batch; within one of them, frames rise."""
@@ -144,12 +151,13 @@ class Cycles:
             if len(own):
                 yield Instants(rows.ts_ns[own], rows.frame[own])
             return
+        self.late = own[:0]
         ts_ns, first = told.packets.ts_ns, 0
         while first < len(ts_ns):
             stop = first + self._until_set_back(ts_ns[first:])
             bounds = np.searchsorted(rows.frame[own], [told.first_frame + first, told.first_frame + stop])
             if bounds[0] < bounds[1]:
-                yield from self._cut(rows, own[bounds[0] : bounds[1]])
+                yield from self._cut(told, rows, own[bounds[0] : bounds[1]])
             if stop < len(ts_ns):
                 yield from self.end()
             first = stop
@@ -157,18 +165,21 @@ class Cycles:
             self._now_ns = max(self._now_ns, told.until_ns)
         # Packets that are out of order are late by no more than that.
         latest_ns = self._now_ns - self._apart_ns - SET_BACK_NS
-        yield from self._closed([sender for sender, one in self._open.items() if one.last_ns < latest_ns])
+        yield from self._closed([one for one in self._senders.values() if one.open and one.open.last_ns < latest_ns])
+        if len(self._senders) > _MOST_SENDERS:
+            self._senders = {number: one for number, one in self._senders.items() if one.open}
         if told.is_deaf:
             yield from self.end()
 
     def end(self) -> Iterator[Instants]:
         """Yield the instants of the cycles that are open."""
-        yield from self._closed(list(self._open))
+        yield from self._closed(list(self._senders.values()))
+        self._senders.clear()
         self._now_ns = _NEVER
 
-    def _closed(self, senders: Sequence[int]) -> Iterator[Instants]:
+    def _closed(self, senders: Sequence[SenderCycles]) -> Iterator[Instants]:
         """Yield the instants of the open cycles of some senders."""
-        over = sorted((self._open.pop(sender) for sender in senders), key=lambda one: one.frame)
+        over = sorted((one for sender in senders if (one := sender.end())), key=lambda one: one.frame)
         if over:
             yield Instants(np.array([one.begin_ns for one in over]), np.array([one.frame for one in over]))
 
@@ -182,59 +193,21 @@ class Cycles:
             self._now_ns = int(now[stop - 1])
         return stop
 
-    def _cut(self, rows: DefinedRows, own: I64) -> Iterator[Instants]:
+    def _cut(self, told: Told, rows: DefinedRows, own: I64) -> Iterator[Instants]:
         """Cut the telegrams of each sender into cycles: the last frame of each that is over, and when it began."""
         found: list[tuple[I64, I64]] = []
-        sender = rows.sender[own]
+        late: list[int] = []
+        sender, counter = rows.sender[own], told.batch.counter[rows.frame[own] - told.first_frame]
         for number in np.flatnonzero(np.bincount(sender)).tolist():
-            mine = own[sender == number]
-            found.append(self._of_sender(number, rows.subindex[mine], rows.ts_ns[mine], rows.frame[mine]))
+            if number not in self._senders:
+                subindexes = frozenset[int]() if self._is_open else self._all
+                self._senders[number] = SenderCycles(subindexes, self._apart_ns, sends_all=self._sends_all)
+            cycles, mine = self._senders[number], np.flatnonzero(sender == number)
+            some = rows.take(own[mine])
+            found.append(cycles.take(some.subindex, counter[mine], some.ts_ns, some.frame))
+            late += cycles.late
+        self.late = np.append(self.late, np.array(sorted(late), np.int64))
         time_ns, frame = (np.concatenate([one[column] for one in found]) for column in (0, 1))
         order = np.argsort(frame, kind="stable")
         if len(order):
             yield Instants(time_ns[order], frame[order])
-
-    def _of_sender(self, number: int, subindex: I64, time_ns: I64, frame: I64) -> tuple[I64, I64]:
-        begin_ns = int(time_ns[0])
-        if going := self._open.pop(number, None):
-            begin_ns, known = going.begin_ns, np.array(sorted(going.subindexes))
-            subindex, frame = np.append(known, subindex), np.append(np.full(len(known), going.frame), frame)
-            time_ns = np.append(np.full(len(known), going.last_ns), time_ns)
-        start = _starts(subindex, time_ns[1:] - time_ns[:-1] > self._apart_ns)
-        begin, last = time_ns[start].copy(), np.append(start[1:], len(frame)) - 1
-        begin[0] = begin_ns
-        seen = frozenset(subindex[start[-1] :].tolist())
-        if self._is_open or not seen >= self._all:
-            self._open[number] = _Open(int(begin[-1]), int(frame[-1]), int(time_ns[-1]), seen)
-            begin, last = begin[:-1], last[:-1]
-        return begin, frame[last]
-
-
-class _Open(NamedTuple):
-    """A cycle that may go on: when it began, and its last telegram."""
-
-    begin_ns: int
-    frame: int
-    last_ns: int
-    subindexes: frozenset[int]
-
-
-def _starts(subindex: I64, is_late: Bool) -> I64:
-    """Return where cycles begin in telegrams of one sender; ``is_late`` are those, but the first, that are too late."""
-    count = len(subindex)
-    order = np.argsort(subindex, kind="stable")
-    again = np.full(count, count)
-    same = subindex[order[1:]] == subindex[order[:-1]]
-    again[order[:-1][same]] = order[1:][same]
-    # What is the next to be there already, of all from one on; or to be late.
-    following = np.minimum.accumulate(again[::-1])[::-1]
-    late = np.append(np.flatnonzero(is_late) + 1, count)
-    following = np.minimum(following, late[np.searchsorted(late, np.arange(count), "right")])
-    # Mostly, they come in their order.
-    start = np.append(0, np.flatnonzero((subindex[1:] <= subindex[:-1]) | is_late) + 1)
-    if (following[start] == np.append(start[1:], count)).all():
-        return start
-    found, ahead = [0], following.tolist()
-    while ahead[found[-1]] < count:
-        found.append(ahead[found[-1]])
-    return np.array(found)

@@ -24,6 +24,8 @@ def outcome(log: SessionLog, heard: Heard) -> Iterator[str]:
     if counted.inconsistent:
         rows = "row says" if counted.inconsistent == 1 else "rows say"
         told.append(f"{counted.inconsistent} {rows} that something is missing in front of it (ConsistentDataSeries 0)")
+    if counted.rows and log.other_table:
+        told.append(visible(log.other_table))
     if counted.files == [IN_MEMORY]:
         told.append("gone with the end of the session: -w FILE keeps one that is volatile")
     yield f"{name}: {'; '.join(told)}."
@@ -39,6 +41,9 @@ def outcome(log: SessionLog, heard: Heard) -> Iterator[str]:
             f"{name}: at least {sets} not taken: the clock of the capture went back, by less than a second each time, "
             "and no row has a time twice; the next row tells of it."
         )
+    if counted.late:
+        came = count_of(counted.late, "telegram")
+        yield f"{name}: {came} came when the next cycle had begun, too late for a row; the next row tells of it."
     if counted.not_written:
         yield f"{name}: {count_of(counted.not_written, 'row')} not written: another program held the database."
     yield from (f"{name}: {told}." for told in _copies(log, heard))

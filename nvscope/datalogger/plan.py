@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dissectors.batch import Bool
+from dissectors.datalogger.tables import LogTable
 from nvscope.capture.datalogger.names import BESIDE, LOCK, closed_files, closed_names
 from nvscope.datalogger.column_names import next_step_of, taken_names
 from nvscope.datalogger.configuration import Session
@@ -57,6 +58,14 @@ class Planned:
     def keys(self) -> set[ListKey]:
         """The lists that it needs."""
         return {one.key for one in self.logged} | {key for key, _ in self.tasks}
+
+    def in_order_of(self, table: LogTable) -> Planned:
+        """Return it with its variables in the order of a table, which has them all."""
+        place = {one.uri: place for place, one in enumerate(self.logged)}
+        order = [place[one.name] for one in table.variables]
+        tasks = tuple((key, None if columns is None else columns[order]) for key, columns in self.tasks)
+        rest = None if self.rest is None else self.rest[order]
+        return replace(self, logged=tuple(self.logged[one] for one in order), tasks=tasks, rest=rest)
 
     @property
     def deletes_oldest(self) -> bool:
@@ -270,9 +279,10 @@ def data_log(
             path = one.path or IN_MEMORY
             database = Database(one.session, table_of(one.session, one.logged), path, durable=durable)
             database.open(append=append)
+            own = one.in_order_of(database.table)
             logs.append(
                 SessionLog(
-                    one.session, one.logged, _schedules(one, telegrams, judge), telegrams.places, telegrams.keys,
+                    own.session, own.logged, _schedules(own, telegrams, judge), telegrams.places, telegrams.keys,
                     database, document_style=document_style,
                 )
             )  # fmt: skip
@@ -306,4 +316,7 @@ def _cycles(key: ListKey, telegrams: DefinedTelegrams, judge: Judge) -> Cycles:
     if len(subindexes) > 1 or is_open:
         interval_ns = judge.least_ns.get(key) or interval_of(key, judge.judged().intervals_ns)
         apart_ns = interval_ns // 2 if interval_ns else _APART_NS
-    return Cycles(sorted(own), subindexes, apart_ns, is_open=is_open)
+    # On a change, or an event, a telegram may be sent alone.
+    lists = [telegrams.places[place].layout.list for place in own]
+    sends_all = all(one.cyclic and not one.on_change and not one.on_event for one in lists)
+    return Cycles(sorted(own), subindexes, apart_ns, is_open=is_open, sends_all=sends_all)

@@ -17,6 +17,7 @@ from nvscope.datalogger.changes import Changed, Counts
 from nvscope.datalogger.columns import TableColumns
 from nvscope.datalogger.configuration import Session
 from nvscope.datalogger.database import Database, DatabaseLocked
+from nvscope.datalogger.existing import other_table
 from nvscope.datalogger.instants import Cycles, Interval
 from nvscope.datalogger.logged import Content, Logged
 from nvscope.datalogger.oldest_rows import Deleted
@@ -56,7 +57,8 @@ class Counted:
     """What became of a session: rows that were written, how many of them are not consistent, and what was lost.
 
     ``overwritten`` are data sets that the ring buffer had no room for, ``not_taken`` those that no time was left for,
-    ``not_written`` rows for which another program held the file too long. Of the rows, ``left`` are still there, in
+    ``late`` telegrams that came when the row of their cycle was made, ``not_written`` rows for which another program
+    held the file too long. Of the rows, ``left`` are still there, in
     ``files``, the last written one at the end; none where there was no row. Others made room, by themselves
     (``deleted``, with those that were there before) or in whole files (``removed``, of which ``removed_before`` are of
     earlier runs).
@@ -67,6 +69,7 @@ class Counted:
     inconsistent: int = 0
     overwritten: int = 0
     not_taken: int = 0
+    late: int = 0
     not_written: int = 0
     first_ns: int | None = None
     last_ns: int | None = None
@@ -93,6 +96,7 @@ class SessionLog:
         self.keys = frozenset(one.key for one in logged)
         self.needed = [one.keys for one in schedules]
         self.counted = Counted()
+        self._list_of = [keys[place.number] for place in places]
         self._texts = Texts()
         self._samples = Samples(logged, places, keys, self._texts)
         at_once = max(_CELLS_AT_ONCE // max(len(logged), 1), 1)
@@ -123,9 +127,11 @@ class SessionLog:
 
     def take(self, told: Told, rows: DefinedRows, losses: Sequence[I64]) -> None:
         """Take a batch; ``losses`` are rising frames for each schedule, behind which something is missing for it."""
+        late = self._turns.begin(told, rows)
+        if len(late):
+            losses = self._with_late(late, losses)
         self._losses = [np.concatenate(both) for both in zip(self._losses, losses, strict=True)]
-        self._samples.begin(rows)
-        for taken in self._turns.take(told, rows):
+        for taken in self._turns.take():
             self._sample(taken)
         self._samples.end()
         now_ns = told.until_ns
@@ -133,6 +139,20 @@ class SessionLog:
             self._publish(self._ring.take(Rows.none(), now_ns))
         if len(self._texts) > MOST_KEPT:
             self._forget_texts()
+
+    def _with_late(self, late: DefinedRows, losses: Sequence[I64]) -> list[I64]:
+        """Return losses with those that telegrams are of which came when the row of their cycle was made."""
+        self.counted.late += len(late)
+        of_list = [self._list_of[place] for place in late.place.tolist()]
+        return [
+            np.sort(np.append(own, late.frame[np.array([key in keys for key in of_list], np.bool_)]))
+            for own, keys in zip(losses, self.needed, strict=True)
+        ]
+
+    @property
+    def other_table(self) -> str:
+        """Why rows are in a table of their own in a file that had others, '' where they are not."""
+        return other_table(self._database.found, self._database.table)
 
     def lose(self) -> None:
         """Let the next row of each task say that something was lost in front of it."""

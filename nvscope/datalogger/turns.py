@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,15 +60,29 @@ class Turns:
         self._at_once = at_once
         self._held: Taken | None = None
         self._open: dict[int, Taken] = {}
+        self._due_now: Callable[[], Iterator[Taken]]
 
-    def take(self, told: Told, rows: DefinedRows) -> Iterator[Taken]:
-        """Yield what is due with a batch, whose telegrams the samples have begun."""
-        if len(self._schedules) == 1 and isinstance(self._schedules[0], Interval):
-            for instants in self._schedules[0].take(told, rows):
-                yield from self._looked_up(instants, np.zeros(len(instants.frame), np.int64))
-            return
+    def begin(self, told: Told, rows: DefinedRows) -> DefinedRows:
+        """Take a batch, and return those of its telegrams that came too late for a cycle: no value is theirs."""
+        only = self._schedules[0]
+        if len(self._schedules) == 1 and isinstance(only, Interval):
+            self._samples.begin(rows)
+            self._due_now = lambda: self._sampled(only.take(told, rows))
+            return rows.take(slice(0, 0))
         found = [(number, list(one.take(told, rows))) for number, one in enumerate(self._schedules)]
-        yield from self._due(found, told.first_frame)
+        frames = [one.late for one in self._schedules if isinstance(one, Cycles)]
+        is_late = np.isin(rows.frame, np.concatenate(frames)) if any(map(len, frames)) else np.empty(0, np.bool_)
+        self._samples.begin(rows.take(np.flatnonzero(~is_late)) if len(is_late) else rows)
+        self._due_now = lambda: self._due(found, told.first_frame)
+        return rows.take(np.flatnonzero(is_late))
+
+    def take(self) -> Iterator[Taken]:
+        """Yield what is due with the batch that was begun."""
+        return self._due_now()
+
+    def _sampled(self, instants: Iterator[Instants]) -> Iterator[Taken]:
+        for some in instants:
+            yield from self._looked_up(some, np.zeros(len(some.frame), np.int64))
 
     def end(self) -> Iterator[Taken]:
         """Yield all that is left."""

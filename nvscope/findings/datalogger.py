@@ -43,7 +43,7 @@ LOSS_NOT_TOLD = FindingKind(
         "samples were dropped where the logger does not notice it",
         "where nvscope logged: a cycle of a list without a Counter, as on CAN, did not come or could not be decoded; "
         "that its row is missing is true, whether it was lost nobody knows",
-        "in the first row of x.db: the newest closed file was not copied, and no number tells that it is missing",
+        "in the first row of x.db: a short closed file was not copied; no number tells that one is missing",
     ),
     next_steps=(
         "Compare the times with the controller's log of starts and downloads, and with its clock.",
@@ -65,7 +65,7 @@ CHANGES_MISSED = FindingKind(
     causes=(
         "rows were lost between the ring buffer and the file",
         "rows were deleted, or several databases put together, by hand",
-        "in the first row of x.db: the newest closed file was not copied, and no number tells that it is missing",
+        "in the first row of x.db: a short closed file was not copied; no number tells that one is missing",
     ),
     next_steps=(
         "Do not count or time changes of this variable around these rows.",
@@ -170,7 +170,8 @@ SERIES_BROKEN = FindingKind(
     meaning=(
         "Files of a series are missing, overlap in time, or are damaged: `x.db.0`, `x.db.1` … and at the end `x.db` "
         "are one series. What such a file held is not in the audit, and values behind it begin unknown. That the "
-        "oldest files are gone is as configured (maxFiles), and no finding."
+        "newest closed file is missing, no number tells: it is where as much time as a file lasts lacks in front of "
+        "`x.db`. That the oldest files are gone is as configured (maxFiles), and no finding."
     ),
     causes=(
         "the file was copied while the logger wrote it, or a transfer broke off",

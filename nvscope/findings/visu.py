@@ -87,13 +87,14 @@ VISU_COUNT_MISMATCH = FindingKind(
     meaning=(
         "The number of values differs from what was declared or asked for. Values are assigned by position, so all "
         "behind the first missing one may belong to another variable. Or the head of a message says no one number of "
-        "bytes, and nobody knows where it ends: server and capture may read different requests in it."
+        "bytes, or its chunks are malformed, and nobody knows where it ends: server and capture may read different "
+        "requests in it."
     ),
     causes=(
         "a client that declares another number of entries than it sends",
         "a STRING with the separator '|' in it, which looks like one more field",
         "a reply that was cut off",
-        "a client or gateway that sends a wrong Content-Length, or somebody who hides requests that way",
+        "a client or gateway that sends a wrong Content-Length or chunks, or somebody who hides requests that way",
     ),
     next_steps=("Look at request and reply; ask for STRINGs one at a time.",),
     protocol="visu",
@@ -152,12 +153,14 @@ VISU_UNREAD_LIST = FindingKind(
     ),
     causes=(
         "a file of the web server that is damaged, or was cut off when it was written",
+        "a capture that lacks bytes of it, or a file that is too long to be read",
         "a name with a character that XML does not allow",
         "an error page or a login page in place of the list",
     ),
     next_steps=(
         "Give the XML files of the project: variables under [webvisu] of the project file.",
         "Load the list from the controller with a browser, and look whether that reads it.",
+        "Where bytes of it are missing, record again, whole frames, while the page is loaded.",
     ),
     protocol="visu",
 )
@@ -335,7 +338,7 @@ def _miscounted(client: str, server: str, counts: Mapping[VisuEvent, int]) -> st
         VisuEvent.MISCOUNTED: "more or fewer values than declared or asked for",
         VisuEvent.AMBIGUOUS: "several texts with | in them, of which nobody knows how far they go and what else is "
         "there",
-        VisuEvent.UNBOUNDED: "no one number as Content-Length, nobody knows where they end",
+        VisuEvent.UNBOUNDED: "no one number as Content-Length, or malformed chunks: nobody knows where they end",
     }
     first, *others = [(counts[event], text) for event, text in what.items() if counts.get(event)]
     more = "".join(f"; {count(times)} of them have {text}" for times, text in others)

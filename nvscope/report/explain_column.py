@@ -72,7 +72,8 @@ MEANINGS = MappingProxyType(
         "first frame": "the frame of the first of them",
         "via": "by which conversation: sdo is the Parameter Manager, visu is WebVisu",
         "odd": "replies that no request waits for, requests that came back, wrong numbers of values, and what was cut",
-        "last write": "what was written last by this pair, over which value",
+        "last write": "what was written last by this pair, over which value; in front of that what came of it, "
+        "unless it is confirmed",
         "ago": "how long ago that was",
     }
 )  # fmt: skip

@@ -32,14 +32,18 @@ BROKEN_OFF, BY_CLIENT = 1, 2
 
 
 class Order(IntEnum):
-    """What comes first of that which happens with one frame."""
+    """What comes first of that which happens with one frame.
+
+    ``PROVEN`` is what it shows to be of another connection, which came before.
+    """
 
     ACKNOWLEDGED = 0
     OLD_CLIENT = 1
     OLD_SERVER = 2
-    OWN = 3
-    END_CLIENT = 4
-    END_SERVER = 5
+    PROVEN = 3
+    OWN = 4
+    END_CLIENT = 5
+    END_SERVER = 6
 
 
 ORDER_BITS = 3

@@ -13,6 +13,7 @@ from dissectors.headers import ACK, FIN, RST, SYN
 from nvscope.engine.runs import runs_of
 from nvscope.tracker.pieces import ANEW, IN_STEP, NEVER, ORDER_BITS, Order, PieceKind, Pieces
 from nvscope.tracker.segments import FAR, HALF, WRAP, Segments, StreamColumns
+from nvscope.tracker.segments_aside import NEAR
 from nvscope.tracker.segments_in_turn import FORGOTTEN_NS
 
 _APART = 1 << 34
@@ -75,7 +76,17 @@ class SegmentsAtOnce:
         # The last one up to each that brings something, wherever that is.
         self._risen = np.maximum.accumulate(np.where(self._rises, np.arange(len(whole)), -1))
         far |= along > before
+        if int(along.min(initial=0)) < -NEAR:
+            far |= self._are_in_front(length)
         return far
+
+    def _are_in_front(self, length: I64) -> Bool:
+        """Tell what is in front of where its stream has begun (``segments_aside.is_in_front``)."""
+        streams, stream = self._streams, self._stream
+        first = np.where(streams.begun[stream], streams.first[stream], self._base)
+        gone = (self._base - first) % WRAP
+        least = np.where(gone <= FAR, -gone - NEAR, -HALF)
+        return self._along < np.repeat(least, length)
 
     def _mark_behind_ends(self, peculiar: Bool) -> None:
         """Mark what comes behind the end of a stream."""

@@ -34,6 +34,7 @@ from nvscope.tracker.pieces import (
     Pieces,
 )
 from nvscope.tracker.segments import FAR, HALF, WRAP, Segments, StreamColumns
+from nvscope.tracker.segments_aside import NEAR, Aside, Segment, SegmentsAside, is_in_front
 
 MOST_KEPT_BYTES = 1 << 18
 MOST_KEPT_IN_ALL_BYTES = 1 << 26
@@ -75,6 +76,12 @@ class _Stream:
         """How far it is, with what is kept."""
         return self.kept[-1].end if self.kept else self.at
 
+    def is_elsewhere(self, sequence: int) -> bool:
+        """Tell whether what has such a sequence number is not of this stream, which has begun."""
+        away = self.distance(sequence)
+        is_beyond = abs(away) > FAR or (self.ended and away > NEAR)
+        return is_beyond or is_in_front(sequence, self.first, self.next, FAR)
+
     @property
     def is_nothing(self) -> bool:
         """Whether it was reset before anything came."""
@@ -98,6 +105,7 @@ class SegmentsInTurn:
     def __init__(self, columns: StreamColumns) -> None:
         self._columns = columns
         self._waiting: dict[int, _Stream] = {}
+        self._aside = SegmentsAside()
         self._kept_bytes = 0
         self._made: list[tuple[int, ...]] = []
         self.kept: list[bytes] = []
@@ -108,11 +116,13 @@ class SegmentsInTurn:
     def forget(self) -> None:
         """Forget what is kept."""
         self._waiting.clear()
+        self._aside.clear()
         self._kept_bytes = 0
 
     def keep(self, numbers: Mapping[int, int], columns: StreamColumns) -> None:
         """Forget all streams but some, which are numbered anew; ``columns`` are their state from now on."""
         self._columns = columns
+        self._aside.keep(numbers)
         waiting, self._waiting = self._waiting, {}
         for number, stream in waiting.items():
             if number in numbers:
@@ -163,7 +173,7 @@ class SegmentsInTurn:
             for stream, *segment in segments.tuples(place, behind):
                 self._take(ends, stream & 1, *segment)
             place = behind
-            if not (ends[0].kept or ends[1].kept):
+            if not (ends[0].kept or ends[1].kept or connection in self._aside):
                 break
         self._put_back(data, ends)
         return place
@@ -186,13 +196,15 @@ class SegmentsInTurn:
 
     def _put_back(self, data: U8, ends: tuple[_Stream, _Stream]) -> None:
         columns = self._columns
+        connection = ends[0].number >> 1
+        self._aside.hold_data(connection, data)
         for stream in ends:
             number = stream.number
             columns.begun[number], columns.ended[number] = stream.begun, stream.ended
             columns.next[number], columns.first[number] = stream.next, stream.first
             columns.acknowledged[number], columns.told[number] = stream.acknowledged, stream.told
             columns.latest_ns[number] = stream.latest_ns
-            columns.waits[number] = bool(stream.kept)
+            columns.waits[number] = bool(stream.kept) or connection in self._aside
             if stream.kept:
                 self._waiting[number] = stream
                 for one in stream.kept:
@@ -203,8 +215,10 @@ class SegmentsInTurn:
         self, ends: tuple[_Stream, _Stream], side: int, sequence: int, acknowledgement: int, flags: int, payload: int,
         payload_bytes: int, captured_bytes: int, frame: int, time_ns: int,
     ) -> None:  # fmt: skip
-        own, other = ends[side], ends[1 - side]
+        own, other, connection = ends[side], ends[1 - side], ends[0].number >> 1
+        told = acknowledgement if flags & ACK and acknowledgement else -1
         if own.ended and other.ended and time_ns - max(own.latest_ns, other.latest_ns) > FORGOTTEN_NS:
+            self._aside.drop(connection)
             for stream in ends:
                 stream.forget()
         if flags & SYN and not flags & RST:
@@ -215,12 +229,12 @@ class SegmentsInTurn:
             is_new |= not answers and own.is_nothing and other.is_nothing
             if is_new and (own.begun or other.begun):
                 # Whoever it is whose SYN is there: it is the client that begins another one.
-                self._break_off(ends, frame, time_ns, (Order.OLD_CLIENT, Order.OLD_SERVER), BY_CLIENT)
-                for stream in ends:
-                    stream.forget()
+                self._begin_anew(ends, frame, time_ns)
+        elif not flags & RST and (proven := self._aside.proven_by(connection, side, sequence, told)) is not None:
+            self._begin_anew(ends, frame, time_ns)
+            self._take_proven(ends, proven, frame)
         elif not (own.begun or other.begun) and (flags & RST or not (payload_bytes or flags & FIN)):
             return
-        told = acknowledgement if flags & ACK and acknowledgement else -1
         if flags & ACK and (other.acknowledged < 0 or _ahead(acknowledgement, other.acknowledged) > 0):
             other.acknowledged = acknowledgement
         while other.kept and other.hole_is_acknowledged:
@@ -230,15 +244,38 @@ class SegmentsInTurn:
                 self._give_up_hole(stream, frame, order)
         if flags & RST:
             by_client = 0 if side else BY_CLIENT
+            self._aside.drop(connection)
             self._break_off(ends, frame, time_ns, (Order.END_CLIENT, Order.END_SERVER), by_client)
             return
         if not (payload_bytes or flags & (SYN | FIN)):
             return
+        segment = Segment(sequence, flags, payload, payload_bytes, captured_bytes, time_ns, told)
+        if own.begun and not flags & SYN and own.is_elsewhere(sequence):
+            self._aside.put(connection, side, segment)
+            return
+        self._aside.drop(connection)
+        self._bring(own, other, segment, frame, Order.OWN)
+
+    def _begin_anew(self, ends: tuple[_Stream, _Stream], frame: int, time_ns: int) -> None:
+        """Take that another connection begins in place of this one."""
+        self._break_off(ends, frame, time_ns, (Order.OLD_CLIENT, Order.OLD_SERVER), BY_CLIENT)
+        self._aside.drop(ends[0].number >> 1)
+        for stream in ends:
+            stream.forget()
+
+    def _take_proven(self, ends: tuple[_Stream, _Stream], proven: Aside, frame: int) -> None:
+        """Take what a frame has shown to be of the connection that has begun."""
+        for segment in proven.segments:
+            self._bring(ends[proven.side], ends[1 - proven.side], segment, frame, Order.PROVEN)
+
+    def _bring(self, own: _Stream, other: _Stream, segment: Segment, frame: int, order: Order) -> None:
+        """Take what a segment brings of its stream."""
+        sequence, flags, payload, payload_bytes, captured_bytes, time_ns, told = segment
         if not own.begun:
             own.begun, own.next, own.told = True, sequence, told
             own.first = (sequence + (flags & SYN) // SYN) % WRAP
             size = (IN_STEP if flags & SYN else 0) | (0 if other.begun else ANEW)
-            self._tell(own, PieceKind.BEGIN, (0, size), frame, Order.OWN, own.first)
+            self._tell(own, PieceKind.BEGIN, (0, size), frame, order, own.first)
         begin = own.at + own.distance(sequence)
         if own.ended or abs(begin - own.at) > FAR:
             return
@@ -249,7 +286,8 @@ class SegmentsInTurn:
             (1 if flags & SYN else 0, PieceKind.BEGIN, None), (captured_bytes, PieceKind.DATA, payload),
             (payload_bytes - captured_bytes, PieceKind.HOLE, None), (flags & FIN, PieceKind.END, None),
         ):  # fmt: skip
-            if kind is PieceKind.DATA and size and begin < own.at and not asks:
+            # Data of another batch begins a connection: nothing has come before.
+            if kind is PieceKind.DATA and size and begin < own.at and not asks and isinstance(payload, int):
                 self.again.append(Again(own.number, frame, own.at - begin, payload, min(size, own.at - begin), size))
             if size and begin + size > own.at:
                 part = Kept(begin, size, kind, source, frame, time_ns, told)
@@ -259,16 +297,16 @@ class SegmentsInTurn:
             return
         if own.kept or parts[0].begin > own.at:
             for part in parts:
-                if not asks and (size := others_of(own.kept, part, self._data)):
+                if not asks and (size := others_of(own.kept, part, self._data)) and isinstance(payload, int):
                     copy = self._data[payload : payload + captured_bytes].tobytes()
-                    self.others.append(OtherBytes(own.number, frame << ORDER_BITS | int(Order.OWN), size, copy))
+                    self.others.append(OtherBytes(own.number, frame << ORDER_BITS | int(order), size, copy))
                 self._keep(own, part)
-            self._pass_on_kept(own, frame, Order.OWN)
+            self._pass_on_kept(own, frame, order)
             while own.kept and (own.hole_is_acknowledged or self._is_full(own)):
-                self._give_up_hole(own, frame, Order.OWN)
+                self._give_up_hole(own, frame, order)
         else:
             for part in parts:
-                self._pass_on(own, part, frame, Order.OWN)
+                self._pass_on(own, part, frame, order)
 
     def _is_full(self, stream: _Stream) -> bool:
         return stream.kept_bytes > MOST_KEPT_BYTES or self._kept_bytes > MOST_KEPT_IN_ALL_BYTES

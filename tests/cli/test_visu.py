@@ -264,6 +264,7 @@ def test_servers_that_break_off_in_the_middle(answers: list[bytes], code: int, t
     [
         (b"SSH-2.0-\x1b[31m\r\n", 3, "what answers is no HTTP"),
         (replied(b"|" * (1 << 20) + b"|"), 3, "more than 1048576 bytes came"),
+        (b"HTTP/1.1 200 OK\r\n" + b"X: y\r\n" * 150 + b"\r\n|1|", 3, "is not read: more than 100 headers came"),
         (
             b"HTTP/1.0 302 \r\nLocation: http://192.0.2.1/\x1b]0;x\x07\r\n\r\n",
             1,

@@ -30,7 +30,7 @@ def test_a_table_of_pairs_below_that_of_lists(tmp_path: Path, monkeypatch: pytes
     table = [" ".join(line.split()) for line in lines[begin : begin + 3]]
     assert table == [
         "via asks asked rate requests unanswered refused writes last write",
-        "✗ sdo 10.0.0.2 10.0.0.5 2.0/s 4 1 1 2 0x2000:1 06 00 → 07 00",
+        "✗ sdo 10.0.0.2 10.0.0.5 2.0/s 4 1 1 2 refused: …1 06 00 → 07 00",
         "✗ visu 10.0.0.1 10.0.0.5 - 6 1 1 3 .CurrentPass…) → (hidden)",
     ]
     assert "--wide" not in done.stdout

@@ -174,6 +174,11 @@ def samples(packets: Sequence[Packet], lists: Mapping[int, DefinedList], session
     return [one for one in found if one.values]
 
 
+def tasks_of(session: Session) -> set[int]:
+    """Return the lists whose cycles make rows."""
+    return set(session.tasks.values()) if session.task is None else {session.task}
+
+
 def known_values(
     packets: Sequence[Packet], lists: Mapping[int, DefinedList], session: Session
 ) -> list[dict[str, Value]]:
@@ -184,6 +189,7 @@ def known_values(
     known: list[dict[str, Value]] = [{}]
     # What is seen once more tells nothing: another sender may have said something else meanwhile.
     seen_twice = set().union(*(copies(packets, one) for one in lists.values()))
+    seen_twice |= set().union(*(late(packets, lists[task]) for task in tasks_of(session)))
     for at_packet, packet in enumerate(packets):
         now = dict(known[-1])
         if counts_for(packet, lists.get(packet.index)) and at_packet not in seen_twice:
@@ -227,31 +233,97 @@ def instants(times_ns: Sequence[int], interval_ns: int) -> Iterable[tuple[int, i
 
 
 def cycles(packets: Sequence[Packet], defined: DefinedList) -> list[tuple[int, int]]:
-    """Return the places of the first and last telegram of each cycle of a list, whose SubIndexes come in any order."""
+    """Return the places of the first and last telegram of each cycle of a list."""
+    return _cycles(packets, defined)[0]
+
+
+def late(packets: Sequence[Packet], defined: DefinedList) -> set[int]:
+    """Return the places of telegrams of a list that came when their cycle was over."""
+    return _cycles(packets, defined)[1] if len(defined.telegrams) > 1 else set()
+
+
+def _cycles(packets: Sequence[Packet], defined: DefinedList) -> tuple[list[tuple[int, int]], set[int]]:
+    """Cut telegrams, whose SubIndexes come in any order, into cycles; return these, and what came too late for one."""
     longest_ns = (defined.interval_ns or 2 * UNKNOWN_INTERVAL_NS) // 2
-    going: dict[str, list[int]] = {}
-    over: list[tuple[int, int]] = []
+    senders: dict[str, CycleSender] = {}
+    over: list[list[int]] = []
+    too_late: set[int] = set()
     seen_twice = copies(packets, defined)
     now = packets[0].time_ns
     for place, packet in enumerate(packets):
         if packet.time_ns < now - SET_BACK_NS:
             now = packet.time_ns
-            over += [(one[0], one[-1]) for one in going.values()]
-            going.clear()
+            over += [one.going for one in senders.values() if one.going]
+            senders.clear()
         now = max(now, packet.time_ns)
         if packet.index != defined.index or not counts_for(packet, defined) or place in seen_twice:
             continue
-        if packet.node in going:
-            own = [packets[one] for one in going[packet.node]]
-            again = packet.subindex in {one.subindex for one in own}
-            if again or packet.time_ns - own[-1].time_ns > longest_ns:
-                done = going.pop(packet.node)
-                over.append((done[0], done[-1]))
-        going.setdefault(packet.node, []).append(place)
-        if len(going[packet.node]) == len(defined.telegrams):
-            done = going.pop(packet.node)
-            over.append((done[0], done[-1]))
-    return sorted([*over, *((one[0], one[-1]) for one in going.values())], key=lambda cycle: cycle[1])
+        sender = senders.setdefault(packet.node, CycleSender(sends_all=defined.interval_ns is not None))
+        if sender.is_late(packet):
+            too_late.add(place)
+            continue
+        own = [packets[one] for one in sender.going]
+        again = packet.subindex in {one.subindex for one in own}
+        if own and (again or packet.time_ns - own[-1].time_ns > longest_ns or sender.is_next(own[0], packet)):
+            over.append(sender.going)
+            sender.leave(own)
+        if not sender.going:
+            sender.begin(packet)
+        sender.going.append(place)
+        if len(sender.going) == len(defined.telegrams):
+            over.append(sender.going)
+            sender.complete([packets[one] for one in sender.going])
+    over += [one.going for one in senders.values() if one.going]
+    return sorted(((one[0], one[-1]) for one in over), key=lambda cycle: cycle[1]), too_late
+
+
+@dataclass
+class CycleSender:
+    """What the Counters of a sender say of cycles, if its last whole one had the same in all telegrams."""
+
+    sends_all: bool
+    going: list[int] = field(default_factory=list)
+    counts_cycles: bool = False
+    begun: int = 0
+    said: set[int] = field(default_factory=set)
+    torn: dict[int, set[int]] = field(default_factory=dict)
+
+    def is_late(self, packet: Packet) -> bool:
+        there = self.torn.get(packet.counter)
+        behind = (self.begun - packet.counter) % 65_536
+        if there is None or packet.subindex in there or not 1 <= behind <= 64 or not self.tells(packet.counter):
+            return False
+        there.add(packet.subindex)
+        self.said.add(packet.counter)
+        return True
+
+    def is_next(self, first: Packet, packet: Packet) -> bool:
+        if not 1 <= (packet.counter - first.counter) % 65_536 <= 64 or not self.tells(packet.counter):
+            return False
+        self.said.add(packet.counter)
+        return True
+
+    def tells(self, counter: int) -> bool:
+        """Since the last whole cycle, one Counter alone may say that something is out of order."""
+        return self.counts_cycles and self.said <= {counter}
+
+    def begin(self, packet: Packet) -> None:
+        self.begun = packet.counter
+        self.torn.pop(packet.counter, None)
+
+    def leave(self, own: Sequence[Packet]) -> None:
+        self.going = []
+        if self.counts_cycles:
+            self.torn[own[0].counter] = {one.subindex for one in own}
+            self.torn = dict(list(self.torn.items())[-64:])
+
+    def complete(self, own: Sequence[Packet]) -> None:
+        self.going = []
+        is_one = len({one.counter for one in own}) == 1
+        was_sure, self.counts_cycles = self.counts_cycles, is_one and self.sends_all
+        if self.counts_cycles:
+            self.said.clear()
+            self.torn = self.torn if was_sure else {}
 
 
 def copies(packets: Sequence[Packet], defined: DefinedList) -> set[int]:

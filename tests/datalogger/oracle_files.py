@@ -21,9 +21,11 @@ from tests.datalogger.oracle import (
     Value,
     count_changes,
     counts_for,
+    late,
     mark_losses,
     ring,
     samples,
+    tasks_of,
 )
 from tests.datalogger.oracle_losses import Packet, losses
 from tests.datalogger.oracle_standing import standing
@@ -48,7 +50,12 @@ class Recorder:
         needed = {index for sample in found for index in sample.lists}
         intervals = {index: self.lists[index].interval_ns for index in needed}
         counting = [counts_for(packet, self.lists.get(packet.index)) for packet in packets]
-        mark_losses(found, losses(packets, intervals, counting))
+        lost = losses(packets, intervals, counting)
+        for task in tasks_of(self.session):
+            for place in late(packets, self.lists[task]):
+                if (lists := lost.setdefault(place, set())) is not None:
+                    lists.add(task)
+        mark_losses(found, lost)
         sampled = [sample for sample in found if sample.ring is not None]
         own = {index for sample in sampled for index in sample.lists}
         places, self.not_taken = standing(packets, [self.lists[index] for index in own], self.session.sampling_ns)

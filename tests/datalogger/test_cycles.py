@@ -15,10 +15,15 @@ from tests.packets import batch_of
 from tests.program import run_text
 
 
-def logged(folder: Path, sent: list[tuple[float, int, int, int]]) -> list[tuple[int | None, ...]]:
-    """Log telegrams of a list of three (when in ms, SubIndex, Counter, value) in its cycles; return the values."""
+def recorded(
+    folder: Path, sent: list[tuple[float, int, int, int]], *, on_change: bool = False
+) -> tuple[list[tuple[object, ...]], str]:  # fmt: skip
+    """Log a list of three telegrams (when in ms, SubIndex, Counter, value) in cycles; return rows, and what is said."""
     names = ["dwA", "dwB", "dwC"]
-    (folder / "list1.gvl").write_text(gvl(1, names, pack=False))
+    defined = gvl(1, names, pack=False)
+    if on_change:
+        defined = defined.replace("OnChange>False", "OnChange>True")
+    (folder / "list1.gvl").write_text(defined)
     (folder / "c.xml").write_text(configuration([f"Arp.Plc.Eclr/{name}" for name in names], 'taskContext="list1"'))
     frames = [
         telegram(
@@ -31,7 +36,12 @@ def logged(folder: Path, sent: list[tuple[float, int, int, int]]) -> list[tuple[
         sink.write(batch_of(frames))
     done = run_text("datalog", "plant.pcap", "--config", "c.xml", "--gvl", ".", cwd=folder)
     assert done.returncode == 0, done.stderr
-    return [row[3:] for row in rows_of(folder / "log.db")]
+    return [row[3:] if row[2] else ("lost before", *row[3:]) for row in rows_of(folder / "log.db")], done.stderr
+
+
+def logged(folder: Path, sent: list[tuple[float, int, int, int]]) -> list[tuple[object, ...]]:
+    """Return the values of rows alone."""
+    return recorded(folder, sent)[0]
 
 
 ORDERS = [(0, 1, 2), (1, 0, 2), (0, 2, 1), (2, 1, 0), (2, 0, 1), (1, 2, 0)]
@@ -54,7 +64,46 @@ def test_what_is_lost_of_a_cycle_makes_no_other_of_it(tmp_path: Path) -> None:
         for place, subindex in enumerate((1, 0, 2))
         if cycle % 5 != 2 or subindex != cycle % 3
     ]
-    # Of what is lost, the value of the cycle before stays.
-    assert logged(tmp_path, sent) == [
+    # Of what is lost, the value of the cycle before stays; the row behind the gap tells of it.
+    assert [row[-3:] for row in logged(tmp_path, sent)] == [
         tuple(cycle - (cycle % 5 == 2 and subindex == cycle % 3) for subindex in range(3)) for cycle in range(20)
     ]
+
+
+@pytest.mark.parametrize(
+    ("late_ms", "behind"),
+    [(49.95, 4), (50.05, 4), (50.5, 5)],  # in front of what replaces it, behind that, behind the next cycle
+)
+def test_what_comes_when_the_next_cycle_has_begun_is_in_no_other(late_ms: float, behind: int, tmp_path: Path) -> None:
+    sent = [
+        (50 * cycle + place / 10 + late_ms * (cycle == 3 and place == 1), place, cycle + 1, cycle)
+        for cycle in range(8)
+        for place in range(3)
+    ]
+    rows, told = recorded(tmp_path, sorted(sent))
+    assert (
+        "session: 1 telegram came when the next cycle had begun, too late for a row; the next row tells of it." in told
+    )
+    expected: list[tuple[object, ...]] = [(cycle,) * 3 for cycle in range(8)]
+    expected[3] = (3, 2, 3)
+    expected[behind] = ("lost before", *expected[behind])
+    assert rows == expected
+
+
+def test_what_comes_of_the_next_cycle_is_not_in_this_one(tmp_path: Path) -> None:
+    """Its first telegram is late, and all others come at once with the next."""
+    sent = [
+        (50 * cycle + place / 10 + 49.85 * (cycle == 3), 2 - place if cycle == 4 else place, cycle + 1, cycle)
+        for cycle in range(8)
+        for place in range(1 if cycle == 3 else 3)
+    ]
+    assert [row[-3:] for row in logged(tmp_path, sent)[3:5]] == [(3, 2, 2), (4, 4, 4)]
+
+
+def test_a_telegram_that_is_sent_alone_on_a_change_begins_no_cycle_that_others_are_late_for(tmp_path: Path) -> None:
+    sent = [(50 * cycle + place / 10, place, cycle + 1, cycle) for cycle in range(4) for place in range(3)]
+    # One more of the first, and the next cycle: of the others, Counters are one less than its own.
+    sent += [(175, 0, 5, 40)]
+    sent += [(200 + place / 10, place, 6 - (place > 0), 4) for place in range(3)]
+    expected = [*[(cycle,) * 3 for cycle in range(4)], (40, 3, 3), (4, 4, 4)]
+    assert recorded(tmp_path, sent, on_change=True)[0] == expected

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -41,6 +42,20 @@ def test_a_variable_of_another_type(here: Path) -> None:
     (here / "list1.gvl").write_text(gvl(1, ["dwFirst"]).replace("DWORD", "REAL"), encoding="utf-8")
     code, told = logged(here, "--append")
     assert (code, told[0]) == (2, "nvscope: log.db: 'a/dwFirst' is INT in the table there, and FLOAT in its list")
+
+
+@pytest.mark.parametrize(
+    ("name", "sink", "why"),
+    [
+        ("a/dwFirst", 'storeChangesOnly="true"', "stores every value"),
+        ("b/dwFirst", "", "has no 'b/dwFirst' and has 'a/dwFirst', too"),
+    ],
+)
+def test_a_table_of_its_own_is_told_with_what_differs(here: Path, name: str, sink: str, why: str) -> None:
+    (here / "c.xml").write_text(configuration([name], 'taskContext="list1"', sink), encoding="utf-8")
+    code, told = logged(here, "--append")
+    assert code == 0
+    assert re.search(rf"; in a table of its own, log_\w+, beside log_\d+, which {re.escape(why)}\.$", told[0])
 
 
 def test_a_file_that_is_cut_off(here: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import sqlite3
 import struct
 from contextlib import closing
@@ -126,3 +127,55 @@ def test_a_public_program_finds_what_it_asks_for(ours: Path) -> None:
         found = asked(path, query)[0]
         assert len(found) == 50
         assert all(isinstance(value, int) for _, value in found)
+
+
+def gone_on(ours: Path, path: Path) -> tuple[int, str]:
+    """Go on with a database for the variables that the controller had."""
+    words = ("--config", CONFIGURATION, "--gvl", "io.gvl", "-w", path, "--partly", "--append", "--quiet")
+    done = run_text("datalog", "plant.pcap", *words, cwd=ours.parent)
+    return done.returncode, done.stderr
+
+
+def test_the_table_of_a_controller_is_gone_on_with(ours: Path, tmp_path: Path) -> None:
+    """Its number is another one than ours; its columns are the same."""
+    copy = tmp_path / "copy.db"
+    shutil.copyfile(GENUINE, copy)
+    assert gone_on(ours, copy)[0] == 0
+    before, own, both = (rows_of(path) for path in (GENUINE, ours, copy))
+    assert both[: len(before)] == before
+    assert [row[1:] for row in both[len(before) :]] == [row[1:] for row in own]
+    # A file that follows one that a controller has closed has the same table, too.
+    shutil.copyfile(GENUINE, tmp_path / "next.db.3")
+    assert gone_on(ours, tmp_path / "next.db")[0] == 0
+    ((name,),), ((genuine,),) = (
+        asked(path, "SELECT name FROM sqlite_master")[0] for path in (tmp_path / "next.db", GENUINE)
+    )
+    assert (name, len(rows_of(tmp_path / "next.db"))) == (genuine, len(own))
+
+
+def test_a_table_with_its_columns_in_another_order_gets_values_in_its_own(ours: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other.db"
+    with closing(sqlite3.connect(ours)) as database, closing(sqlite3.connect(other)) as made:
+        ((sql,),) = database.execute("SELECT sql FROM sqlite_master").fetchall()
+        names = re.findall(r'"(Arp[^"]*)" ([A-Z]+INT)', sql)[::-1]
+        columns = ",".join(f'"{name}" {kind.lower()}, "{name}_change_count"' for name, kind in names)
+        made.execute(f'CREATE TABLE "log of ""io""" ("Timestamp" TEXT, "ConsistentDataSeries" INT, {columns})')
+    assert gone_on(ours, other)[0] == 0
+    places = [place for at in range(len(names) - 1, -1, -1) for place in (3 + 2 * at, 4 + 2 * at)]
+    with closing(sqlite3.connect(other)) as made:
+        rows = made.execute('SELECT rowid, * FROM "log of ""io"""').fetchall()
+    assert [tuple(row[place] for place in (0, 1, *places)) for row in rows] == [
+        (*row[:2], *row[3:]) for row in rows_of(ours)
+    ]
+
+
+def test_a_controllers_table_of_other_types_is_not_gone_on_with(ours: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy.db"
+    shutil.copyfile(GENUINE, copy)
+    text = (ours.parent / "io.gvl").read_text()
+    (ours.parent / "io.gvl").write_text(text.replace("I_2_IN01 : WORD", "I_2_IN01 : REAL"))
+    code, told = gone_on(ours, copy)
+    (ours.parent / "io.gvl").write_text(text)
+    what = "'Arp.Plc.Eclr/I_2_IN01' is SMALLINT in the table there, and FLOAT in its list"
+    assert (code, f"nvscope: {copy}: {what}" in told.splitlines()) == (2, True)
+    assert copy.read_bytes() == GENUINE.read_bytes()

@@ -23,7 +23,7 @@ def told(request: Request) -> tuple[list[tuple[str, str | None]], bool]:
     return [(entry.address, entry.value) for entry in request.entries], request.ambiguous
 
 
-PLACES = st.sampled_from([b"4|0|9|8", b"4|9|81|08", b"4|0|4|6", b"2|48|0|0"])
+PLACES = st.sampled_from([b"4|0|9|8", b"4|9|81|08", b"4|0|4|6", b"2|48|0|0", b" +4| 0|4 |6"])
 TEXTS = st.sampled_from([b"", b"a", b"a|b", b"|", b"7|7", b"1|2|3|4|5|6|7", b"x|1|4|0|4|6|9", b"x|2|4|0|9|8|9|1"])
 ENTRIES = st.tuples(st.sampled_from([0, 0, 0, 0, 1, 7]), PLACES, TEXTS)
 

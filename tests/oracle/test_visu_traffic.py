@@ -25,21 +25,23 @@ PORTS = (80, 8080, 8888)
 
 HAPPENINGS = {
     # TCP
-    "began with SYN", "began before the capture", "both ports claimed", "new connection in place of another",
-    "cut by the snap length", "in part late", "kept behind a hole", "late", "other bytes", "too far away", "wrapped",
+    "began before the capture", "began with SYN", "both ports claimed", "cut by the snap length", "elsewhere",
     "hole final by acknowledgement", "hole final by reset", "hole final by time", "hole final by what is kept",
+    "in part late", "kept behind a hole", "late", "new connection in place of another",
+    "new connection whose SYN is missing", "other bytes", "wrapped",
     # HTTP
     "1xx", "body decoded", "body not known", "body to the end", "chunked", "foreign", "found by searching",
     "hole between messages", "hole in a body chunked", "hole in a body of known length", "hole in a body to the end",
-    "hole in a head", "hole over the end of a body", "hole while searching", "open request answered",
-    "open request answered within a chunk", "open request broken off", "response not whole at the end",
+    "hole in a head", "hole over the end of a body", "hole while searching", "malformed chunks",
+    "open request answered within a chunk", "open request answered", "open request broken off",
+    "response not whole at the end", "response to HEAD that was not captured",
     # WebVisu
-    "ambiguous write", "answered by what is missing", "client lost step", "cut reply", "cut request",
-    "early response", "given up", "may answer what was not captured", "names", "no value",
-    "nobody knows what answers it", "not whole when it was broken off", "other names", "other request",
-    "password read", "password written", "read with an HTTP error", "reply of a server that nobody heard",
-    "request of a client that nobody heard", "response to a forgotten request", "response to nobody",
-    "response to what was not captured", "server lost step", "several wait", "slow", "waiting forgotten",
+    "ambiguous write", "answered by what is missing", "client lost step", "cut reply", "cut request", "early response",
+    "given up", "list that is not whole, or not read", "may answer what was not captured", "names", "no value",
+    "nobody knows what answers it", "other names", "other request", "password read", "password written",
+    "read with an HTTP error", "reply of a server that nobody heard", "request of a client that nobody heard",
+    "response to a forgotten request", "response to nobody", "response to what was not captured", "server lost step",
+    "several wait", "slow", "waiting forgotten",
 }  # fmt: skip
 FIGURES = {
     "connections", "reads", "writes", "entries", "variables", "replies", "refused", "unanswered", "cut", "gap_bytes",

@@ -147,7 +147,8 @@ def long_talks(seed: int) -> list[Frame]:
             ("10.0.0.1", 50_000 + number // 2), isn=(initial(rng), initial(rng)), now=number * rng.randrange(SECOND)
         )
         faults = Faults.drawn(rng)
-        line.open()
+        if rng.random() < 0.7:
+            line.open()
         for _ in range(rng.choice((1, 40, 200))):
             for from_client, most in ((True, 3), (False, rng.choice((1, 3)))):
                 for _ in range(rng.randint(0, most)):
@@ -166,6 +167,46 @@ def long_talks(seed: int) -> list[Frame]:
             line.reset(rng.random() < 0.5)
         frames += captured(rng, faults, line)
     return sorted(frames, key=lambda frame: frame.ts_ns)
+
+
+ENDS = {"open": Line.segment, "closed": Line.close, "reset": Line.reset}
+
+
+@pytest.mark.parametrize("end", ENDS)
+@pytest.mark.parametrize("apart", [(2**31, 2**31), (-(2**29), 2**29), (2**29, -(2**21)), (2**30 + 900, 0)])
+@pytest.mark.parametrize("packets", [1, 3, 1000])
+def test_where_both_ends_speak_of_another_connection_it_has_begun(
+    end: str, apart: tuple[int, int], packets: int
+) -> None:
+    line = Line().open().ask(b"ask").answer(b"answer")
+    ENDS[end](line, True)
+    ENDS[end](line, False)
+    garbage = line.segment(False, b"x", seq=line.sent[False] + 2**31).segment(True, b"y", seq=line.sent[True] + 2**31)
+    isn = [(one + by) % 2**32 for one, by in zip((1000, 5000), apart, strict=True)]
+    other = Line(isn=(isn[0], isn[1]), now=garbage.now).ask(b"one").ask(b"two").segment(False).answer(b"reply")
+    more = other.ask(b"three").answer(b"reply too")
+    frames = [*(frame for port in range(50_001, 50_060) for frame in opened_and_closed(port)), *line.frames]
+    frames += more.frames
+    found = delivered(cut(batch_of(frames), packets))
+    assert found == by_the_rules(frames)
+    asked = b"".join(one[1] for one in found["10.0.0.1", 50_000, "10.0.0.5", 80, True] if isinstance(one[1], bytes))
+    assert asked == b"askonetwothree"
+
+
+@pytest.mark.parametrize("packets", [1, 3, 1000])
+def test_a_connection_that_goes_on_is_no_other_one_whatever_strays(packets: int) -> None:
+    line = Line().open().ask(b"ask").answer(b"answer")
+    far, told = line.sent[True] + 2**31, line.sent[False] + 2**31
+    line.segment(True, b"stray", seq=far).segment(True, b"stray", seq=far + 5, ack=told)
+    line.segment(False, b"stray too", seq=told + 1, ack=far + 10)  # not where the other one acknowledges
+    line.segment(True, b"stray", seq=far, ack=told).ask(b"more")
+    line.segment(False, b"late", seq=told, ack=far + 5).answer(b"answer")
+    frames = [*(frame for port in range(50_001, 50_060) for frame in opened_and_closed(port)), *line.frames]
+    found = delivered(cut(batch_of(frames), packets))
+    assert found == by_the_rules(frames)
+    assert [[one[1] for one in found["10.0.0.1", 50_000, "10.0.0.5", 80, by]] for by in (True, False)] == [
+        [b"ask", b"more"], [b"answer", b"answer"],
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("packets", [1, 2, 1000])

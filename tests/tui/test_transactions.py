@@ -35,7 +35,7 @@ def test_who_asks_whom_and_what_that_came_to(tmp_path: Path) -> None:
         assert screen.lines[1].endswith("[8 Transactions]")
         assert [" ".join(line.split()) for line in screen.lines[2:5]] == [
             "via asks asked rate requests p50 p99 unanswered refused writes last write ago",
-            "✗ sdo 10.0.0.2 10.0.0.5 2.0/s 4 3.0 ms 4.0 ms 1 1 2 0x2000:1 06 00 → 07 00 2 s",
+            "✗ sdo 10.0.0.2 10.0.0.5 2.0/s 4 3.0 ms 4.0 ms 1 1 2 refused: … 06 00 → 07 00 2 s",
             "✗ visu 10.0.0.1 10.0.0.5 - 6 1.0 ms 2.0 s 1 1 3 .CurrentPass… → (hidden) 0 s",
         ]
         assert "secret" not in screen.text

@@ -121,7 +121,7 @@ class VisuTransactions:
 
     def _take(self, told: Told, part: VisuBatch, row: int, shown: bool) -> Transaction | None:
         """Take a message, and return what it tells, where that is ``shown`` or of a write."""
-        from nvscope.tracker.visu.messages import Kind  # noqa: PLC0415
+        from nvscope.tracker.visu.messages import UNMEASURED_NS, Kind  # noqa: PLC0415
         from nvscope.view.lines.visu_words import variables_of  # noqa: PLC0415
 
         messages = part.messages
@@ -148,11 +148,11 @@ class VisuTransactions:
         if not (shown or request.writes):
             return None
         said = self._first(variables, olds, part.namings[int(messages.naming[row])])
-        status = int(messages.status[row])
+        status, latency_ns = int(messages.status[row]), int(messages.latency_ns[row])
         return Transaction(
             pair, time_ns, asked_frame if kind is Kind.UNANSWERED else known_frame, known_frame, asked_frame,
             request.writes, outcome, said, max(len(variables) - self._room.said, 0),
-            latency_ns=int(messages.latency_ns[row]) if kind is Kind.REPLY else None,
+            latency_ns=None if kind is not Kind.REPLY or latency_ns == UNMEASURED_NS else latency_ns,
             detail=f"HTTP status {status}" if kind in (Kind.REPLY, Kind.REFUSED) and status != OK else "",
             is_part=request.is_part,
         )  # fmt: skip
@@ -216,16 +216,20 @@ class VisuTransactions:
                 values[key] = value
 
     def _said(self, variable: Variable, old: str | None, names: Naming) -> Said:
-        """Return what is told of a variable: what may be secret is hidden, by the names that are known now."""
+        """Return what is told of a variable: what may be secret is hidden, by the names that are known now.
+
+        Of what the controller could not read, the text alone says so.
+        """
         from nvscope.view.lines.visu_words import shown  # noqa: PLC0415
 
         entry, name, value = variable
         cut = self._room.cut
-        text = None if value is None or value == _UNREADABLE else cut(shown(entry, names, value))
+        text = None if value is None else cut(shown(entry, names, value))
+        said = None if value == _UNREADABLE else json_value(entry, text)
         if old is None:
-            return Said(cut(name), json_value(entry, text), text)
+            return Said(cut(name), said, text)
         old_text = cut(shown(entry, names, old))
-        return Said(cut(name), json_value(entry, text), text, json_value(entry, old_text), old_text)
+        return Said(cut(name), said, text, json_value(entry, old_text), old_text)
 
 
 def _asked(request: Request, names: Naming) -> Sequence[Variable]:

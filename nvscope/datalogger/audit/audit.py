@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from statistics import median_low
 from typing import NamedTuple
 
 import numpy as np
@@ -48,6 +49,20 @@ class AuditedFile:
     faults: int = 0
     rows: int = 0
     tables: int = 0
+    first_ns: int | None = None
+    last_ns: int | None = None
+
+    @property
+    def span_ns(self) -> int:
+        """The time from its first row to its last."""
+        return 0 if self.first_ns is None or self.last_ns is None else self.last_ns - self.first_ns
+
+    def take_times(self, time_ns: I64) -> None:
+        """Take the times of some rows."""
+        if len(time_ns):
+            first, last = int(time_ns.min()), int(time_ns.max())
+            self.first_ns = first if self.first_ns is None else min(first, self.first_ns)
+            self.last_ns = last if self.last_ns is None else max(last, self.last_ns)
 
 
 @dataclass(slots=True)
@@ -114,6 +129,10 @@ def audited(
         if found or apart:
             reading = _Reading(series, asked, progress, found, apart)
             reading.read()
+        if closed_ns := reading.closed_ns_lacking():
+            reading = _Reading(series, asked, progress, found, apart | {series.members[-1].path})
+            reading.tell_of_closed(closed_ns)
+            reading.read()
         audit.files += reading.files
         audit.tables += reading.tables.values()
         audit.notes += _told_of(series)
@@ -177,6 +196,38 @@ class _Reading:
             numbers = {beside for number in one.audit.overlaps for beside in (number - 1, number + 1)}
             found.update(one.files[number] for number in numbers - one.audit.overlaps.keys() if number < len(one.files))
         return frozenset(found)
+
+    def closed_ns_lacking(self) -> int:
+        """Return how long nothing was logged in front of the newest file where a closed one lacks; 0 where none does.
+
+        No number tells it. Yet what is lost anywhere is hardly ever lost just between two files, and for as long as a
+        file lasts.
+        """
+        *before, last = self._series.members or (Member("", None),)
+        told = {one.path: one for one in self.files}
+        closed = [told[one.path] for one in before]
+        if not closed or last.number is not None or last.path in self._apart:
+            return 0
+        newest, end_ns = told[last.path], closed[-1].last_ns
+        if newest.first_ns is None or end_ns is None or any(one.status != "read" for one in (closed[-1], newest)):
+            return 0
+        usual_ns = median_low([one.span_ns for one in closed])
+        length_ns = newest.first_ns - end_ns
+        if not usual_ns or length_ns * 10 < usual_ns * 9:
+            return 0
+        return length_ns if any(one.audit.lacks_in_front_of(last.path) for one in self.tables.values()) else 0
+
+    def tell_of_closed(self, length_ns: int) -> None:
+        """Tell that a closed file lacks in front of the newest one."""
+        before, last = (os.path.basename(one.path) for one in self._series.members[-2:])
+        number = self._series.members[-2].number or 0
+        what = (
+            f"A closed file behind {before} is missing: {units.duration(length_ns)} lie between it and {last}, as long "
+            "as a file lasts, and nothing says so."
+        )
+        hint = f"Look for it on the controller. If there is none, find out why nothing was logged from {before} on."
+        path = f"{self._series.path}.{number + 1}"
+        self._of_files.append(Finding(SERIES_BROKEN, SERIES_BROKEN.severity, what, path, hint=hint))
 
     def findings(self) -> Iterator[Finding]:
         """Yield what was found: of files first, then of tables."""
@@ -296,6 +347,7 @@ class _Reading:
             chunk: Chunk = chunk_of(rows, encoding, breaks, self._stretches[key], begins)
             self._stretches[key] = int(chunk.stretch[-1])
             table.audit.take(chunk)
+            told.take_times(chunk.time_ns[chunk.times.valid])
             told.rows += len(rows)
             begins = False
             if self._progress is not None:

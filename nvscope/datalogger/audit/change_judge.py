@@ -57,6 +57,8 @@ class ChangeJudge:
         self._ever = np.zeros(count, np.bool_)
         self._lost = 0
         self._start: Start | None = None
+        self._undecided: Notes | None = None
+        """Where to tell of the start, if it is one: in a table of one variable, the next count says so."""
         self._begun = False
         self._seen_beginning = self._seen_whole = False
         self._whole_from = 0
@@ -66,6 +68,7 @@ class ChangeJudge:
 
     def forget(self) -> None:
         """Let nothing be concluded from the rows so far."""
+        self._decide(is_odd=False)
         self._stretch[:] = _UNKNOWN
         self._start = None
         self._odd.end()
@@ -74,7 +77,8 @@ class ChangeJudge:
 
     def begin_file(self, notes: Notes) -> None:
         """Say that a file ends here, whose ``notes`` these are, and that another one of the series begins."""
-        self._close(notes)
+        if self._undecided is None:
+            self._close(notes)
         self._in_file[:] = False
 
     def take(self, chunk: Chunk, notes: Notes) -> None:
@@ -124,6 +128,7 @@ class ChangeJudge:
 
     def end(self, notes: Notes) -> None:
         """Judge what is still open when all rows were read."""
+        self._decide(is_odd=False)
         self._close(notes)
         self._odd.end()
 
@@ -174,10 +179,18 @@ class ChangeJudge:
         goes_on = np.zeros(len(rows), np.bool_)
         goes_on[0] = not self._in_file[number]
         stuck = known & (steps == 0) & valued & ~goes_on & value_known & ~same
-        doubtful = follows & ((steps < 0) | ((steps > 1) & ~at_zero) | stuck) & ~self._anew[rows]
+        is_alone = len(self._variables) == 1
+        # Of a variable alone, a 0 may be a new start or a counter that is wrong: how it counts on, tells.
+        starts = self._anew[rows]
+        doubtful = follows & ((steps < 0) | ((steps > 1) & ~at_zero) | stuck) & (~starts | (is_alone & (before > 0)))
         doubtful &= ~at_zero | (before > 0) | (rows >= self._whole_from)
-        cells = Counted(counts, before, follows, doubtful, valued, is_null)
+        cells = Counted(counts, before, follows, doubtful, starts, valued, is_null)
         odd, behind_odd, right_steps = self._odd.find(number, cells)
+        if is_alone:
+            self._decide(is_odd=bool(behind_odd[0]))
+            at_zero &= ~odd
+            if at_zero[-1] and doubtful[-1] and not behind_odd[-1]:
+                self._undecided = notes
         steps = np.where(behind_odd, right_steps, steps)
         usual = known & ~at_zero
         explained = losses[rows] > lost_before
@@ -302,6 +315,9 @@ class ChangeJudge:
                 )
             )  # fmt: skip
             row_before = row
+            is_last = row == max(one.rows[-1] for one in own if one is not None and len(one.rows))
+            if self._undecided is not None and is_last:
+                continue
             if self._is_whole(self._start, own, row):
                 self._tell_start(self._start, notes)
                 self._start = None
@@ -327,6 +343,17 @@ class ChangeJudge:
         if not self._seen_beginning or self._ever[missing].any():
             return False
         return not any((one := own[number]) is not None and (one.rows < row).any() for number in missing)
+
+    def _decide(self, *, is_odd: bool) -> None:
+        """Say of a start that waits whether its counter is wrong."""
+        notes, self._undecided = self._undecided, None
+        if notes is None or self._start is None:
+            return
+        if is_odd:
+            self._close(notes)
+            return
+        self._tell_start(self._start, notes)
+        self._start = None
 
     def _tell_start(self, start: Start, notes: Notes) -> None:
         if not start.was_known:

@@ -109,6 +109,10 @@ class Notes:
         """Return whether something was noted of a topic."""
         return any(own is topic and noted.count for (own, _), noted in self._noted.items())
 
+    def begins_with(self, topic: Topic) -> bool:
+        """Return whether something was noted of a topic in the first row."""
+        return any(own is topic and noted.rows[:1] == [1] for (own, _), noted in self._noted.items())
+
     def drop(self, topic: Topic) -> None:
         """Forget what was noted of a table."""
         self._noted.pop((topic, None), None)

@@ -11,6 +11,9 @@ from dissectors.batch import I64, Bool
 from dissectors.columns import Columns
 from nvscope.tracker.datalogger.late_rows import LATE_PERCENT
 
+STEADY, STEADY_SHARE = 36, 8
+"""So many rows that each come about as late as the one before have an interval of their own."""
+
 
 @dataclass(frozen=True, slots=True)
 class Gaps(Columns):
@@ -53,6 +56,16 @@ def are_late(length_ns: I64, interval_ns: I64 | int) -> Bool:
     """Return which lengths are longer than that for intervals of their own, however long they are."""
     more = LATE_PERCENT - 100
     found: Bool = length_ns - interval_ns > interval_ns // 100 * more + interval_ns % 100 * more // 100
+    return found
+
+
+def are_steady(gaps: Gaps) -> Bool:
+    """Return which of some, by rising numbers, follow each other by many, each about as long as that before it."""
+    length_ns = gaps.length_ns
+    alike = np.abs(np.diff(length_ns)) <= length_ns[:-1] // STEADY_SHARE
+    begins = np.append(True, ~(alike & (np.diff(gaps.number) == 1)))[: len(gaps)]
+    run = np.cumsum(begins) - 1
+    found: Bool = np.bincount(run)[run] >= STEADY
     return found
 
 

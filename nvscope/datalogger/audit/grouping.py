@@ -13,9 +13,11 @@ class Grouping:
     """Which task each variable is of, by its number: mostly, and in the parts of a table in which that is another.
 
     ``apart`` has the place in ``others`` of what holds in a part. Tasks that are the same everywhere have one number.
+    ``first`` has, for each place, the task of rows without any value in front of all others.
     """
 
     whole: I64
+    first: tuple[int, ...]
     apart: Mapping[int, int] = field(default_factory=dict)
     others: tuple[I64, ...] = ()
 

@@ -22,13 +22,15 @@ class Counted:
     """The cells of a chunk that have a counter of a variable, each with the one before it.
 
     ``follows``: nothing between the two says that a change was lost, or was stored without a counter. ``doubtful`` are
-    cells whose counter does not fit the one before. ``may_be_none``: a change may be to NULL.
+    cells whose counter does not fit the one before. ``starts``: the logger starts anew there, if the next one counts 1.
+    ``may_be_none``: a change may be to NULL.
     """
 
     counts: I64
     before: I64
     follows: Bool
     doubtful: Bool
+    starts: Bool
     valued: Bool
     may_be_none: bool
 
@@ -48,6 +50,7 @@ class OddCounts:
     def __init__(self, count: int) -> None:
         self._before = np.zeros(count, np.int64)
         self._doubtful = np.zeros(count, np.bool_)
+        self._starts = np.zeros(count, np.bool_)
         self._valued = np.zeros(count, np.bool_)
         self._waiting: dict[int, _Waiting] = {}
 
@@ -56,7 +59,8 @@ class OddCounts:
         before = np.append(self._before[number], cells.before[:-1])
         doubtful = np.append(self._doubtful[number], cells.doubtful[:-1])
         valued_before = np.append(self._valued[number], cells.valued[:-1])
-        self._valued[number] = cells.valued[-1]
+        starts = np.append(self._starts[number], cells.starts[:-1])
+        self._valued[number], self._starts[number] = cells.valued[-1], cells.starts[-1]
         behind = doubtful & cells.follows
         steps = cells.valued.astype(np.int64)
         if behind.any():
@@ -65,7 +69,7 @@ class OddCounts:
             if cells.may_be_none:
                 fits |= over_both == 2
                 steps = np.where(over_both == 2, 1, steps)
-            behind = _every_second(behind & fits)
+            behind = _every_second(behind & fits & ~(starts & (cells.counts == 1)))
         self._before[number], self._doubtful[number] = cells.before[-1], cells.doubtful[-1] & ~behind[-1]
         if number in self._waiting:
             self._settle(number, is_odd=bool(behind[0]))

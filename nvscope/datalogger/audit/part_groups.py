@@ -48,8 +48,8 @@ class PartGroups:
                 self._look_at(numbers, filled, shape, slice(edges[place], edges[place + 1]))
         self._go_to(first + len(begins))
 
-    def grouping(self, whole: I64) -> Grouping:
-        """Return the tasks of the table; ``whole`` are its groups whatever the part."""
+    def grouping(self, whole: I64, first: int) -> Grouping:
+        """Return the tasks of the table; ``whole`` are its groups whatever the part, ``first`` is the first of them."""
         self._close()
         others: list[I64] = []
         place_of: dict[int, int] = {}
@@ -59,7 +59,8 @@ class PartGroups:
                 place_of[kind] = len(others)
                 others.append(own)
         apart = {part: place_of[kind] for part, kind in self._of_part.items() if kind in place_of}
-        return Grouping(whole, apart, tuple(others))
+        firsts = [int(own[self._found[kind].seen].min()) for kind, own in zip(place_of, others, strict=True)]
+        return Grouping(whole, (first, *firsts), apart, tuple(others))
 
     def _look_at(self, numbers: I64, filled: list[Bool], shape: U64 | None, rows: slice) -> None:
         if shape is None:

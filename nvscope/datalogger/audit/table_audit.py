@@ -110,11 +110,8 @@ class TableAudit:
             self._judge.forget()
         if self._judge is not None:
             self._judge.take(chunk, notes)
-            for start in self._judge.restarts:
-                self.restarts += 1
-                self.coverage.start(start.rows[0])
             self._note_uncovered(chunk)
-            self._judge.restarts.clear()
+            self._take_restarts(self._judge)
         else:
             self._look_at_values(chunk)
         self._begun = True
@@ -134,6 +131,7 @@ class TableAudit:
         """Return what was found, by file, when that is decided."""
         if self._judge is not None and self._notes:
             self._judge.end(self._notes[-1])
+            self._take_restarts(self._judge)
         groupings = self._tasks.grouping.all if self._judge is None else ()
         for number, figures in enumerate(self._values.figures):
             figures.rows = self.rows
@@ -156,6 +154,11 @@ class TableAudit:
             for number, by_ns in self.overlaps.items()
         ]  # fmt: skip
         return found
+
+    def lacks_in_front_of(self, path: str) -> bool:
+        """Return whether rows or changes are missing in front of the first row of the file that was read last."""
+        own = self._notes[-1] if self._files[-1:] == [path] else Notes()
+        return own.begins_with(topics.GAP) or own.begins_with(topics.MISSED)
 
     @property
     def figures(self) -> list[Figures]:
@@ -214,7 +217,7 @@ class TableAudit:
         if self._judge is not None or self._known is not None:
             return None
         grouping = self._tasks.grouping
-        return grouping if self._have_joined or grouping.apart else None
+        return grouping if self._have_joined or grouping.apart or self._tasks.has_erred else None
 
     @property
     def overlaps_now(self) -> bool:
@@ -320,6 +323,12 @@ class TableAudit:
         task.time_ns, task.stretch = int(time_ns[-1]), int(of_stretch[-1])
         task.local, task.file = bool(local[-1]), current
         task.losses = self._losses if losses is None else int(losses[-1])
+
+    def _take_restarts(self, judge: ChangeJudge) -> None:
+        for start in judge.restarts:
+            self.restarts += 1
+            self.coverage.start(start.rows[0])
+        judge.restarts.clear()
 
     def _note_uncovered(self, chunk: Chunk) -> None:
         """Count what is not covered in a table of changes: only what the logger says is known there.

@@ -8,7 +8,7 @@ import numpy as np
 
 from dissectors.batch import Bool
 from nvscope.datalogger.audit.chunk import Chunk
-from nvscope.datalogger.audit.gaps import Gaps, SetBack, limit_ns
+from nvscope.datalogger.audit.gaps import Gaps, SetBack, are_steady, limit_ns
 from nvscope.datalogger.audit.intervals import Intervals
 from nvscope.datalogger.audit.kept_gaps import KeptGaps, Late, Yardstick
 from nvscope.datalogger.audit.lacking_rows import LackingRows
@@ -130,6 +130,11 @@ class Task:
         gaps = self._open.gaps() if is_full else None
         rhythm = Rhythms.of(self._open.intervals)
         if gaps is not None:
+            if not by.is_asked:
+                # Rows that come so from here on may be most of all in the end, and nothing is missing then.
+                steady = are_steady(gaps)
+                self.has_passed |= bool(steady.any())
+                gaps = gaps.take(~steady)
             self.kept.take(gaps, np.zeros(len(gaps), np.int64), rhythm)
             if not by.knows(rhythm):
                 self._open.give_up()

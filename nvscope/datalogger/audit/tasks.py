@@ -51,6 +51,8 @@ class Tasks:
         self._parts = None if table.only_changes or known is not None else PartGroups(len(self._columns))
         self._known = known
         self._part, self._place = 0, 0
+        self._led: int | None = None
+        """The task that rows in front of all with a value were taken to be of."""
         self._there: dict[int, set[int]] = {}
         self._behind: dict[int, tuple[int, ...]] = {}
         """Of tasks of the part that goes on, and had no row there yet, those of their variables in front of it."""
@@ -62,16 +64,26 @@ class Tasks:
         """The tasks, when all rows were taken."""
         if self._known is not None:
             return self._known
-        whole = self._groups.of
-        return Grouping(whole) if self._parts is None else self._parts.grouping(whole)
+        whole, first = self._groups.of, min(self._groups.there, default=0)
+        return Grouping(whole, (first,)) if self._parts is None else self._parts.grouping(whole, first)
+
+    @property
+    def has_erred(self) -> bool:
+        """Whether rows without any value were taken for those of another task than the first one."""
+        return self._led is not None and int(self._groups.of[self._led]) != min(self._groups.there, default=0)
 
     def rows(self, chunk: Chunk, begins: I64) -> Iterator[TaskRows]:
         """Yield each task that rows of a chunk are of; with rows ``begins`` begin parts of the table."""
         self.merged = []
         numbers = np.array([at for at, column in enumerate(self._columns) if not chunk.rows.is_empty(column)], np.int64)
         if self._known is None:
+            before = self._groups.seen.copy()
             self._learn(chunk, numbers, begins)
-            there = set(self._groups.there)
+            there = set(self._groups.of[before].tolist())
+            if not there and self._led is None:
+                self._led = min(self._groups.there, default=0)
+            if not there and self._led is not None:
+                there = {int(self._groups.of[self._led])}
             yield from _divided(self._filled(chunk, numbers), self._groups.of[numbers], there, len(chunk))
             return
         edges = [0, *begins.tolist(), len(chunk)]
@@ -91,7 +103,7 @@ class Tasks:
         """Yield the tasks of a stretch of rows in which the same variables are of one task."""
         assert self._known is not None
         tasks, before = self._known.all[place], self._known.all[self._place]
-        there = self._there.setdefault(place, set())
+        there = self._there.setdefault(place, {self._known.first[place]})
         if place != self._place:
             # Rows of a task may come much later than the part begins.
             self._behind = {
@@ -144,7 +156,8 @@ class Tasks:
 def _divided(filled: list[Bool], task: I64, there: set[int], rows: int) -> Iterator[TaskRows]:
     """Yield each task that rows are of, given variables that are in them, where they are, and of which task.
 
-    ``there`` are tasks of which there were rows, up to here at least.
+    ``there`` are tasks of which there were rows in front of these. Rows without any value are of none that comes only
+    later, but the first one.
     """
     if len(task) and (task == task[0]).all() and there <= {int(task[0])}:
         yield TaskRows(int(task[0]), None)
@@ -161,8 +174,16 @@ def _divided(filled: list[Bool], task: I64, there: set[int], rows: int) -> Itera
     if len(own) + len(others) < 2 or (len(own) == 1 and not has_blank):
         yield TaskRows(next(iter([*own, *others]), 0), None)
         return
-    in_doubt = blank if has_blank else None
-    for number, one in own.items():
-        yield TaskRows(number, np.flatnonzero(one | blank), in_doubt)
-    for number in others if has_blank else ():
-        yield TaskRows(number, np.flatnonzero(blank), in_doubt)
+    if not has_blank:
+        for number, one in own.items():
+            yield TaskRows(number, np.flatnonzero(one))
+        return
+    since = {number: 0 if number in there else int(one.argmax()) for number, one in own.items()}
+    # As long as there is one task only, such rows are its own.
+    second = sorted([*since.values(), *(0 for _ in others)])[1]
+    number = np.arange(rows)
+    in_doubt = blank & (number >= second)
+    for task_number, one in own.items():
+        yield TaskRows(task_number, np.flatnonzero(one | (blank & (number >= since[task_number]))), in_doubt)
+    for task_number in others:
+        yield TaskRows(task_number, np.flatnonzero(blank), in_doubt)

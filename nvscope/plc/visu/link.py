@@ -158,13 +158,26 @@ def _ending_of(error: BaseException, *, is_over: bool, is_cut: bool) -> Ending:
         return Ending.BROKEN if is_cut and _FIRST_BYTES.startswith(begins) else Ending.NO_HTTP
     # urllib3 wraps what is wrong within a body.
     cause = error.args[-1] if isinstance(error, urllib3.exceptions.ProtocolError) and error.args else error
+    if _has_long_head(cause):
+        return Ending.OVERSIZED
     return Ending.BROKEN if is_cut or isinstance(cause, OSError) else Ending.NO_HTTP
+
+
+def _has_long_head(error: BaseException) -> bool:
+    """Tell whether a head, whose first line is one of HTTP, is longer than the library reads."""
+    if isinstance(error, http.client.LineTooLong):
+        return "status line" not in str(error)
+    # Of more than 100 headers, it raises what all others are of.
+    return type(error) is http.client.HTTPException
 
 
 def _why(error: BaseException) -> str:
     if isinstance(error, TimeoutError):
         return "timed out"
-    return (str(getattr(error, "strerror", None) or error).strip() or type(error).__name__)[:_LONGEST_WHY]
+    told = str(getattr(error, "strerror", None) or error).strip() or type(error).__name__
+    if _has_long_head(error):
+        told = told.removeprefix("got ").replace("when reading header line", "in one header")
+    return told[:_LONGEST_WHY]
 
 
 class _TooMuch(Exception):

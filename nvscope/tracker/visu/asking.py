@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dissectors.http import Head
 from dissectors.webvisu import Answer, Request, read_query, read_reply, read_request
+from dissectors.webvisu_lists import is_list
 from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.http_forms import Form
 from nvscope.tracker.visu.limits import MOST_ENTRIES
@@ -17,18 +18,19 @@ _QUERIES = ("readpi", "writepi")
 class Ask:
     """What a request asks for: variables (``request``), or, where it ``is_list``, an XML file that may list some.
 
+    ``target`` is the URL of such a file.
     ``is_known``: it is the same object for all that ask the same. ``is_part``: it was never asked whole, and nobody
     knows for which variables.
     """
 
-    __slots__ = ("is_known", "is_list", "is_part", "number", "request")
+    __slots__ = ("is_known", "is_list", "is_part", "number", "request", "target")
 
     def __init__(
-        self, request: Request | None, *, is_list: bool = False, is_known: bool = False, is_part: bool = False
+        self, request: Request | None, *, target: str = "", is_known: bool = False, is_part: bool = False
     ) -> None:  # fmt: skip
         self.is_part = is_part
         self.request = request
-        self.is_list = is_list
+        self.target, self.is_list = target, bool(target)
         self.is_known = is_known
         self.number = -1
         """Its number in the batch that is being taken, -1 where it has none."""
@@ -98,11 +100,10 @@ class Asking:
         if known is not None:
             return known
         request = read_query(target) if any(word in target.lower() for word in _QUERIES) else None
-        is_list = request is None and target.partition("?")[0].lower().endswith((".xml", ".sym_xml"))
-        if request is None and not is_list:
+        if request is None and not is_list(target):
             return NOTHING
         is_known = not (request is not None and request.writes) and self._is_room(request)
-        ask = Ask(request, is_list=is_list, is_known=is_known)
+        ask = Ask(request, target=target if request is None else "", is_known=is_known)
         if is_known:
             self._targets[target] = ask
         return ask

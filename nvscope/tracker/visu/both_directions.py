@@ -18,7 +18,15 @@ from nvscope.tracker.visu.http_forms import NOT_BEGUN, Forms, What
 from nvscope.tracker.visu.http_reader import HttpReader
 from nvscope.tracker.visu.http_runs import take_control
 from nvscope.tracker.visu.request_heads import RequestHeads
-from nvscope.tracker.visu.waiting_requests import Asked, Missed, Unheard, Waiting, WaitingRequests
+from nvscope.tracker.visu.waiting_requests import (
+    Asked,
+    Ended,
+    Missed,
+    Unheard,
+    Waiting,
+    WaitingRequests,
+    asked_at,
+)
 
 
 class Run:
@@ -117,7 +125,7 @@ class BothDirections:
             self._unheard = Unheard(waiting.first, self._missed)
             asked = self._unheard.take(asked)
         ends, heads = self._ends, self._begins_head
-        requests = WaitingRequests(waiting, asked, ends, pieces.order, self._end_open, begins_head=heads)
+        requests = WaitingRequests(waiting, asked, ends, pieces, self._end_open, begins_head=heads)
         server.reader.requests = requests
         orders = pieces.order[server.start : server.stop]
         reach = client.start + np.searchsorted(pieces.order[client.start : client.stop], orders)
@@ -159,8 +167,7 @@ class BothDirections:
     def _asked(self, places: range) -> list[Asked]:
         """Return orders and forms of what was found at places; note where the client's direction lost step."""
         found = self._found
-        orders = self._pieces.order[self._places_of(places)].tolist()
-        asked = [Asked(order, found.forms[found.form[place]]) for order, place in zip(orders, places, strict=True)]
+        asked = asked_at(found, places, self._places_of(places), self._pieces, self._ends)
         self._breaks += [one.order for one in asked if one.form.what is What.BROKEN]
         return asked
 
@@ -177,14 +184,12 @@ class BothDirections:
         has_begun = reader.begun_at != NOT_BEGUN if reader.open is None else self._reach >= self._paused_at
         return has_begun and reader.begins_head
 
-    def _end_open(self, at: int) -> bool:
-        """Take that something at a place of the data answers a request, and none waits.
-
-        Return whether it is one that says how long it is, and is not whole.
-        """
+    def _end_open(self, at: int) -> Ended:
+        """Take that something at a place of the data answers a request, and none waits; return what it is."""
         client, pieces, found = self._client, self._pieces, self._found
         if client.reader.open is None or self._reach < self._paused_at:
-            return client.reader.open is None and client.reader.begun_at != NOT_BEGUN
+            has_begun = client.reader.open is None and client.reader.begun_at != NOT_BEGUN
+            return Ended.BEGUN if has_begun else Ended.NOTHING
         piece = ~at if at < 0 else int(np.searchsorted(self._ends, at))
         place = len(found.at)
         client.reader.end_open(client.data, client.begin, client.end, ~piece, found)
@@ -193,4 +198,4 @@ class BothDirections:
         found.arrived_ns[place] = arrived_ns
         self.ended.append(place)
         client.begin = client.end
-        return False
+        return Ended.OPEN

@@ -8,18 +8,19 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from dissectors.http import Side
 from dissectors.webvisu import Likeness
+from dissectors.webvisu_lists import list_likeness
 from nvscope.tracker.pieces import ORDER_BITS
 from nvscope.tracker.visu.asking import NOTHING, Ask, fits
 from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.going_on import Closed
 from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.limits import MOST_EARLY, MOST_WAITING
-from nvscope.tracker.visu.messages import Kind
+from nvscope.tracker.visu.messages import UNMEASURED_NS, Kind
 from nvscope.tracker.visu.one_way import UNKNOWN
 from nvscope.tracker.visu.reach import NOWHERE, Reach, distance
 from nvscope.tracker.visu.turns import Turns
@@ -29,7 +30,7 @@ class Waiting(NamedTuple):
     """A request that nobody has answered: what it asks for, its order, and when it had arrived.
 
     ``acknowledged`` is up to where its client had the server's bytes then, where none of these was captured; else -1.
-    ``reach`` is where it lies in the client's stream.
+    ``reach`` is where it lies in the client's stream. ``is_early``: its reply was captured before it was whole.
     """
 
     asked: Ask
@@ -38,6 +39,7 @@ class Waiting(NamedTuple):
     is_head: bool = False
     acknowledged: int = UNKNOWN
     reach: Reach = NOWHERE
+    is_early: bool = False
 
 
 class Early(NamedTuple):
@@ -119,6 +121,8 @@ class Conversation:
         elif form.what is What.BROKEN:
             if self._is_of_page(form):
                 self._tell_request(Kind.CUT, NOTHING, order, message, tell)
+                if form.is_malformed:
+                    self._tell_unbounded(form, order, tell)
             if self.has_begun_early:
                 self.early.popleft()
             self._forget_waiting()
@@ -222,7 +226,9 @@ class Conversation:
             if self.waiting:
                 asked = self.waiting.popleft()
                 self.turns.answer(asked.reach.acknowledged, reach.behind)
-                if is_cut:
+                if asked.asked.is_list:
+                    self._tell_list(form, asked, order, arrival_ns, message, tell)
+                elif is_cut:
                     self._tell_answer(Kind.CUT, asked, order, arrival_ns, message, tell)
                 elif asked.asked.is_part:
                     # What says that a part was done says nothing of it.
@@ -237,15 +243,36 @@ class Conversation:
                 self.beyond -= 1
         elif form.what is What.BROKEN:
             if self.waiting and form.touched is Likeness.YES:
-                self._tell_answer(Kind.CUT, self.waiting[0], order, arrival_ns, message, tell)
+                asked = self.waiting[0]
+                self._tell_list(form, asked, order, arrival_ns, message, tell)
+                self._tell_answer(Kind.CUT, asked, order, arrival_ns, message, tell)
+                if form.is_malformed and asked.asked.request is not None:
+                    self._tell_unbounded(form, order, tell)
             else:
                 self._tell_leaving(Kind.UNCLEAR, order, tell)
             self._forget_waiting()
-            self._lose_turns(1)
+            # What has come before is known to answer the next request.
+            if not self.early:
+                self._lose_turns(1)
         elif form.what is What.END:
             self._tell_unanswered(order, arrival_ns, tell, by_client=form.broken_by is Side.CLIENT)
+        elif form.what is What.PART:
+            if self.waiting and not form.answers_nobody:
+                self._tell_list(form, self.waiting[0], order, arrival_ns, message, tell)
         elif form.what is not What.ANEW:
             self._take_other(form, order, tell)
+
+    def _tell_list(
+        self, form: Form, asked: Waiting, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
+    ) -> None:  # fmt: skip
+        """Tell what came in place of a list of variables; what is not whole, or not read, if it is known to be one."""
+        if asked.asked.is_list and (not form.lacks_content or self._is_list(form, asked.asked)):
+            after_ns, frame = arrival_ns - asked.arrival_ns, asked.order >> ORDER_BITS
+            tell(Happened(Kind.NAMES, self.connection, order, message, asked.asked, after_ns, frame, 0, False))
+
+    def _is_list(self, form: Form, asked: Ask) -> bool:
+        found = list_likeness(form.begin, asked.target)
+        return form.head is not None and (found is Likeness.YES or (found is Likeness.PERHAPS and self.is_visu))
 
     def _may_answer(self, reach: Reach) -> bool:
         """Tell whether a response may answer the first request that waits."""
@@ -262,6 +289,13 @@ class Conversation:
                 self._tell_answer(Kind.UNCLEAR, one, order, 0, -1, tell)
                 self.waiting[place] = one._replace(asked=NOTHING)
 
+    def copy(self) -> Conversation:
+        """Return another one that is as this one is, of which nobody knows what the requests that wait ask for."""
+        waiting = deque(one._replace(asked=NOTHING) for one in self.waiting)
+        return replace(
+            self, waiting=waiting, early=deque(self.early), turns=replace(self.turns), _lacks=[*self._lacks]
+        )  # fmt: skip
+
     def keep(self, early: Early) -> None:
         """Keep a response that may answer a request that is still to come."""
         self._lacks[1] = False
@@ -273,7 +307,7 @@ class Conversation:
         """Take that the request is whole, with an order, that was answered before; the response is a message now."""
         form, arrival_ns, reach, has_begun = self.early.popleft()
         if self.waiting:
-            arrival_ns = max(arrival_ns, self.waiting[0].arrival_ns)
+            self.waiting[0] = self.waiting[0]._replace(is_early=True)
             # What answers a request that has begun may be sent before any more of that is there.
             reach = reach._replace(acknowledged=UNKNOWN) if has_begun else reach
             self.take_from_server(form, order, arrival_ns, message, tell, reach)
@@ -297,7 +331,7 @@ class Conversation:
         self._take_other(Form(What.GAP, missing_bytes=size), order, tell)
 
     def _tell_unbounded(self, form: Form, order: int, tell: Callable[[Happened], None]) -> None:
-        if form.head is not None and form.head.is_unbounded:
+        if form.is_endless:
             tell(Happened(Kind.UNBOUNDED, self.connection, order, -1, NOTHING, 0, 0, 0, False))
 
     def _tell_leaving(self, kind: Kind, order: int, tell: Callable[[Happened], None]) -> None:
@@ -327,13 +361,12 @@ class Conversation:
         self, kind: Kind, asked: Waiting, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
     ) -> None:  # fmt: skip
         if asked.asked.request is None:
-            if not asked.asked.is_list or kind is not Kind.REPLY:
-                return
-            kind = Kind.NAMES
+            return
         if kind is Kind.CUT:
             tell(Happened(kind, self.connection, order, message, NOTHING, 0, 0, 0, False))
             return
         latency_ns = arrival_ns - asked.arrival_ns if kind in (Kind.REPLY, Kind.GIVEN_UP, Kind.LEFT) else 0
+        latency_ns = UNMEASURED_NS if kind is Kind.REPLY and asked.is_early else latency_ns
         frame = asked.order >> ORDER_BITS
         tell(Happened(kind, self.connection, order, message, asked.asked, latency_ns, frame, 0, False))
 

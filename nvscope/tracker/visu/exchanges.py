@@ -17,30 +17,28 @@ from dissectors.webvisu import Request
 from nvscope.engine.runs import distinct
 from nvscope.tracker.connections import Connections
 from nvscope.tracker.pieces import ORDER_BITS, OtherBytes
-from nvscope.tracker.visu.asking import NOTHING, Ask, Asking, asks_whole, part_of
+from nvscope.tracker.visu.asking import NOTHING, Ask, Asking, part_of
 from nvscope.tracker.visu.controllers import controller_of
 from nvscope.tracker.visu.conversation import Conversation
 from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.going_on import GoingOn, Over
-from nvscope.tracker.visu.http_forms import What
+from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.leaving import Leaving
 from nvscope.tracker.visu.limits import MOST_PAIRS, MOST_POLLED, Beyond
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages, no_messages
-from nvscope.tracker.visu.names import ListFlaw, Names
+from nvscope.tracker.visu.names import ListFlaw, Names, UnreadList
 from nvscope.tracker.visu.one_way import OneWay
 from nvscope.tracker.visu.other_bytes import OtherBytesOfPages
 from nvscope.tracker.visu.outcomes import outcomes
 from nvscope.tracker.visu.pairing import Pairing
 from nvscope.tracker.visu.plain_exchanges import AskedFor, Said, plain_rows
+from nvscope.tracker.visu.unread_requests import why_unread, why_unread_reply
 from nvscope.tracker.visu.waiting_requests import Waiting
 from nvscope.tracker.visu.whole_connections import take_whole
 
 if TYPE_CHECKING:
     from nvscope.definition.webvisu import GivenList
-
-_MOST_OF_CODING = 40
-"""So many characters of the name of a coding are told."""
 
 NO_REQUEST = Request(writes=False, declared=0, entries=())
 
@@ -87,11 +85,9 @@ class Exchanges:
         """Return the requests of a connection that wait for a reply."""
         conversation = self._conversations.get(connection)
         if conversation is None:
-            return Waiting()
-        are_head = [one.is_head for one in conversation.waiting]
+            return Waiting(Conversation(connection))
         first = next(iter(conversation.waiting), None) if not conversation.is_heard else None
-        begun = None if first is None else (first.order, first.acknowledged)
-        return Waiting(are_head, conversation.beyond, conversation.has_begun_early, begun)
+        return Waiting(conversation.copy(), None if first is None else (first.order, first.acknowledged))
 
     def pass_time(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> None:
         """Take a batch without segments: time has passed for those who have closed their side."""
@@ -182,8 +178,6 @@ class Exchanges:
                 continue
             if body != last:
                 last, number = body, asked_for.number(asking.by_body(body))
-            if form.is_broken_off and not asks_whole(asked_for.asks[number].request, body):
-                last, number = b"", 0
             last_place = -1 if form.is_coded else place
             numbers.append(number)
         asked[rows] = numbers
@@ -208,10 +202,9 @@ class Exchanges:
         unread = _of_messages(_unread(http)[http.form], said, kind == Kind.REPLY) > 0
         unread &= (status == OK) & ~np.array([one.query for one in requests], np.bool_)[said.asked]
         outcome[unread], fields[unread] = int(Outcome.UNREAD), -1
-        beyond = (kind == Kind.CUT) & (said.message >= 0)
-        beyond[beyond] = np.array([one.is_beyond for one in http.forms], np.bool_)[http.form[said.message[beyond]]]
-        outcome[beyond] = int(Outcome.UNREAD)
-        self._left_out[Beyond.UNREAD] += int(beyond.sum())
+        cut = np.flatnonzero((kind == Kind.CUT) & (said.message >= 0))
+        outcome[cut] = np.array([_outcome_of_cut(one) for one in http.forms], np.int64)[http.form[said.message[cut]]]
+        self._left_out[Beyond.UNREAD] += int((outcome[cut] == Outcome.UNREAD).sum())
         other = (kind == Kind.OTHER_BYTES) | (kind == Kind.OTHER_REPLY_BYTES)
         fields[other] = said.gap_bytes[other]
         given_up = kind == Kind.GIVEN_UP
@@ -249,6 +242,9 @@ class Exchanges:
                 continue
             controller = asked[int(pair[place])]
             before = self._names.version_of(controller)
+            if form.lacks_content:
+                list_flaws[place] = UnreadList(why_unread(form), is_whole=False)
+                continue
             flaw = self._names.learn(controller, data[int(start[place]) : int(stop[place])])
             if flaw is not None:
                 list_flaws[place] = flaw
@@ -347,6 +343,10 @@ def _statuses(http: HttpMessages) -> I64:
     return np.array([0 if form.head is None else form.head.status for form in http.forms], np.int64)
 
 
+def _outcome_of_cut(form: Form) -> Outcome:
+    return Outcome.UNREAD if form.is_beyond else Outcome.MALFORMED if form.is_malformed else Outcome.NONE
+
+
 def _unread(http: HttpMessages) -> I64:
     """Tell of the forms of messages which of them are whole and cannot be read."""
     return np.array([one.is_unread for one in http.forms], np.int64)
@@ -366,8 +366,7 @@ def _contents(http: HttpMessages, said: Said) -> tuple[bytes, I64, I64]:
         one = http.forms[int(form[place])]
         content = one.content or b""
         if one.is_unread and one.head is not None:
-            why = f"Content-Encoding {one.head.coding[:_MOST_OF_CODING]}" if one.head.coding else ""
-            content = b"nobody knows where it ends" if one.head.is_unbounded else why.encode("latin-1")
+            content = why_unread_reply(one.head).encode("latin-1")
         start[place], stop[place] = begin, begin + len(content)
         contents.append(content)
         begin += len(content)

@@ -46,8 +46,8 @@ class Form:
     those of a gap. ``spoken`` is what a connection begins with that does not begin with HTTP. ``broken_by`` is who
     broke off a connection that did not end in order. ``is_broken_off``: with that, a request ended that does not say
     how long it is; nobody knows whether more of it should have come. ``is_late``: it may answer a request from before
-    the capture (``HttpReader.is_late``). ``is_beyond``: nothing of it is missing, but not all of it is read; ``begin``
-    is how its content begins, where it is a request.
+    the capture (``HttpReader.is_late``). ``is_beyond``: nothing of it is missing, but not all of it is read;
+    ``is_malformed``: its chunks are none. ``begin`` is how its content begins, where that is not known whole.
     """
 
     what: What
@@ -63,12 +63,23 @@ class Form:
     is_broken_off: bool = False
     is_late: bool = False
     is_beyond: bool = False
+    is_malformed: bool = False
     begin: bytes = b""
 
     @property
     def is_unread(self) -> bool:
         """Whether it is whole, and nobody knows what is in it: it is too long, or its coding is none that is known."""
-        return self.what is What.WHOLE and self.is_coded and self.content is None
+        return self.what is What.WHOLE and self.lacks_content
+
+    @property
+    def lacks_content(self) -> bool:
+        """Whether nobody knows what is in it."""
+        return self.is_coded and self.content is None
+
+    @property
+    def is_endless(self) -> bool:
+        """Whether nobody knows where it ends: by what it says of that itself."""
+        return self.is_malformed or (self.head is not None and self.head.is_unbounded)
 
 
 class Forms:

@@ -23,7 +23,7 @@ from nvscope.tracker.visu.http_runs import Controls, are_short, begin_late_of, r
 from nvscope.tracker.visu.limits import MOST_HELD_BYTES
 from nvscope.tracker.visu.reach import Reaches
 from nvscope.tracker.visu.request_heads import EARLIER, ClientRows, RequestHeads
-from nvscope.tracker.visu.waiting_requests import Asked, Missed, Unheard, Waiting, WaitingRequests
+from nvscope.tracker.visu.waiting_requests import Missed, Unheard, Waiting, WaitingRequests, asked_at
 
 _AT_A_TIME = 512
 """So many pieces are joined at a time."""
@@ -341,10 +341,11 @@ class HttpStreams:
         missed: Callable[[], Missed] | None,
     ) -> WaitingRequests:  # fmt: skip
         """Return the requests of a connection, some of them of this batch; ``missed`` are replies to them."""
-        found, orders, heads = self._found, brought.pieces.order, self._heads(brought.pieces, ends)
-        forms = [found.forms[number] for number in found.form[own.start : own.stop]]
-        head_orders = map(heads.order_of, own, forms)
-        asked = list(map(Asked, orders[self._places(ends, own)].tolist(), forms, head_orders))
+        found, pieces, heads = self._found, brought.pieces, self._heads(brought.pieces, ends)
+        asked = [
+            one._replace(head_order=heads.order_of(place, one.form))
+            for place, one in zip(own, asked_at(found, own, self._places(ends, own), pieces, ends), strict=True)
+        ]  # fmt: skip
         waiting = waiting_of(connection)
         if missed is not None:
             unheard = Unheard(waiting.first, missed())
@@ -352,7 +353,7 @@ class HttpStreams:
         client = self._readers.get(2 * connection)
         begins_head = client is not None and client.begins_head
         begun = heads.begun(connection)
-        return WaitingRequests(waiting, asked, ends, orders, begun=begun, begins_head=lambda _: begins_head)
+        return WaitingRequests(waiting, asked, ends, pieces, begun=begun, begins_head=lambda _: begins_head)
 
     def _heads(self, pieces: Pieces, ends: I64) -> RequestHeads:
         """Return since when requests of a batch had begun."""

@@ -13,6 +13,7 @@ from dissectors.web_protocols import protocol_of_bytes
 from dissectors.webvisu import Likeness
 from nvscope.tracker.visu.answering import Answering
 from nvscope.tracker.visu.http_forms import NOT_BEGUN, Form, Forms, What
+from nvscope.tracker.visu.lost_messages import FOREIGN, long_head_form, lost_form
 from nvscope.tracker.visu.open_requests import open_form, unbounded_form
 from nvscope.tracker.visu.part_requests import (
     OpenRequest,
@@ -20,11 +21,10 @@ from nvscope.tracker.visu.part_requests import (
     bodiless,
     end_form,
     head_in,
-    likeness_of,
     part_form,
 )  # fmt: skip
 from nvscope.tracker.visu.same_messages import count_same
-from nvscope.tracker.visu.unread_requests import likeness_of_head, passed_form, unread_form
+from nvscope.tracker.visu.unread_requests import passed_form, unread_form, unread_response
 
 _MOST_CHUNKED_BYTES = 2 * MOST_BODY_BYTES
 _ENDLESS = 1 << 62
@@ -227,12 +227,12 @@ class HttpReader(Answering):
         most = head_end + _MOST_CHUNKED_BYTES
         reader, self._chunks = self._chunks or http.Chunks(), None
         chunks = reader.read(data, head_end, min(end, most))
-        if chunks.wrong_at >= 0:
-            return self._lose_step(data, start, chunks.wrong_at, found)
+        is_malformed = chunks.wrong_at >= 0
+        if is_malformed or (chunks.stop < 0 and end >= most):
+            lost = self._or_unread(Form(What.WHOLE, head, touched=self._if_answers()), reader.so_far(data))
+            lost = replace(lost, what=What.BROKEN, is_beyond=not is_malformed, is_malformed=is_malformed)
+            return self._lose_step(data, start, chunks.wrong_at if is_malformed else most, found, lost)
         if chunks.stop < 0:
-            if end >= most:
-                form = self._or_unread(Form(What.WHOLE, head, touched=self._if_answers()), reader.so_far(data))
-                return self._lose_step(data, start, most, found, form.touched)
             self._chunks = reader
             return -1
         self.open = None
@@ -243,32 +243,29 @@ class HttpReader(Answering):
         return chunks.stop
 
     def _or_unread(self, form: Form, body: bytes) -> Form:
-        """Return the form of a message of known ``body``, or what is told where it is a request, and unread."""
-        if form.content is not None or self.side is Side.SERVER or form.head is None:
+        """Return the form of a message of known ``body``, or what is told where nobody reads that."""
+        if form.content is not None or form.head is None:
             return form
+        if self.side is Side.SERVER:
+            return unread_response(form, body)
         return unread_form(form.head, form.body_bytes, body)
 
-    def _long_head(self, data: bytes, start: int) -> Likeness:
-        if self.side is Side.CLIENT:
-            return likeness_of_head(data[start : start + MOST_HEAD_BYTES])
-        return self._if_answers() if data.startswith(b"HTTP/1.", start) else Likeness.NO
+    def _long_head(self, data: bytes, start: int) -> Form:
+        return long_head_form(data, start, self._if_answers(), self.side)
 
-    def _lose_step(
-        self, data: bytes, start: int, at: int, found: Forms, beyond: Likeness = Likeness.NO
-    ) -> int:  # fmt: skip
+    def _lose_step(self, data: bytes, start: int, at: int, found: Forms, lost: Form = FOREIGN) -> int:
         """Give up what begins at ``start``, as is known when ``at`` is reached; look for a message behind its begin.
 
-        ``beyond``: whether it may be of a page and is too long.
+        ``lost`` is what is told of that.
         """
         self.known_at = at = max(at, self.known_at)
-        is_beyond = beyond is not Likeness.NO
-        if is_beyond and self.requests is not None:
-            self.requests.answered(at)
+        is_told = lost.touched is not Likeness.NO
+        if is_told and self.requests is not None:
+            self.requests.lost(at)
         self._out_of_step(at)
         self.breaks.append(len(found.at))
-        is_first = self._is_first and len(found.at) == self._found_before and not is_beyond
-        spoken = protocol_of_bytes(data, start, at) if is_first else None
-        found.tell(at, Form(What.BROKEN, spoken=spoken, touched=beyond, is_beyond=is_beyond))
+        is_first = self._is_first and len(found.at) == self._found_before and not is_told
+        found.tell(at, replace(lost, spoken=protocol_of_bytes(data, start, at) if is_first else None))
         return start + 1
 
     @property
@@ -319,14 +316,14 @@ class HttpReader(Answering):
         """Take that the bytes of the message that has begun are lost, and so many behind them."""
         rest, self.rest, self._chunks = self.rest, b"", None
         in_step, self._is_first = not self._seeks, False
-        touched = Likeness.NO
+        lost = FOREIGN
         if in_step and not self._passes and rest:
             head_end, head = head_in(rest, self.side)
-            touched = Likeness.NO if self.side is Side.SERVER else likeness_of(rest, head_end, head)
+            lost = lost_form(rest, head_end, head, self.side)
             if head is not None and head.body is Body.LENGTH:
                 length = 0 if self._answers_head else head.length
                 self._passes = length - (len(rest) - head_end)
-                self._passed = Form(What.CUT, head, is_coded=True, touched=touched)
+                self._passed = replace(lost, what=What.CUT)
         if self._passed is not None and size <= self._passes < _ENDLESS:
             self._passes -= size
             self._passed = replace(self._passed, what=What.CUT, is_beyond=False)
@@ -334,15 +331,15 @@ class HttpReader(Answering):
                 self._tell_passed(at, found)
             return
         if self._passed is not None:
-            touched = self._passed.touched
+            lost = replace(self._passed, what=What.BROKEN, is_beyond=False)
         self._passes, self._passed = 0, None
         if in_step and self.side is Side.SERVER and not self._answers_nobody:
-            touched = Likeness.YES
+            lost = replace(lost, touched=Likeness.YES)
             if self.requests is not None:
-                self.requests.answered(at)
+                self.requests.lost(at)
         self._out_of_step(at)
         self.breaks.append(len(found.at))
-        found.tell(at, Form(What.BROKEN, touched=touched))
+        found.tell(at, lost)
 
     def _out_of_step(self, at: int) -> None:
         self._seeks, self._answers_head, self._answers_nobody, self.open = True, None, False, None
@@ -384,9 +381,12 @@ class HttpReader(Answering):
                 late, nobody = self.is_late, self._answered(at, head)
                 form = Form(What.WHOLE, head, 0, content, is_coded=True, answers_nobody=nobody, is_late=late)
                 found.tell(at, form)
-            # Of a response that was not sent whole nothing is missing: it is none.
+            # Of a response that was not sent whole nothing is missing: it is none, though a list lacks something.
             elif self.side is Side.SERVER and self._passed is not None and self._passed.what is What.CUT:
-                found.tell(at, Form(What.CUT, answers_nobody=self._answered(at, self._passed.head)))
+                found.tell(at, replace(self._passed, answers_nobody=self._answered(at, self._passed.head)))
+            elif self.side is Side.SERVER and (head is not None or self._passed is not None):
+                unsent = self._passed or lost_form(rest, head_end, head, self.side)
+                found.tell(at, replace(unsent, what=What.PART, answers_nobody=self._answers_nobody))
             if self.side is Side.CLIENT and (part := end_form(rest, head_end, head, self._passed, found.forms[ended])):
                 if self.begun_at != NOT_BEGUN:
                     found.head_at[len(found.at)] = self.begun_at

@@ -103,5 +103,7 @@ def take_control(reader: HttpReader, kind: int, size: int, at: int, found: Forms
         reader.begin(in_step=size & IN_STEP > 0)
         found.at.append(at)
         found.form.append(Forms.ANEW if size & ANEW else Forms.BEGIN)
+        if reader.requests is not None:
+            reader.requests.begin(at, found.forms[found.form[-1]])
     else:
         reader.end(at, found, Forms.end_of(size))

@@ -21,6 +21,9 @@ from nvscope.tracker.visu.leaving import Leaving
 from nvscope.tracker.visu.limits import Beyond
 from nvscope.tracker.visu.names import ListFlaw, Naming
 
+UNMEASURED_NS = int(np.iinfo(np.int64).min)
+"""Stands for the latency of a reply that was captured before its request was whole: nobody knows it."""
+
 _PORT = 4
 """The column of the server's port in ``VisuBatch.pairs``."""
 
@@ -28,16 +31,16 @@ _PORT = 4
 class Kind(IntEnum):
     """What a message is, or what else happens to one.
 
-    ``NAMES``: the reply to a request for a list of variables. ``CUT``: a request or a reply of which bytes are missing.
-    ``UNANSWERED``: the connection ended without a reply, or the client waits no more. ``GAP``: bytes are missing of a
-    connection with such requests. ``OTHER``: a request of another protocol, or the begin of a connection over which
-    another one is spoken. ``LEFT``: a request waits, and its client closes its side of the connection; ``UNCLEAR``:
-    nobody knows what answers it, or what the reply to a part says of it. ``GIVEN_UP``: what is unanswered since the
-    client waits no more; batches have that as ``UNANSWERED``, by its outcome. ``PART``: a request ends of which the
-    client sent no more than a part; ``REFUSED``: the reply to such a one, of another status than 200.
-    ``UNBOUNDED``: nobody knows where the message ends that comes with it: its Content-Length is not one number.
-    ``OTHER_BYTES``: bytes of a client came again, and so many (``fields``) were others than those that came first;
-    ``OTHER_REPLY_BYTES``: the same of a controller.
+    ``NAMES``: the reply to a request for a list of variables, or what there is of it. ``CUT``: a request or a reply of
+    which bytes are missing, or that nobody reads. ``UNANSWERED``: the connection ended without a reply, or the client
+    waits no more. ``GAP``: bytes are missing of a connection with such requests. ``OTHER``: a request of another
+    protocol, or the begin of a connection over which another one is spoken. ``LEFT``: a request waits, and its client
+    closes its side of the connection; ``UNCLEAR``: nobody knows what answers it, or what the reply to a part says of
+    it. ``GIVEN_UP``: what is unanswered since the client waits no more; batches have that as ``UNANSWERED``, by its
+    outcome. ``PART``: a request ends of which the client sent no more than a part; ``REFUSED``: the reply to such a
+    one, of another status than 200. ``UNBOUNDED``: nobody knows where the message ends that comes with it: its
+    Content-Length is not one number, or its chunks are none. ``OTHER_BYTES``: bytes of a client came again, and so many
+    (``fields``) were others than those that came first; ``OTHER_REPLY_BYTES``: the same of a controller.
     """
 
     READ = 0
@@ -63,7 +66,8 @@ class Outcome(IntEnum):
 
     ``GIVEN_UP`` is of what is unanswered: the client ended the connection, or its side of it. ``UNREAD``: the reply is
     whole, but nobody knows what it says; in place of its content lies why, '' where it is too long. What is cut is
-    ``UNREAD`` where nothing of it is missing: it is too long, or in a coding that nobody knows.
+    ``UNREAD`` where nothing of it is missing: it is too long, or in a coding that nobody knows; ``MALFORMED`` where its
+    chunks are none.
     """
 
     NONE = -1
@@ -74,6 +78,7 @@ class Outcome(IntEnum):
     STATUS = 4
     GIVEN_UP = 5
     UNREAD = 6
+    MALFORMED = 7
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +88,8 @@ class VisuMessages(Columns):
     ``row`` is that of the packet in its batch, ``pair`` the number of client, server and port. ``asked`` is the number
     of the request: that of a request itself, or that which a reply answers; -1 of what is neither. ``start`` and
     ``stop`` are where the content of its body lies. Of replies: HTTP ``status``, ``outcome``, how many values it has
-    (``fields``), ``latency_ns``, and ``asked_frame``, that of the request; of what is no reply -1, 0 of times.
+    (``fields``), ``latency_ns``, and ``asked_frame``, that of the request; of what is no reply -1, 0 of times; of a
+    latency that nobody knows ``UNMEASURED_NS``.
     ``spoken`` is a ``WebProtocol``, -1 of what is of WebVisu.
     ``asked_frame`` is also that of what is unanswered, or waits, ``latency_ns`` also how long the client waited that
     gave up, or leaves. Of other bytes that are told later, ``asked_frame`` is where they came first.

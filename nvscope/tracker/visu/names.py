@@ -41,9 +41,10 @@ class OtherNames(NamedTuple):
 
 
 class UnreadList(NamedTuple):
-    """A list from a controller that cannot be read, and why."""
+    """A list from a controller that cannot be read, and why; ``is_whole``: all of it is there."""
 
     why: str
+    is_whole: bool = True
 
 
 ListFlaw = OtherNames | UnreadList

@@ -10,6 +10,7 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from dissectors.webvisu import Likeness, is_like_reply
+from dissectors.webvisu_lists import LIST_BEGIN_BYTES
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.tracker.pieces import NEVER
 from nvscope.tracker.visu.conversation import Conversation, Early, Happened
@@ -197,10 +198,10 @@ class Pairing:
         if form.what is What.WHOLE:
             content = http.content(row)
             if content is not None and len(content) > _MOST_EARLY_BYTES:
-                content = None
+                form, content = replace(form, begin=content[:LIST_BEGIN_BYTES]), None
             form = replace(form, content=content, is_coded=True)
         elif form.what is What.BROKEN:
-            form = Form(What.CUT, is_beyond=form.is_beyond)
+            form = replace(form, what=What.CUT)
         return Early(form, int(http.arrival_ns[row]), reach, has_begun)
 
     def _miss(self, conversation: Conversation, before: int) -> None:

@@ -31,14 +31,14 @@ def likeness_of(rest: bytes, head_end: int, head: Head | None) -> Likeness:
     """
     if not (rest == _POST[:-1] or rest.startswith(_POST)):
         return Likeness.NO
-    return likeness(b"" if head is None else _content(rest, head_end, head), http.target_of(rest))
+    return likeness(b"" if head is None else content_so_far(rest, head_end, head), http.target_of(rest))
 
 
 def part_form(rest: bytes, head_end: int, head: Head, end: Form | None = None) -> Form:
     """Return what is told of a request whose body is not whole where its direction ends, or another request begins."""
     return Form(
-        What.PART, head, 0, _content(rest, head_end, head), is_coded=True, touched=likeness_of(rest, head_end, head),
-        broken_by=None if end is None else end.broken_by,
+        What.PART, head, 0, content_so_far(rest, head_end, head), is_coded=True,
+        touched=likeness_of(rest, head_end, head), broken_by=None if end is None else end.broken_by,
     )  # fmt: skip
 
 
@@ -74,5 +74,6 @@ def bodiless(head: Head, answers_nobody: bool) -> Form:
     return Form(What.WHOLE, replace(head, body=Body.LENGTH, length=0, coding=""), answers_nobody=answers_nobody)
 
 
-def _content(rest: bytes, head_end: int, head: Head) -> bytes:
+def content_so_far(rest: bytes, head_end: int, head: Head) -> bytes:
+    """Return what there is of the content of a message whose head ends at ``head_end``, in its coding."""
     return http.read_chunks(rest, head_end, len(rest)).content if head.body is Body.CHUNKS else rest[head_end:]

@@ -19,7 +19,7 @@ from nvscope.tracker.latency import Latencies
 from nvscope.tracker.visu.events import OK, OTHER_STATUS, VisuEvent, event_word
 from nvscope.tracker.visu.leaving import LeavingClients
 from nvscope.tracker.visu.limits import MOST_ENTRIES, Beyond
-from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages
+from nvscope.tracker.visu.messages import UNMEASURED_NS, Kind, Outcome, VisuBatch, VisuMessages
 from nvscope.tracker.visu.names import Naming, OtherNames, UnreadList, has_password, name_of
 from nvscope.tracker.visu.unchanging import Unchanging
 from nvscope.tracker.visu.writes import Writes
@@ -182,8 +182,8 @@ class VisuCounts:
         not_done = (outcome == Outcome.REFUSED) | (outcome == Outcome.STATUS)
         refused = np.flatnonzero((replies | (kind == Kind.REFUSED)) & not_done)
         np.add.at(columns.refused, pair[refused], writes[asked[refused]])
-        self.latencies.observe(pair[replies], messages.latency_ns[replies], len(self.pairs))
-        polled = messages.polled_ns >= 0
+        measured, polled = replies & (messages.latency_ns != UNMEASURED_NS), messages.polled_ns >= 0
+        self.latencies.observe(pair[measured], messages.latency_ns[measured], len(self.pairs))
         self.pollings.observe(pair[polled], messages.polled_ns[polled], len(self.pairs))
 
     def _note_others(self, told: Told, pair: I64, messages: VisuMessages) -> None:
@@ -290,7 +290,7 @@ class VisuCounts:
         wanted = np.isin(kind, (Kind.UNANSWERED, Kind.WRITE, Kind.CUT, Kind.UNBOUNDED))
         wanted |= (messages.latency_ns > SLOW_NS) | ~np.isin(outcome, (Outcome.NONE, Outcome.DONE))
         wanted &= ~np.isin(kind, (Kind.LEFT, Kind.UNCLEAR, Kind.PART))
-        wanted &= (kind != Kind.CUT) | (outcome != Outcome.UNREAD)  # NV906 tells of those
+        wanted &= (kind != Kind.CUT) | (outcome == Outcome.NONE)  # NV906 and NV804 tell of the others
         reads, replies = np.flatnonzero(kind == Kind.READ), np.flatnonzero(kind == Kind.REPLY)
         wanted[reads] |= peculiar[asked[reads]]
         # What was asked before says nothing new.

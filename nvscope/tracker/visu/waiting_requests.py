@@ -7,25 +7,27 @@ say how long it is ends at the latest where it is answered; one that says so may
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from enum import Enum
 from typing import NamedTuple, Protocol
 
 from dissectors.batch import I64
-from nvscope.tracker.pieces import NEVER
-from nvscope.tracker.visu.http_forms import Form, What
-from nvscope.tracker.visu.limits import MOST_WAITING
+from nvscope.tracker.pieces import NEVER, PieceKind, Pieces
+from nvscope.tracker.segments import WRAP
+from nvscope.tracker.visu.asking import NOTHING
+from nvscope.tracker.visu.conversation import Conversation, Early, Happened
+from nvscope.tracker.visu.http_forms import Form, Forms, What
+from nvscope.tracker.visu.reach import NOWHERE, UNKNOWN, Reach
 
 
 class Waiting(NamedTuple):
-    """The requests of a connection that wait: whether each is HEAD, and how many there are ``beyond`` these.
+    """The requests of a connection that wait in front of a batch, as ``conversation`` knows them, which may change.
 
-    ``is_early``: the one that has begun, and is not whole, is answered. ``first`` is the order of the first of them,
-    and up to where its client had the server's bytes then, where none of these was captured.
+    ``first`` is the order of the first of them, and up to where its client had the server's bytes then, where none of
+    these was captured.
     """
 
-    are_head: Iterable[bool] = ()
-    beyond: int = 0
-    is_early: bool = False
+    conversation: Conversation
     first: tuple[int, int] | None = None
 
 
@@ -47,6 +49,21 @@ class Asked(NamedTuple):
     order: int
     form: Form
     head_order: int = NEVER
+    reach: Reach = NOWHERE
+
+
+def asked_at(found: Forms, places: Sequence[int], piece: I64, pieces: Pieces, ends: I64) -> list[Asked]:
+    """Return what was found of a client's direction at some places, and with which pieces."""
+    asked = []
+    columns = pieces.order, pieces.behind, ends, pieces.acknowledged, pieces.kind, pieces.stream
+    rows = zip(*(column[piece].tolist() for column in columns), strict=True)
+    for place, (order, behind, end, acknowledged, kind, stream) in zip(places, rows, strict=True):
+        form, at, reach = found.forms[found.form[place]], found.at[place], NOWHERE
+        if kind != PieceKind.END and not stream & 1:  # as ``Reaches`` are
+            first = behind - (end - at if at >= 0 else 0)
+            reach = Reach(first % WRAP, (first + form.body_bytes) % WRAP, acknowledged)
+        asked.append(Asked(order, form, reach=reach))
+    return asked
 
 
 class Unheard:
@@ -79,37 +96,49 @@ class Unheard:
         return [] if order == NEVER else [Asked(order, Form(What.BROKEN))]
 
 
+class Ended(Enum):
+    """What is answered where no whole request waits: nothing, one that has begun, or one that ends with that."""
+
+    NOTHING = 0
+    BEGUN = 1
+    OPEN = 2
+
+
 class WaitingRequests:
     """The requests of a connection that wait while a batch of what its server sends is read.
 
     ``waiting`` are those before it. ``asked`` is what the client's direction shows in the batch (orders are those of
     ``nvscope.tracker.pieces``), ``begun`` with which order the head was there of what is not whole behind that.
-    ``ends`` are where pieces end in the data that is read, ``orders`` those of pieces. ``answers_more`` is called with
-    a place of the data where something comes that answers a request, and none waits; it tells whether that is one that
-    has begun. ``begins_head`` tells by such a place whether what has begun is HEAD.
+    ``ends`` are where ``pieces`` end in the data that is read. ``answers_more`` is called with a place of the data
+    where something comes that answers a request, and none waits; it tells what that is. ``begins_head`` tells by such a
+    place whether what has begun is HEAD.
     """
 
     def __init__(
-        self, waiting: Waiting, asked: Iterable[Asked], ends: I64, orders: I64,
-        answers_more: Callable[[int], bool] | None = None, begun: int = NEVER,
+        self, waiting: Waiting, asked: Iterable[Asked], ends: I64, pieces: Pieces,
+        answers_more: Callable[[int], Ended] | None = None, begun: int = NEVER,
         begins_head: Callable[[int], bool] = lambda _: False,
     ) -> None:  # fmt: skip
-        self._waiting, self._beyond, self._is_early = deque(waiting.are_head), waiting.beyond, waiting.is_early
-        self._begun = begun
+        self._talk, self._begun = waiting.conversation, begun
         self._asked = deque(asked)
-        self._ends, self._orders = ends, orders
+        self._ends, self._pieces = ends, pieces
         self._answers_more, self._begins_head = answers_more, begins_head
 
     def ask(self, asked: Iterable[Asked]) -> None:
         """Take more of what the client's direction shows."""
         self._asked.extend(asked)
 
+    def begin(self, at: int, form: Form) -> None:
+        """Take the begin of the server's direction, ``form`` says which."""
+        order = self._go_on(at)
+        self._talk.take_from_server(form, order, 0, -1, _tell_nobody, self._reach(at))
+
     def answers_head(self, at: int) -> bool:
         """Tell whether the response whose head ends at a place of the data answers HEAD, which waits or has begun."""
         order = self._go_on(at)
-        if self._waiting:
-            return self._waiting[0]
-        if self._beyond or self._is_early:
+        if self._talk.waiting:
+            return self._talk.waiting[0].is_head
+        if self._talk.beyond or self._talk.has_begun_early:
             return False
         asked = self._first_asked()
         if asked is not None:
@@ -121,50 +150,73 @@ class WaitingRequests:
         return next((one for one in self._asked if one.form.what is not What.GAP), None)
 
     def answered(self, at: int) -> None:
-        """Take the end of a response, or that there was one of which bytes are missing."""
+        """Take the end of a response."""
+        order, reach = self._go_on(at), self._reach(at)
+        if self._talk.waits:
+            self._talk.take_from_server(_RESPONSE, order, 0, -1, _tell_nobody, reach)
+            return
+        what = self._answers(at, order)
+        if what is Ended.BEGUN or (what is Ended.NOTHING and reach.acknowledged != UNKNOWN):
+            self._talk.keep(Early(_RESPONSE, 0, reach, what is Ended.BEGUN))
+
+    def lost(self, at: int) -> None:
+        """Take that there was a response of which bytes are missing, or that nobody reads."""
         order = self._go_on(at)
-        if self._waiting:
-            self._waiting.popleft()
-        elif self._beyond:
-            self._beyond -= 1
+        if not self._talk.waits and self._answers(at, order) is Ended.BEGUN:
+            self._talk.keep(Early(_RESPONSE, 0, self._reach(at), has_begun=True))
+
+    def _answers(self, at: int, order: int) -> Ended:
+        """Return what a response answers where no request waits that is whole; a request may end with that."""
+        asked = self._first_asked()
+        if asked is None and self._answers_more is not None:
+            what = self._answers_more(at)
         else:
-            asked = self._first_asked()
-            if asked is None and self._answers_more is not None:
-                self._is_early |= self._answers_more(at)
-            else:
-                self._is_early |= (self._begun if asked is None else asked.head_order) < order
+            has_begun = (self._begun if asked is None else asked.head_order) < order
+            what = Ended.BEGUN if has_begun else Ended.NOTHING
+        return Ended.NOTHING if what is Ended.BEGUN and self._talk.early else what
 
     def ended(self, at: int) -> None:
         """Take that the server has closed its side: what has not been answered never is."""
         self._go_on(at)
-        if not (self._waiting or self._beyond) and self._answers_more is not None:
+        if not self._talk.waits and self._answers_more is not None:
             self._answers_more(at)
 
     def forget(self, at: int) -> None:
-        """Take that the server's direction loses step."""
-        self._go_on(at)
-        self._forget()
-
-    def _forget(self) -> None:
-        self._waiting.clear()
-        self._beyond = 0
+        """Take that the server's direction loses step, or ends."""
+        order = self._go_on(at)
+        kind = self._pieces.kind[~at] if at < 0 else int(PieceKind.DATA)
+        if kind == int(PieceKind.HOLE):
+            self._talk.take_from_server(_GAP, order, 0, -1, _tell_nobody)
+        form = _END if kind == int(PieceKind.END) else _BROKEN
+        self._talk.take_from_server(form, order, 0, -1, _tell_nobody)
 
     def _go_on(self, at: int) -> int:
         """Take what the client shows in front of a place of the data; return the order of that."""
-        order = int(self._orders[~at if at < 0 else int(self._ends.searchsorted(at))])
+        order, talk = int(self._pieces.order[self._piece(at)]), self._talk
         while self._asked and self._asked[0].order < order:
-            form = self._asked.popleft().form
-            if form.what in (What.WHOLE, What.CUT, What.PART):
-                if self._is_early:
-                    self._is_early = False
-                elif self._beyond or len(self._waiting) >= MOST_WAITING:
-                    self._beyond += 1
-                else:
-                    self._waiting.append(_is_head(form))
-            elif form.what in (What.BROKEN, What.ANEW):
-                self._is_early = False
-                self._forget()
+            one = self._asked.popleft()
+            talk.take_from_client(one.form, NOTHING, one.order, 0, -1, _tell_nobody, one.reach)
+            is_request = one.form.what in (What.WHOLE, What.CUT, What.PART)
+            if talk.early and is_request and talk.has_early(one.reach):
+                talk.answer_early(one.order, -1, _tell_nobody)
         return order
+
+    def _piece(self, at: int) -> int:
+        return ~at if at < 0 else int(self._ends.searchsorted(at))
+
+    def _reach(self, at: int) -> Reach:
+        pieces, piece = self._pieces, self._piece(at)
+        if pieces.kind[piece] == int(PieceKind.END):
+            return NOWHERE
+        behind = int(pieces.behind[piece]) - (int(self._ends[piece]) - at if at >= 0 else 0)
+        return Reach(UNKNOWN, behind % WRAP, int(pieces.acknowledged[piece]))
+
+
+_RESPONSE, _GAP, _BROKEN, _END = (Form(what) for what in (What.WHOLE, What.GAP, What.BROKEN, What.END))
+
+
+def _tell_nobody(_: Happened) -> None:
+    """Tell nobody: what happened is told where the messages of both directions are known."""
 
 
 def _is_head(form: Form) -> bool:

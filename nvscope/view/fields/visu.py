@@ -11,10 +11,10 @@ import numpy as np
 
 from dissectors.batch import I64, U64, Bool
 from nvscope.expression.typed_columns import AddressColumn, FieldType, Numbers, TextColumn
-from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch
+from nvscope.tracker.visu.messages import UNMEASURED_NS, Kind, Outcome, VisuBatch
 from nvscope.view.fields.field import TelegramField
 from nvscope.view.fields.frame_messages import message_field
-from nvscope.view.fields.visu_variable import value_field, variable_field
+from nvscope.view.fields.visu_variable import index_field, value_field, variable_field
 
 NAME = "visu"
 _KINDS = tuple(kind.name.lower() for kind in Kind)
@@ -36,6 +36,11 @@ def _known(name: str) -> Callable[[VisuBatch, I64], Bool]:
 
 def _is_reply(part: VisuBatch, at: I64) -> Bool:
     own: Bool = _of(part, at, "kind") == Kind.REPLY
+    return own
+
+
+def _is_measured(part: VisuBatch, at: I64) -> Bool:
+    own: Bool = _is_reply(part, at) & (_of(part, at, "latency_ns") != UNMEASURED_NS)
     return own
 
 
@@ -96,6 +101,7 @@ VISU_FIELDS: Sequence[TelegramField] = (
         _of_requests(lambda part: [len(one.entries) for one in part.requests]), _asks_whole, of=NAME,
     ),
     variable_field(),
+    index_field(),
     value_field(),
     message_field(
         "visu.status", FieldType.UNSIGNED, "Status", "of the HTTP response", _column("status"), _known("status"),
@@ -108,7 +114,7 @@ VISU_FIELDS: Sequence[TelegramField] = (
     ),
     message_field(
         "visu.latency", FieldType.DURATION, "Latency", "from the request to its reply", _column("latency_ns"),
-        _is_reply, of=NAME,
+        _is_measured, of=NAME,
     ),
     message_field(
         "visu.request_frame", FieldType.UNSIGNED, "Request", "frame of the request", _column("asked_frame"),

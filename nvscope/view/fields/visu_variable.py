@@ -1,4 +1,4 @@
-"""The fields ``visu.variable`` and ``visu.value``: each variable of the WebVisu messages of a frame, and each value."""
+"""The fields ``visu.variable``, ``visu.index`` and ``visu.value``: each variable of the WebVisu messages of a frame."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from dissectors.batch import I64, Bool
-from nvscope.expression.typed_columns import FieldType, TextColumn
+from nvscope.expression.typed_columns import FieldType, Numbers, TextColumn
 from nvscope.tracker.visu.messages import VisuBatch
 from nvscope.tracker.visu.names import name_of
 from nvscope.view.fields.field import TelegramField
@@ -25,10 +25,11 @@ Texts = Callable[[VisuBatch, int], Iterable[str]]
 class _Texts:
     """The texts of the frames of a part: ``column`` gives their code at a place of each, -1 where there is none.
 
-    ``asked``: they are those of what is asked for, so that messages which ask for the same have the same.
+    ``asked``: they are those of what is asked for, so that messages which ask for the same have the same; ``once``:
+    a frame has each of them once.
     """
 
-    def __init__(self, part: VisuBatch, read: Texts, *, asked: bool) -> None:
+    def __init__(self, part: VisuBatch, read: Texts, *, asked: bool, once: bool) -> None:
         self.part = part
         codes: dict[str, int] = {}
         rows: dict[tuple[int, ...], int] = {}
@@ -44,7 +45,7 @@ class _Texts:
                     found = [codes.setdefault(text, len(codes)) for text in read(part, message)]
                     known[same[message]] = found
                 own += found
-            if asked or len(own) > MOST_VARIABLES:
+            if once or len(own) > MOST_VARIABLES:
                 own = list(dict.fromkeys(own))[:MOST_VARIABLES]
             which.append(rows.setdefault(tuple(own), len(rows)))
         self.texts = tuple(codes) or ("",)
@@ -63,20 +64,31 @@ class _Texts:
 class _LastPart:
     """The texts of the part that was asked for last: each place of it is asked for in turn."""
 
-    def __init__(self, read: Texts, *, asked: bool) -> None:
-        self._read, self._asked = read, asked
+    def __init__(self, read: Texts, *, asked: bool, once: bool = False) -> None:
+        self._read, self._asked, self._once = read, asked, once
         self._texts: _Texts | None = None
 
     def of(self, part: VisuBatch) -> _Texts:
         texts = self._texts
         if texts is None or texts.part is not part:
-            texts = self._texts = _Texts(part, self._read, asked=self._asked)
+            texts = self._texts = _Texts(part, self._read, asked=self._asked, once=self._once)
         return texts
 
     def reader(self, place: int) -> Callable[[VisuBatch], TextColumn]:
         def read(part: VisuBatch) -> TextColumn:
             texts = self.of(part)
             return TextColumn(np.maximum(texts.column(place), 0), texts.texts)
+
+        return read
+
+    def reader_of_numbers(self, place: int) -> Callable[[VisuBatch], Numbers]:
+        """Return the same of texts that are numbers."""
+
+        def read(part: VisuBatch) -> Numbers:
+            texts = self.of(part)
+            numbers = np.array([int(text or "0") for text in texts.texts], np.int64)
+            found: Numbers = numbers[np.maximum(texts.column(place), 0)]
+            return found
 
         return read
 
@@ -90,6 +102,14 @@ def _names(part: VisuBatch, message: int) -> Iterable[str]:
         return ()
     naming = part.namings[int(part.messages.naming[message])]
     return (name_of(entry, naming) for entry in part.requests[asked].entries)
+
+
+def _indexes(part: VisuBatch, message: int) -> Iterable[str]:
+    asked = int(part.messages.asked[message])
+    # Older pages number values, and not what is asked for.
+    if asked < 0 or part.requests[asked].query:
+        return ()
+    return (str(entry.number) for entry in part.requests[asked].entries)
 
 
 def _values(part: VisuBatch, message: int, *, secrets: bool) -> Iterable[str]:
@@ -111,7 +131,20 @@ def _field(name: str, label: str, text: str, last: _LastPart, *, any_case: bool 
 def variable_field() -> TelegramField:
     """Return the field; a frame has it once for each variable, at most ``MOST_VARIABLES`` times."""
     text = "that is asked for, written or answered; a frame may have several"
-    return _field("visu.variable", "Variable", text, _LastPart(_names, asked=True), any_case=True)
+    return _field("visu.variable", "Variable", text, _LastPart(_names, asked=True, once=True), any_case=True)
+
+
+def index_field() -> TelegramField:
+    """Return the field; a frame has it for each variable, at most ``MOST_VARIABLES`` times."""
+    last = _LastPart(_indexes, asked=True)
+    first, *further = (
+        TelegramField(
+            "visu.index", FieldType.UNSIGNED, "Index", "that the request gives a variable; a frame may have several",
+            last.reader_of_numbers(place), last.known(place), of=_NAME,
+        )
+        for place in range(MOST_VARIABLES)
+    )  # fmt: skip
+    return replace(first, further=tuple(further))
 
 
 def value_field(*, secrets: bool = False) -> TelegramField:

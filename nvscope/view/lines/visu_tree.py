@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from dissectors.webvisu import Place
+from dissectors.webvisu import Entry as VisuEntry
 from nvscope import units
 from nvscope.tracker.readings.form import HIDDEN
-from nvscope.tracker.visu.messages import Kind, VisuBatch
+from nvscope.tracker.visu.messages import UNMEASURED_NS, Kind, VisuBatch
 from nvscope.view.escape import visible
 from nvscope.view.lines import tree_lines
 from nvscope.view.lines.shown import Spans, Wording
@@ -50,7 +50,7 @@ class VisuTree(TransportTree):
                 yield _variable(variable)
 
     def _title(self, message: int) -> str:
-        return message_words(self._part, message).partition(":")[0]
+        return str(visible(message_words(self._part, message, values=False)))
 
     def _facts(self, message: int) -> Iterator[Entry]:
         messages = self._part.messages
@@ -65,7 +65,9 @@ class VisuTree(TransportTree):
             yield _fact("Request", f"frame {messages.asked_frame[message]}")
         if kind is Kind.REPLY:
             yield _fact("Status", str(messages.status[message]))
-            yield _fact("Took", units.duration(int(messages.latency_ns[message])))
+            latency_ns = int(messages.latency_ns[message])
+            unknown = latency_ns == UNMEASURED_NS
+            yield _fact("Took", "not known, captured before its request" if unknown else units.duration(latency_ns))
 
 
 def _fact(label: str, text: str, *, wrong: bool = False) -> Entry:
@@ -75,12 +77,13 @@ def _fact(label: str, text: str, *, wrong: bool = False) -> Entry:
 def _variable(variable: Variable) -> Entry:
     value = "" if variable.value is None else f" = {visible(variable.value)}"
     tone = Tone.FAINT if variable.value == HIDDEN else Tone.PLAIN
-    return Entry([_MARGIN, label_cell(str(visible(variable.name))), Cell(value, tone)], _where(variable.entry.place))
+    return Entry([_MARGIN, label_cell(str(visible(variable.name))), Cell(value, tone)], _where(variable.entry))
 
 
-def _where(place: Place | str) -> str:
+def _where(entry: VisuEntry) -> str:
+    place = entry.place
     if isinstance(place, str):
         return ""
     area = _AREAS[place.ref] if place.ref < len(_AREAS) else f"area {place.ref}"
     size = units.count_of(place.size, "byte") if place.size else "one bit"
-    return f"{place.type_name}, {area}, offset {place.offset}, {size}"
+    return f"index {entry.number}: {place.type_name}, {area}, offset {place.offset}, {size}"

@@ -8,12 +8,13 @@ from typing import NamedTuple
 from dissectors.web_protocols import WebProtocol
 from dissectors.webvisu import MOST_DECLARED, UNREADABLE, Entry, Request, read_reply
 from nvscope import units
+from nvscope.enumeration import first_few
 from nvscope.tracker.readings.form import HIDDEN
 from nvscope.tracker.visu.events import OK
-from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch
+from nvscope.tracker.visu.messages import UNMEASURED_NS, Kind, Outcome, VisuBatch
 from nvscope.tracker.visu.names import Naming, UnreadList, is_secret, name_of
 
-_MOST_SHOWN = 8
+_MOST_SHOWN, _MOST_INDEXES = 8, 4
 _NOT_CHANGED = 304
 _LISTS = (b"<variablelist", b"<symbolvarlist")
 
@@ -59,20 +60,28 @@ _PROTOCOLS = {
 }  # fmt: skip
 
 
+_CUT = {
+    Outcome.UNREAD: "not read: too long, or in an unknown coding",
+    Outcome.MALFORMED: "not read: its chunks are malformed",
+}  # fmt: skip
+
+
 def protocol_words(protocol: WebProtocol) -> str:
     """Return what people call another protocol on these ports."""
     return _PROTOCOLS[protocol]
 
 
-def message_words(part: VisuBatch, message: int, *, secrets: bool = False) -> str:
-    """Return what a message is, in a line, values that may be secret only with ``secrets``; it may not be printable."""
+def message_words(part: VisuBatch, message: int, *, secrets: bool = False, values: bool = True) -> str:
+    """Return what a message is, in a line, values that may be secret only with ``secrets``; it may not be printable.
+
+    Without ``values``, it does not tell the variables, either.
+    """
     messages = part.messages
     kind, asked = Kind(int(messages.kind[message])), int(messages.asked[message])
     if kind is Kind.GAP:
         return f"{units.count_of(int(messages.gap_bytes[message]), 'byte')} missing"
     if kind is Kind.CUT:
-        unread = messages.outcome[message] == Outcome.UNREAD
-        return "not read: too long, or in an unknown coding" if unread else "cut: bytes are missing"
+        return _CUT.get(Outcome(int(messages.outcome[message])), "cut: bytes are missing")
     if kind in (Kind.OTHER_BYTES, Kind.OTHER_REPLY_BYTES):
         differ = units.count_of(int(messages.fields[message]), "byte")
         sent = "sent again with other bytes"
@@ -81,7 +90,7 @@ def message_words(part: VisuBatch, message: int, *, secrets: bool = False) -> st
             sent = f"since frame {messages.asked_frame[message]}, {who} {sent}"
         return f"{sent} ({differ}): what came first is shown, the receiver may have the others"
     if kind is Kind.UNBOUNDED:
-        return "its Content-Length is not one number, nobody knows where it ends"
+        return "no one number as Content-Length, or malformed chunks: nobody knows where it ends"
     if kind is Kind.OTHER:
         return f"{protocol_words(WebProtocol(int(messages.spoken[message])))}, not decoded"
     if kind is Kind.NAMES:
@@ -102,7 +111,7 @@ def message_words(part: VisuBatch, message: int, *, secrets: bool = False) -> st
             return f"{unanswered}, connection {'reset' if reset else 'ended'} by the controller"
         waited_ns = int(messages.latency_ns[message])
         return f"{unanswered}, given up{f' after {units.duration(waited_ns)}' if waited_ns > 0 else ''}"
-    told = "; ".join(_shown(variables_of(part, message, secrets=secrets)))
+    told = "; ".join(_shown(variables_of(part, message, secrets=secrets))) if values else ""
     if kind is Kind.REPLY:
         return _reply(part, message, request, told)
     declared = _declared(request)
@@ -110,7 +119,16 @@ def message_words(part: VisuBatch, message: int, *, secrets: bool = False) -> st
     if request.ambiguous:
         miscounted = f" or more, declares {declared}, ambiguous"
     verb = "write" if request.writes else "read"
-    return f"{verb} {units.count_of(len(request.entries), 'variable')}{miscounted}{f': {told}' if told else ''}"
+    counted = f"{units.count_of(len(request.entries), 'variable')}{miscounted}{_indexes(request)}"
+    return f"{verb} {counted}{f': {told}' if told else ''}"
+
+
+def _indexes(request: Request) -> str:
+    """Return the indexes of variables where they do not run from 0 on: some clients number otherwise."""
+    numbers = [entry.number for entry in request.entries]
+    if request.query or numbers == list(range(len(numbers))):
+        return ""
+    return f", {'index' if len(numbers) == 1 else 'indexes'} {first_few(list(map(str, numbers)), _MOST_INDEXES)}"
 
 
 def _declared(request: Request) -> str:
@@ -130,14 +148,15 @@ def _list(part: VisuBatch, message: int) -> str:
     size = units.count_of(len(content), "byte")
     flaw = part.list_flaws.get(message)
     if isinstance(flaw, UnreadList):
-        return f"variable list ({size}), cannot be used: {flaw.why}"
+        return f"variable list{f' ({size})' if flaw.is_whole else ''}, cannot be used: {flaw.why}"
     text = content.replace(b"\0", b"").lower()
     return f"variable list ({size})" if any(one in text for one in _LISTS) else f"XML, no variable list ({size})"
 
 
 def _reply(part: VisuBatch, message: int, request: Request, told: str) -> str:
     messages = part.messages
-    took = f" ({units.duration(int(messages.latency_ns[message]))})"
+    latency_ns = int(messages.latency_ns[message])
+    took = " (captured before its request)" if latency_ns == UNMEASURED_NS else f" ({units.duration(latency_ns)})"
     outcome = Outcome(int(messages.outcome[message]))
     if outcome is Outcome.STATUS:
         return f"HTTP status {messages.status[message]}{took}"

@@ -130,9 +130,11 @@ def test_what_no_controller_could_read_is_no_value() -> None:
     for reply_to_read in ("|5|", "|???|"):
         line.ask(post("|0|1|0|4|0|2|1|")).answer(reply(reply_to_read))
         line.ask(post("|1|1|0|4|0|2|1|7|")).answer(reply("|1|"))
-    assert lines(transactions(line.frames)) == [
+    found = transactions(line.frames)
+    assert [said.value for said in found[3].said] == [None]
+    assert lines(found) == [
         "5 (4) read answered 4,0,2,1=5 1 ms", "6 write open 4,0,2,1=5→7", "7 (6) write refused 4,0,2,1=5→7 1 ms",
-        "9 (8) read answered 4,0,2,1=None 1 ms", "10 write open 4,0,2,1=None→7",
+        "9 (8) read answered 4,0,2,1=??? 1 ms", "10 write open 4,0,2,1=None→7",
         "11 (10) write refused 4,0,2,1=None→7 1 ms",
     ]  # fmt: skip
 

@@ -240,15 +240,17 @@ class _Changes:
             # The cell before was the odd one: of this one, nothing is wrong.
             step = int(value is not None or name in self.real)
             self.is_odd.discard(name)
-        elif known and not anew and not alone_before and self.losses == self.lost_at[name]:
+        elif known and not alone_before and self.losses == self.lost_at[name] and not self.starts(name, anew=anew):
             is_wrong = says in ("back", "stuck") or (step > 1 and not zero)
             may_start = zero and not self.count[name] > 0 and not self.seen_whole
-            is_odd = is_wrong and not may_start and self.fits_around(name, value, rowid)
+            is_odd = is_wrong and not may_start and self.fits_around(name, value, rowid, starts=anew)
             ahead = is_odd and step > 1
         if is_odd:
             self.is_odd.add(name)
         if ahead:
             self.tell("NV954", "error", name, rowid)
+        if is_odd and anew:
+            zero, says = False, "repeated"
         alike = value is not None and had and value == before and not (name in self.real and value == 0)
         fell_from = self.fell_from.pop(name, None)
         if known and not zero:
@@ -280,11 +282,17 @@ class _Changes:
         self.stored.add(name)
         return says
 
-    def fits_around(self, name: str, value: Any, rowid: int) -> bool:
+    def starts(self, name: str, *, anew: bool) -> bool:
+        """Return whether a logger starts anew; of one variable alone, the next count tells a 0 that is wrong."""
+        return anew and not (len(self.names) == 1 and self.count[name] > 0)
+
+    def fits_around(self, name: str, value: Any, rowid: int, *, starts: bool) -> bool:
         """Return whether the next cell counts on from the one before, as if the cell between had counted rightly."""
         if (rowid, name) not in self.following:
             return False
         following, count = self.following[rowid, name]
+        if starts and count == 1:
+            return False
         over_both = count - self.count[name]
         if over_both < 0 and 0 < over_both + _WRAP <= 1_000:
             over_both += _WRAP

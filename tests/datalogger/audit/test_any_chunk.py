@@ -1,4 +1,4 @@
-"""An audit tells the same however many rows are looked at together, once each task had a row."""
+"""An audit tells the same however many rows are looked at together."""
 
 from __future__ import annotations
 
@@ -15,11 +15,8 @@ from tests.datalogger.audit.built import Row, write
 from tests.laws import some
 
 DECLARED = {"a": "FLOAT", "b": "FLOAT", "c": "INT", "d": "INT"}
-AT_ONCE = (16_000, 100, 40)
-"""So many that mostly rows of each task are among them."""
-
-BEGUN_MS = 200
-"""From then on, all tasks have had a row; rows of the first run may have no value."""
+AT_ONCE = (16_000, 40, 7)
+"""Among few rows, some tasks have none, or all of them have no value."""
 
 
 def drawn(chance: random.Random) -> list[Row]:
@@ -36,9 +33,8 @@ def drawn(chance: random.Random) -> list[Row]:
             for at_ms in range(place, span_ms, chance.choice([10, 20, 50, 100])):
                 if chance.random() < missing:
                     continue
-                may_lack = run > 0 or at_ms > BEGUN_MS
-                is_blank = may_lack and chance.random() < blank
-                values = {name: None if is_blank or (may_lack and chance.random() < no_number) else 1 for name in names}
+                is_blank = chance.random() < blank
+                values = {name: None if is_blank or chance.random() < no_number else 1 for name in names}
                 own.append((at_ms, values))
         for number, (at_ms, values) in enumerate(sorted(own, key=lambda one: one[0])):
             is_lost = (run > 0 and not number) or chance.random() < lost

@@ -122,6 +122,23 @@ def test_what_is_found_is_what_the_rules_say(tmp_path: Path, data: st.DataObject
     assert told == shortened(rules, told)
 
 
+@settings(_shared, max_examples=40)
+@given(data=st.data())
+def test_of_one_variable_alone_too_however_many_rows_are_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, data: st.DataObject
+) -> None:
+    """A counter of 0 is all that a row has then: a new start, if the logger does not count on from before."""
+    path = tmp_path / "x.db"
+    name = data.draw(st.sampled_from("ac"))
+    write(path, data.draw(spoiled(True)), {name: DECLARED[name]}, changes=True)
+    rules = expected(path, "log_changes_1", changes=True)
+    for rows in (16_000, data.draw(st.integers(1, 9))):
+        with monkeypatch.context() as context:
+            context.setattr(table_rows, "_ROWS", rows)
+            told = by_kind(audited([str(path)]))
+        assert told == shortened(rules, told), rows
+
+
 def figures(audit: Audit) -> list[object]:
     return [
         (one.audit.rows, one.audit.covered, one.audit.interval_ns, one.audit.restarts, one.audit.figures)
@@ -161,3 +178,19 @@ def test_a_counter_that_is_0_is_no_restart_where_others_count_on(
         assert found == {
             ("NV954", "error", "a"): [9], ("NV954", "error", "b"): [17], ("NV954", "error", "c"): [17],
         }, at_a_time  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("counts", "code", "severity"),
+    [([0, 1, 2, 3, 0, 5, 6], "NV954", "error"), ([0, 1, 2, 3, 0, 1, 2], "NV954", "note")],
+    ids=["it counts on from before", "it counts anew"],
+)
+def test_how_the_next_one_counts_tells_whether_a_variable_alone_starts_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, counts: list[int], code: str, severity: str
+) -> None:
+    rows = [Row(250 * at, {"a": at}, {"a": count}) for at, count in enumerate(counts)]
+    write(tmp_path / "x.db", rows, {"a": "SMALLINT"}, changes=True)
+    for at_a_time in (100, 5, 1):
+        monkeypatch.setattr(table_rows, "_ROWS", at_a_time)
+        found = by_kind(audited([str(tmp_path / "x.db")]))
+        assert found == {(code, severity, "a" if severity == "error" else None): [5]}, at_a_time

@@ -144,6 +144,21 @@ def test_what_was_decided_before_it_could_be_is_told(tmp_path: Path, monkeypatch
     assert audit_of(tmp_path, [[100.0] * 3_700]).notes == []
 
 
+def test_nothing_lacks_where_rows_come_less_often_from_some_row_on_however_many_there_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Most come so in the end; where not all of them are kept until then, that is told."""
+    parts = [[*[100.0] * 800, *[200.0] * 900]]
+    whole = audit_of(tmp_path, parts)
+    monkeypatch.setattr(open_part, "_MOST_KEPT", 100)
+    for name in ("_MOST_WHOLE", "_LEAST_WHOLE", "_LEAST_KEPT"):
+        monkeypatch.setattr(open_part, name, 10)
+    monkeypatch.setattr(table_rows, "_ROWS", 150)
+    cut = audit_of(tmp_path, parts)
+    assert (missed(whole), missed(cut)) == ([], [])
+    assert (whole.limits, len(cut.limits)) == ([], 1)
+
+
 @pytest.mark.parametrize("number", [7, 20, 41])
 @pytest.mark.parametrize("at_a_time", [16_000, 100])
 def test_rows_without_any_value_hide_no_row_that_lacks_in_another_task(

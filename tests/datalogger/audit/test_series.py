@@ -280,12 +280,28 @@ def test_tables_of_several_sessions_are_told_apart(tmp_path: Path) -> None:
     assert audit.files[0].notes == ["1 table in it is none of a DataLogger: notes"]
 
 
-@pytest.mark.parametrize(("gone", "asks"), [("x.db.2", True), ("x.db.1", False), ("x.db", False)])
-def test_what_lacks_in_front_of_the_newest_file_may_be_a_closed_one(tmp_path: Path, gone: str, asks: bool) -> None:
+@pytest.mark.parametrize("changes", [False, True])
+@pytest.mark.parametrize(("rows", "is_file"), [(3, False), (13, False), (22, True), (30, True), (60, True)])
+def test_what_lacks_in_front_of_the_newest_file_is_a_closed_one_where_it_is_as_long(
+    tmp_path: Path, rows: int, is_file: bool, changes: bool
+) -> None:
     """Row ids begin anew in each file, and the highest number is not known: the time alone speaks for it."""
+    every = only_changes(120) if changes else every_value(120)
+    for name, first in (("x.db.6", 0), ("x.db.7", 20), ("x.db", 40 + rows)):
+        write(tmp_path / name, every[first : first + 20], DECLARED, changes=changes)
+    audit = audited([str(tmp_path)])
+    if is_file:
+        (finding,) = audit.findings
+        assert (finding.kind.code, Path(finding.file).name) == ("NV959", "x.db.8")
+        assert finding.message.startswith("A closed file behind x.db.7 is missing: ")
+        return
+    doubt = "If there was a closed file behind x.db.7, it is missing: look for it first."
+    assert {one.kind.code for one in audit.findings} == {"NV953" if changes else "NV952"}
+    assert [one.rows for one in audit.findings if one.next_step.endswith(doubt)] == [(1,)]
+
+
+@pytest.mark.parametrize(("gone", "codes"), [("x.db.2", ["NV959"]), ("x.db.1", ["NV959"]), ("x.db", [])])
+def test_each_file_that_is_missing_is_told_once(tmp_path: Path, gone: str, codes: list[str]) -> None:
     rolled(tmp_path, ["x.db.0", "x.db.1", "x.db.2", "x.db"], changes=False)
     (tmp_path / gone).unlink()
-    found = audited([str(tmp_path)]).findings
-    doubt = "If there was a closed file behind x.db.1, it is missing: look for it first."
-    assert [(one.kind.code, one.rows) for one in found if one.next_step.endswith(doubt)] == [("NV952", (1,))] * asks
-    assert [one.kind.code for one in found] == ([] if gone == "x.db" else ["NV952" if asks else "NV959"])
+    assert [one.kind.code for one in audited([str(tmp_path)]).findings] == codes

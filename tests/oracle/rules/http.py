@@ -23,7 +23,7 @@ Readings, where the rules leave a choice:
 - a response is one to HEAD where the first request that waits when its head is whole is one, or, where none waits, the
   one that is being received, of which the head is there, and that nothing has answered
 - the size of a chunk is 1 to 8 digits, at most 2^30, with blanks at most around it; its line, and the trailers, have at
-  most 64 KiB
+  most 64 KiB; where that is not so, nobody knows where the message ends, and nobody reads it
 - Content-Encoding: identity, and nothing, are none; all that is neither those nor known cannot be decoded. What follows
   a whole stream of gzip or deflate is ignored. An empty body that is said to be encoded is not decoded either
 - a hole while the direction searches breaks the pairing once more; in step, one from the server is where the response
@@ -43,7 +43,16 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 
-from tests.oracle.rules.http_bodies import MOST_BODY, Foreign, begin, chunks, decoded, whole_chunks
+from tests.oracle.rules.http_bodies import (
+    BEGIN,
+    BEGIN_OF_LIST,
+    MOST_BODY,
+    Foreign,
+    begin,
+    chunks,
+    decoded,
+    whole_chunks,
+)
 from tests.oracle.rules.http_heads import (
     CHUNKED,
     LONGEST_REQUEST_LINE,
@@ -122,8 +131,18 @@ class Reader:
         message.body, message.part = None if body is None else decoded(head.fields, body), is_part
         message.unread = message.body is None and not (by_reset and body is None)
         if body is None:
-            message.seen = begin(head.fields, chunks_so_far)
+            message.seen = chunks_so_far if by_reset else begin(head.fields, chunks_so_far)
         return message
+
+    def malformed(self, content: bytes) -> Lost:
+        """Return what is lost where chunks are none, behind so much that is in some."""
+        assert self.head is not None
+        known, most = self.head.message, BEGIN_OF_LIST if self.response else BEGIN
+        seen = begin(self.head.fields, content, most)
+        self.happened["malformed chunks"] += 1
+        message = Message(known.method, known.target, known.status, None, seen, cut=True, whole=False)
+        message.unread = message.malformed = True
+        return Lost(message, in_step=self.response)
 
     def take(self, event: Delivery) -> Iterator[Message | Lost]:
         """Take bytes, or missing ones."""
@@ -174,8 +193,8 @@ class Reader:
                 yield message
             elif self.response:
                 self.happened["response not whole at the end"] += 1
-                if self.missing_at is not None:
-                    yield message
+                message.part = self.missing_at is None
+                yield message
             else:
                 message.part, message.cut = self.missing_at is None, self.missing_at is not None
                 self.happened["part of a request" if message.part else "part of a cut request"] += 1
@@ -220,6 +239,8 @@ class Reader:
             except Foreign as wrong:
                 self.happened["foreign"] += 1
                 lost = too_long(self.buffer, self.response) if wrong.too_long else Lost()
+                if wrong.behind_chunks is not None:
+                    lost = self.malformed(wrong.behind_chunks)
                 self.next_message(self.buffer[1:])
                 self.in_step = False
                 lost.told = self.told
@@ -307,7 +328,7 @@ class Reader:
             message.body = b"" if content is None else decoded(self.head.fields, content)
             message.unread = message.body is None
             if message.unread:
-                message.seen = begin(self.head.fields, content or b"")
+                message.seen = begin(self.head.fields, content or b"", BEGIN_OF_LIST if self.response else BEGIN)
             self.happened["body not known"] += message.body is None
             self.happened["body decoded"] += message.body not in (None, message.seen)
         message.arrival, message.told = self.latest or 0, self.told

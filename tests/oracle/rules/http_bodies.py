@@ -7,15 +7,16 @@ import zlib
 from collections.abc import Mapping, Sequence
 
 MOST_HEAD, MOST_LENGTH, MOST_BODY = 64 * 1024, 2**30, 2**20
-BEGIN = 64
+BEGIN, BEGIN_OF_LIST = 64, 256
 CHUNK_LINE = re.compile(rb"[ \t]*([0-9A-Fa-f]{1,8})[ \t]*(?:;.*)?", re.DOTALL)
 
 
 class Foreign(Exception):
-    """What begins at ``at`` is not HTTP, or it is ``too_long``."""
+    """What begins at ``at`` is not HTTP, or it is ``too_long``; or it is in chunks that are none behind some."""
 
     def __init__(self, at: int, *, too_long: bool = False) -> None:
         self.at, self.too_long = at, too_long
+        self.behind_chunks: bytes | None = None
 
 
 def line_end(buffer: bytes, begin: int, foreign_at: int, most: int = MOST_HEAD) -> int | None:
@@ -33,26 +34,30 @@ def line(buffer: bytes, begin: int, end: int) -> bytes:
 def chunks(buffer: bytes, at: int) -> tuple[bytes, int | None]:
     """Return the bytes of the chunks that came, and where the message ends if it has."""
     content = b""
-    while True:
-        end = line_end(buffer, at, at)
-        if end is None:
-            return content, None
-        found = CHUNK_LINE.fullmatch(line(buffer, at, end))
-        if found is None or int(found[1], 16) > MOST_LENGTH:
-            raise Foreign(at)
-        size = int(found[1], 16)
-        if size == 0:
-            return content, trailers(buffer, end)
-        content += buffer[end : end + size]
-        rest = buffer[end + size : end + size + 2]
-        if rest[:1] == b"\n":
-            at = end + size + 1
-        elif rest == b"\r\n":
-            at = end + size + 2
-        elif rest in (b"", b"\r"):
-            return content, None
-        else:
-            raise Foreign(end + size)
+    try:
+        while True:
+            end = line_end(buffer, at, at)
+            if end is None:
+                return content, None
+            found = CHUNK_LINE.fullmatch(line(buffer, at, end))
+            if found is None or int(found[1], 16) > MOST_LENGTH:
+                raise Foreign(at)
+            size = int(found[1], 16)
+            if size == 0:
+                return content, trailers(buffer, end)
+            content += buffer[end : end + size]
+            rest = buffer[end + size : end + size + 2]
+            if rest[:1] == b"\n":
+                at = end + size + 1
+            elif rest == b"\r\n":
+                at = end + size + 2
+            elif rest in (b"", b"\r"):
+                return content, None
+            else:
+                raise Foreign(end + size)
+    except Foreign as wrong:
+        wrong.behind_chunks = content
+        raise
 
 
 def whole_chunks(buffer: bytes, at: int) -> bytes | None:
@@ -101,14 +106,14 @@ def decoded(fields: Mapping[bytes, Sequence[bytes]], content: bytes) -> bytes | 
     return None
 
 
-def begin(fields: Mapping[bytes, Sequence[bytes]], content: bytes) -> bytes:
+def begin(fields: Mapping[bytes, Sequence[bytes]], content: bytes, most: int = BEGIN) -> bytes:
     """Return the first bytes of what a body was before it was compressed, as far as that is known."""
     encoding = b",".join(fields.get(b"content-encoding", [])).lower()
     if encoding in (b"", b"identity"):
-        return content[:BEGIN]
+        return content[:most]
     for wbits in {b"gzip": (31,), b"x-gzip": (31,), b"deflate": (15, -15)}.get(encoding, ()):
         try:
-            return zlib.decompressobj(wbits).decompress(content, BEGIN)
+            return zlib.decompressobj(wbits).decompress(content, most)
         except zlib.error:
             continue
     return b""

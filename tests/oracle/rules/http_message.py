@@ -12,9 +12,10 @@ class Message:
     ``body`` is decoded; None where it is not known: cut, longer than its limit, or not to be decoded. ``seen`` is what
     came of it before the first missing byte, as it came. ``whole`` tells whether it came to its end, cut or not;
     ``broken_off``: that its end is the reset of the connection, and nobody knows whether more should have come;
-    ``part``: that it is a request of which the client sent no more than a part; ``unasked``: that it is a response to
+    ``part``: that no more than a part of it was sent; ``unasked``: that it is a response to
     HEAD, which was not captured; ``late``: that it may be one to a request from before the capture;
-    ``unbounded``: that nobody knows where it ends; ``unread``: that nothing is missing of it, and nobody reads it.
+    ``unbounded``: that nobody knows where it ends, and ``malformed``: that this is so since its chunks are none;
+    ``unread``: that nothing is missing of it, and nobody reads it; ``early``: that it came before its request.
     ``head_at`` and ``behind`` are the sequence numbers behind its head,
     and behind all of it, or both the latter where not all of it came; ``told`` is what the segment with which it was
     whole acknowledges. Of what ends otherwise than by what it says, nobody knows them.
@@ -34,6 +35,8 @@ class Message:
     late: bool = False
     unbounded: bool = False
     unread: bool = False
+    malformed: bool = False
+    early: bool = False
     head_at: int | None = None
     behind: int | None = None
     told: int | None = None

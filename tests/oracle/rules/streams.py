@@ -10,7 +10,10 @@ Readings, where the rules leave a choice:
 - a SYN of a direction that began without one is seen again where it fits what came first (data overtook it)
 - bytes that came first count wherever they are kept: also where a segment that is next in order covers them later.
   Bytes that the snap length cut came, as missing ones: a whole copy that comes later is late
-- of a segment too far away (2^30) data and FIN are ignored, its acknowledgement counts
+- of a segment that is elsewhere data and FIN are ignored, its acknowledgement counts: one farther away than 2^30; one
+  more than 1 MiB in front of the first byte of its direction, as long as that is no longer than 2^30; and, behind the
+  end of a direction, one more than 1 MiB behind it
+- such segments may be those of another connection, whose SYN was not captured (``streams_aside``)
 - a FIN that waits behind a hole is something kept, its place the first kept byte; it takes this place, and has none
   where a byte has come before it
 - what the snap length cut counts where it is kept (256 KiB), and in `gap_bytes` when it is delivered
@@ -33,10 +36,12 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from tests.oracle.frame import Address, Frame
+from tests.oracle.rules.streams_aside import Aside, put, told
 from tests.oracle.tcp import ACK, FIN, RST, SYN, Segment, peel_tcp
 
 SECOND = 1_000_000_000
 FARTHEST, MOST_KEPT, LONGEST_NS, FORGOTTEN_NS = 2**30, 256 * 1024, 10 * SECOND, 240 * SECOND
+NEAR = 2**20
 
 End = tuple[Address, int]
 """Address and port."""
@@ -45,11 +50,6 @@ End = tuple[Address, int]
 def distance(a: int, b: int) -> int:
     """Return how far sequence number ``a`` is behind ``b``, from −2^31 to 2^31 − 1."""
     return (a - b + 2**31) % 2**32 - 2**31
-
-
-def told(segment: Segment) -> int | None:
-    """Return what a segment acknowledges, None where it says nothing."""
-    return segment.ack or None if segment.flags & ACK else None
 
 
 class Carried(NamedTuple):
@@ -115,6 +115,14 @@ class Direction:
         assert self.begin is not None
         return (self.begin + self.next) % 2**32
 
+    def is_elsewhere(self, segment: Segment) -> bool:
+        """Tell whether a segment is not one of this direction, by where it is."""
+        if self.begin is None or segment.flags & SYN:
+            return False
+        place = self.place(segment.seq)
+        is_in_front = place < -NEAR and self.next <= FARTHEST
+        return abs(place - self.next) > FARTHEST or is_in_front or (self.ended and place > self.next + NEAR)
+
     def first_kept(self) -> int | None:
         return min([*self.kept, *self.fins], default=None) if self.kept or self.fins else None
 
@@ -126,6 +134,7 @@ class Connection:
     client: End
     server: End
     directions: dict[bool, Direction] = field(default_factory=lambda: {True: Direction(), False: Direction()})
+    aside: Aside | None = None
 
     @property
     def ended_ns(self) -> int | None:
@@ -198,6 +207,14 @@ class Streams:
             self.happened["new connection in place of another"] += 1
             yield from self.reset(connection, frame.ts_ns, by_client=True)
             connection = None
+        proven = None if connection is None else connection.aside
+        if connection is not None and proven and proven.is_proven_by(segment, source == connection.client):
+            self.happened["new connection whose SYN is missing"] += 1
+            yield from self.reset(connection, frame.ts_ns, by_client=True)
+            connection = self.connections[pair] = self.connect(segment, source, destination)
+            for one, time in proven.segments:
+                self.keep(connection.directions[proven.from_client], one, number, time)
+            yield from self.deliver(connection, proven.from_client)
         if connection is None:
             if segment.flags & RST or not (segment.flags & (SYN | FIN) or segment.length):
                 return
@@ -211,8 +228,15 @@ class Streams:
         for speaker in (True, False):
             yield from self.waited(connection, speaker, frame.ts_ns)
         if segment.flags & RST:
+            connection.aside = None
             yield from self.reset(connection, frame.ts_ns, by_client=from_client)
             return
+        if segment.flags & (SYN | FIN) or segment.length:
+            if own.is_elsewhere(segment):
+                self.happened["elsewhere"] += 1
+                connection.aside = put(connection.aside, segment, frame.ts_ns, from_client=from_client)
+                return
+            connection.aside = None
         if not own.ended:
             if others := self.keep(own, segment, number, frame.ts_ns):
                 yield Others(connection, from_client, others, segment.payload)
@@ -240,8 +264,7 @@ class Streams:
             own.begin, own.began_with_syn, own.told = seq, syn, told(segment)
             self.happened["began with SYN" if syn else "began before the capture"] += 1
         begin = own.place(seq)
-        if abs(begin - own.next) > FARTHEST:
-            self.happened["too far away"] += 1
+        if abs(begin - own.next) > FARTHEST:  # as a SYN may be
             return 0
         late, others = 0, own.others(segment, begin)
         payload = segment.payload[: segment.length]

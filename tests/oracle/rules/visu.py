@@ -6,7 +6,8 @@ Readings, where the rules leave a choice:
 - a response answers the first request that waits when it is whole, or is dropped as cut
 - where the client's direction loses step, a response that is being received then answers nobody; it stays in step.
   Where the server's does, a request that is being received then stays what it is
-- a response that comes to nothing (a malformed chunk) takes no request with it but by the step that is lost
+- a message in malformed chunks is one that nobody reads, and NV804; a response of that kind is one to the first request
+  that waits
 - a hole in the server's direction, while that is in step, is in the response to the first request that waits, whatever
   of it was seen. What is not whole at the end, though no byte is missing, is no reply
 - a cut request counts in `cut` and makes its connection count, and that is all: what becomes of it counts nowhere
@@ -15,9 +16,9 @@ Readings, where the rules leave a choice:
   the frame of that, and the time at which the latest of it came. A response that is whole or cut is such a thing, a
   hole in the server's direction while that is in step, and the end of that in order
 - a request that does not say where it ends is whole, too, where the connection is reset, or another one begins, if as
-  many variables come as it declares, unambiguously, and a bar behind the last; else nobody knows what it was to become
+  many variables come as it declares, unambiguously, and a bar behind the last; else it is a part of one
 - a response that comes while none waits, and the head of a request is there that says where it ends, answers that: with
-  the frame with which it is whole, and no latency, as far as it ever is
+  the frame with which it is whole, as far as it ever is; what came first has no latency
 - requests that become whole behind the server's end are unanswered if RST or a new connection made that, else nothing
 - the same body is the same decoded bytes; a poll runs from the last read with this body, whatever came between
 - events of a finding are in order of what happened: first and last are times, the first ten are told by their frames
@@ -31,7 +32,7 @@ from typing import Any
 
 from tests.oracle.frame import Address as Node
 from tests.oracle.frame import Frame
-from tests.oracle.rules import visu_body, visu_others
+from tests.oracle.rules import visu_body, visu_lists, visu_others
 from tests.oracle.rules.http_message import Lost, Message
 from tests.oracle.rules.keys import node_order
 from tests.oracle.rules.streams import Connection, Delivery, Ending, Event, Others, Streams
@@ -133,7 +134,9 @@ class Visu:
             talk.forgotten = False in talk.readers and talk.readers[False].receiving
         else:
             if what.in_step:
-                self.response(talk, what.dropped or Message(cut=True, whole=False))
+                # Behind 1xx, the response is in what is missing, too.
+                is_seen = what.dropped is not None and not 100 <= what.dropped.status < 200
+                self.response(talk, what.dropped if is_seen and what.dropped else Message(cut=True, whole=False))
             talk.forgotten = False
             talk.turns.doubtful |= what.missing and not talk.early
         talk.waiting.clear()
@@ -145,10 +148,13 @@ class Visu:
             self.happened["cut request"] += 1
             talk.had_request = True
             self.cut(talk, message)
+            if message.malformed:
+                self.note_unbounded(talk, message)
 
     def cut(self, talk: Talk, message: Message) -> None:
         self.known[talk.pair].counts["cut"] += 1
         if not message.unread:
+            self.known[talk.pair].counts["lacks bytes"] += 1
             self.find("NV808", talk)
 
     def request(self, talk: Talk, message: Message) -> None:
@@ -162,7 +168,7 @@ class Visu:
             self.ask(talk, message)
         if has_early(talk, message) and talk.waiting:
             early, forgotten = talk.early.pop(0), talk.forgotten
-            early.arrival, talk.forgotten = max(early.arrival, message.arrival), False
+            early.early, talk.forgotten = True, False
             self.response(talk, early)
             talk.forgotten = forgotten
 
@@ -173,9 +179,6 @@ class Visu:
         elif message.body is not None or message.unread:
             message.body = message.body or b""
             asked = visu_body.asked(message.method, message.target, message.body)
-            if message.broken_off and message.method == b"POST" and not visu_body.is_whole(asked, message.body):
-                self.happened["not whole when it was broken off"] += 1
-                asked = None
         had = self.one_way.told_by(talk.connection, client=True)
         wait(talk, Waiting(asked, message, self.number, self.written(talk, asked), acknowledged=had))
         self.happened["several wait"] += len(talk.waiting) > 1
@@ -242,6 +245,10 @@ class Visu:
         forgotten, talk.forgotten = talk.forgotten, False
         if message.unasked:
             return
+        if message.part:
+            if talk.waiting and not forgotten:
+                visu_lists.take(self, talk, talk.waiting[0].message, message)
+            return
         if not (forgotten or talk.waiting or 100 <= message.status < 200):
             self.end_open_request(talk)
         if 100 <= message.status < 200:
@@ -262,9 +269,7 @@ class Visu:
             return
         self.happened["may answer what was not captured"] += doubt(talk, message)
         waiting = talk.waiting.pop(0)
-        is_page = visu_body.is_page(waiting.message.method, waiting.message.target)
-        if is_page and message.body is not None and message.status == 200:
-            self.learn_names(talk, visu_body.listed_in(message.body))
+        visu_lists.take(self, talk, waiting.message, message)
         if waiting.asked is None and not waiting.part:
             return
         row = self.known[talk.pair]
@@ -282,8 +287,9 @@ class Visu:
         body = message.body or b""
         self.messages.append(Told(self.number, talk.connection.server, talk.connection.client, "reply", body))
         row.counts["replies"] += 1
-        row.latencies.append(message.arrival - waiting.message.arrival)
-        if row.latencies[-1] > SECOND:
+        if not message.early:
+            row.latencies.append(message.arrival - waiting.message.arrival)
+        if not message.early and row.latencies[-1] > SECOND:
             self.happened["slow"] += 1
             self.find("NV805", talk)
         if message.body is None and message.status == 200 and not waiting.asked.query:
@@ -293,7 +299,7 @@ class Visu:
         self.judge(talk, row, waiting.asked, message, answer)
 
     def note_unbounded(self, talk: Talk, message: Message) -> None:
-        if message.unbounded:
+        if message.unbounded or message.malformed:
             self.known[talk.pair].counts["ambiguous"] += 1
             self.find("NV804", talk)
 
@@ -301,22 +307,6 @@ class Visu:
         """Take a request that does not say where it ends for whole, where one is being received."""
         if True in talk.readers and talk.readers[True].open:
             self.request(talk, talk.readers[True].answered())
-
-    def learn_names(self, talk: Talk, listed: visu_body.Listed | None) -> None:
-        """Take a list; those known before that have a variable at none of the places of this one are not believed."""
-        if listed is None:
-            return self.find("NV807", talk)
-        self.happened["names"] += len(listed)
-        names = {address: name for name, address in listed}
-        known = self.names[talk.home]
-        if not visu_body.adds_password(listed, self.lists[talk.home]) and names.items() <= known.items():
-            return
-        believed = [one for one in self.lists[talk.home] if not visu_body.contradict(one, listed)]
-        if len(believed) < len(self.lists[talk.home]):
-            self.happened["other names"] += 1
-            self.find("NV806", talk)
-        self.lists[talk.home] = [*believed, listed]
-        self.names[talk.home] = {address: name for one in self.lists[talk.home] for name, address in one}
 
     def judge(self, talk: Talk, row: Row, asked: Asked, message: Message, answer: Answered) -> None:
         row.counts.update(refused=answer.refused, miscounted=answer.miscounted, ambiguous=answer.ambiguous)

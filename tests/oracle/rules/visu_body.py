@@ -6,7 +6,8 @@ Readings, where the rules leave a choice:
 - parameters of a query have names in any case, are taken in their order, as often as they are there; of several VALUEs
   of one number the last one counts; a `+` is a plus
 - a body to the grammar of a request may have more behind its entries: only the number of these is compared
-- numbers are compared as numbers: 07 is 7; what a body declares may have any number of digits
+- numbers are compared as numbers: 07 is 7, and so is `+7` with blanks around it, in an entry; what a body declares is
+  digits, of any number
 - of a write of one STRING without a trailing `|`, the last field belongs to the value
 - CR and LF beside a `|` are taken out of requests, and only at the ends of replies
 - a variable is a password where it has a byte in common with one that a list calls so, whatever its own name and type
@@ -32,7 +33,7 @@ STRING = 8
 REQUEST = re.compile(rb"\|[01]\|\d+\|")
 BEGIN_OF_REQUEST = re.compile(rb"\|([01](\|(\d+(\|.*)?)?)?)?", re.DOTALL)
 QUERY = re.compile(rb"(READ|WRITE)PI\?", re.IGNORECASE)
-NUMBER = re.compile(rb"\d{1,10}")
+NUMBER = re.compile(rb"[ \t]*\+?\d{1,10}[ \t]*")
 PASSWORD = re.compile(r"(?:.*\.)?(?:currentpassword|currentpasswords\[[0-9]+\])", re.IGNORECASE | re.DOTALL)
 
 Address = tuple[int, int, int, int] | str

@@ -36,4 +36,4 @@ def lacks_many(known: Mapping[Any, Any], client: Address, variable: str) -> bool
     for (asks, server, _), row in known.items():
         if asks == client and variable == f"visu/{server}":
             counts += row.counts
-    return 10 * counts["cut"] >= sum(counts[name] for name in ("reads", "writes", "replies", "cut"))
+    return 10 * counts["lacks bytes"] >= sum(counts[name] for name in ("reads", "writes", "replies", "cut"))

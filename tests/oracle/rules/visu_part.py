@@ -7,7 +7,8 @@ Readings, where the rules leave a choice:
 - it waits for its reply unless its client broke the connection off and nothing answered it: one of another status than
   200 refuses it (NV802, without a variable, and `refused` where its body begins as that of a write); any other is none
 - one that touches missing bytes is cut
-- one of which nobody knows where it ends is a part unless what it asks for is whole where it is taken to end
+- one of which nobody knows where it ends is a part unless what it asks for is whole where it is taken to end; so is one
+  that does not say where it ends, and that a reset breaks off
 """
 
 from __future__ import annotations
@@ -39,8 +40,9 @@ def writes(message: Message) -> bool:
 
 
 def settle(message: Message) -> None:
-    """Tell of a request of which nobody knows where it ends whether it is a part."""
-    if message.unbounded and message.method == b"POST" and not message.cut:
+    """Tell of a request of which nobody knows where it ends, or was to end, whether it is a part."""
+    is_open = message.unbounded or (message.broken_off and not message.unread)
+    if is_open and message.method == b"POST" and not message.cut:
         body = message.body
         asked = None if body is None else visu_body.asked(b"POST", message.target, body)
         message.part = body is None or not visu_body.is_whole(asked, body)

@@ -21,7 +21,7 @@ from collections.abc import Iterator, Sequence
 
 FIELDS = 6
 STRING = 8
-NUMBER = re.compile(rb"[0-9]{1,10}")
+NUMBER = re.compile(rb"[ \t]*\+?[0-9]{1,10}[ \t]*")
 
 Ends = tuple[int, int]
 """Where an entry begins and ends among the fields."""

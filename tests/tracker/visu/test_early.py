@@ -45,10 +45,10 @@ def test_a_reply_before_the_body_is_the_requests() -> None:
     assert became(within.frames) == BOTH
 
 
-def test_it_is_told_with_the_request_and_took_no_time() -> None:
+def test_it_is_told_with_the_request_and_how_long_that_took_is_not_known() -> None:
     line = Line().open().ask(HEAD).answer(REFUSED).wait(SECOND).ask(BODY)
     assert became(line.frames) == [("9.5", "refused")]
-    assert said(line.frames) == ["write 1 variable: 4,0,4,6 = 9.5", "HTTP status 413 (0 ns)"]
+    assert said(line.frames) == ["write 1 variable: 4,0,4,6 = 9.5", "HTTP status 413 (captured before its request)"]
 
 
 def test_who_sends_no_more_has_asked_for_nothing() -> None:

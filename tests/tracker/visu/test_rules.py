@@ -53,9 +53,23 @@ A_HOLE_BEFORE_THE_REQUEST_IS_WHOLE = 631
 A_SERVER_THAT_IS_HEARD_LATE = 4095
 """Replies were missed before the first one that was captured, which answers HEAD."""
 
+A_REPLY_BEFORE_ITS_REQUEST = 277
+"""The first reply was captured before its request, and the last request does not say how long it is."""
+
+HEAD_BEHIND_A_REPLY_BEFORE_ITS_REQUEST = 78
+"""The first reply was captured before its request; later, HEAD is answered."""
+
+AN_OPEN_REQUEST_BEHIND_A_HOLE = 46
+"""Nobody knows what answers a request behind a hole, and the next one does not say how long it is."""
+
+HEARD_BEHIND_WHAT_WAS_ACKNOWLEDGED = 201
+"""The server's direction begins behind what its client had, and one of the requests has no end."""
+
 SINGULAR = (
     BODIES_THAT_ASK_THE_SAME, A_RESET_FIRST, NO_BODY_OF_NO_LENGTH, NO_STATUS, CUT_AND_OF_NO_LENGTH, A_LONG_VALUE,
     A_RESPONSE_IN_CHUNKS, A_HOLE_BEFORE_THE_REQUEST_IS_WHOLE, A_SERVER_THAT_IS_HEARD_LATE,
+    A_REPLY_BEFORE_ITS_REQUEST, HEAD_BEHIND_A_REPLY_BEFORE_ITS_REQUEST, AN_OPEN_REQUEST_BEHIND_A_HOLE,
+    HEARD_BEHIND_WHAT_WAS_ACKNOWLEDGED,
 )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Heads that do not say in one number how long the body is, and headers that take several lines."""
+"""Heads that do not say in one number how long the body is, malformed chunks, and headers that take several lines."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.tracker.visu.followed import by_the_rules, followed, told, writes_by_
 from tests.tracker.visu.test_early import BODY, DONE, HEAD, OTHER, REFUSED
 from tests.tracker.visu.test_endings import said
 
-UNKNOWN = "its Content-Length is not one number, nobody knows where it ends"
+UNKNOWN = "no one number as Content-Length, or malformed chunks: nobody knows where it ends"
 WRONG = [b"19\r\nContent-Length: 20", b"-19", b"19, 20", b"+5", b"", b"19,", b"0x13", b"1e9", b"99999999999"]
 
 
@@ -68,7 +68,7 @@ def test_a_write_of_unknown_length_is_told_and_so_is_its_reply(says: bytes, toge
     assert became(line) == ["confirmed", "confirmed"]
     assert said(line.frames)[1] == UNKNOWN
     assert mismatch(line) == (
-        "1 request or reply between 10.0.0.1 and 10.0.0.5: no one number as Content-Length, "
+        "1 request or reply between 10.0.0.1 and 10.0.0.5: no one number as Content-Length, or malformed chunks: "
         "nobody knows where they end."
     )
 
@@ -119,3 +119,31 @@ def test_of_other_requests_it_is_not_told() -> None:
     line = Line().open().ask(get).answer(DONE).ask(HEAD + BODY).answer(DONE)
     assert became(line) == ["confirmed"]
     assert not any(UNKNOWN in one for one in said(line.frames))
+
+
+CHUNKED = b"Transfer-Encoding: chunked\r\n\r\n"
+IN_CHUNKS = HEAD[: HEAD.index(b"Content-Length")] + CHUNKED
+MALFORMED = [b"%x\r\n%s\r\nzz\r\n", b"zz%x\r\n%s\r\n", b"%x\r\n%sX\r\n", b"-%x\r\n%s\r\n"]
+
+
+@pytest.mark.parametrize("chunks", MALFORMED, ids=lambda one: f"{one[:9]!r}")
+def test_malformed_chunks_are_told_of_a_request_and_of_a_reply(chunks: bytes) -> None:
+    line = Line().open().ask(IN_CHUNKS + chunks % (len(BODY), BODY)).answer(DONE).ask(HEAD + OTHER).answer(DONE)
+    assert became(line) == ["confirmed"]
+    assert said(line.frames)[:2] == ["not read: its chunks are malformed", UNKNOWN]
+    assert mismatch(line).startswith("1 request or reply between 10.0.0.1 and 10.0.0.5: no one number as ")
+    start = b"HTTP/1.1 200 OK\r\n" + CHUNKED
+    line = Line().open().ask(HEAD + BODY).answer(start + chunks % (3, b"|0|")).ask(HEAD + OTHER).answer(DONE)
+    assert became(line) == ["open", "confirmed"]
+    assert said(line.frames)[1:3] == ["not read: its chunks are malformed", UNKNOWN]
+    other = Line().open().ask(IN_CHUNKS.replace(b"webvisu.htm", b"other") + b"1\r\n<\r\n" + chunks % (3, b"<x>"))
+    assert told(followed([batch_of(other.answer(DONE).frames)])) == ([], [])
+
+
+@pytest.mark.parametrize("by_client", [True, False])
+@pytest.mark.parametrize("sent", [b"13\r\n" + BODY[:9], b"9\r\n%s\r\n" % BODY[:9], b""])
+def test_chunks_that_a_reset_breaks_off_are_a_part(sent: bytes, by_client: bool) -> None:
+    line = Line().open().ask(IN_CHUNKS + sent).reset(by_client)
+    assert became(line) == []
+    reset = [] if by_client else ["no reply to frame 5, connection reset by the controller"]
+    assert said(line.frames) == [f"part of a {'write' if sent else 'request'}, the rest was never sent", *reset]

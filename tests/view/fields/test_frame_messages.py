@@ -19,6 +19,7 @@ from tests.oracle.frame import Frame
 from tests.oracle.tcp_line import Line
 from tests.packets import Batches, batch_of
 from tests.tracker.visu.followed import reading
+from tests.tracker.visu.test_endings import said
 
 HEAD = b"POST /plc/webvisu.htm HTTP/1.1\r\nContent-Length: %d\r\n\r\n"
 
@@ -70,6 +71,8 @@ def both() -> list[Frame]:
         ('visu.kind != "write"', [5]),
         ('visu.kind in {"write", "part"}', [4]),
         ('visu.variable == "4,10,2,1"', [4, 5]),
+        ("visu.index == 0", [4, 5]),
+        ("visu.index > 0", []),
         ('visu.value == "99"', [4]),
         ('visu.value == "0X63"', []),
         ('visu.value == "1"', [5]),
@@ -87,8 +90,18 @@ def test_all_messages_are_written() -> None:
     assert cells(both(), "visu.value") == {4: "99", 5: "1"}
     assert cells(both(), "visu.status") == {4: "", 5: "200,200"}
     assert cells(both(), "visu.declared") == {4: "1,1", 5: "1,1"}
+    assert cells(both(), "visu.index") == {4: "0,0", 5: "0,0"}
     assert cells(both(), "visu.client") == {4: "10.0.0.1", 5: "10.0.0.1"}
     assert cells(both(), "visu.latency") == {4: "", 5: "0.001000000,0.001000000"}
+
+
+def test_indexes_are_told_where_they_do_not_run_from_0_on() -> None:
+    frames = Line().open().ask(post(b"|0|3|5|4|0|2|1| +9|4|2|2|1|5|4|4|2|1|")).answer(answer(b"|1|2|3|")).frames
+    assert cells(frames, "visu.index") == {4: "5,9,5", 5: "5,9,5"}
+    assert said(frames)[0] == "read 3 variables, indexes 5, 9, 5: 4,0,2,1; 4,2,2,1; 4,4,2,1"
+    assert chosen(frames, "visu.index == 9") == [4, 5]
+    older = Line().open().ask(b"GET /READPI?ADR7=MW1&FORMAT=%d HTTP/1.1\r\n\r\n").frames
+    assert (cells(older, "visu.index"), said(older)) == ({4: ""}, ["read 1 variable: MW1"])
 
 
 def test_a_status_is_found_behind_others() -> None:

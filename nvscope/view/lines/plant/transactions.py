@@ -102,7 +102,9 @@ def _last_write(row: Row) -> Cell:
     if last is None:
         return Cell(NOTHING, Tone.FAINT)
     tone = _TONES.get(last["outcome"], Tone.WARNING)
-    return Cell(what(last), tone if tone in (Tone.ERROR, Tone.WARNING) else Tone.PLAIN)
+    # In front: a long value is cut at its end.
+    became = "" if last["outcome"] == "confirmed" else f"{last['outcome']}: "
+    return Cell(f"{became}{what(last)}", tone if tone in (Tone.ERROR, Tone.WARNING) else Tone.PLAIN)
 
 
 def _ago(row: Row, now_ns: int) -> Cell:
@@ -118,9 +120,11 @@ def _operation(row: Row) -> Cell:
 
 
 def _outcome(row: Row) -> Cell:
-    detail = (row["detail"] or "").removeprefix("ODError").removeprefix("Reply")
-    tone = _TONES.get(row["outcome"], Tone.WARNING)
-    return Cell(f"{row['outcome']}: {detail}" if detail else row["outcome"], tone)
+    detail = (row["detail"] or "").removeprefix("ODError").removeprefix("Reply").replace("HTTP status", "HTTP")
+    tone, outcome = _TONES.get(row["outcome"], Tone.WARNING), row["outcome"]
+    if detail and outcome == "status":  # the detail says that
+        return Cell(detail, tone)
+    return Cell(f"{outcome}: {detail}" if detail else outcome, tone)
 
 
 def ends(row: Row) -> str:
@@ -140,14 +144,15 @@ def told_of(row: Row, room: int) -> str:
 
 
 def what(row: Row) -> str:
-    """Return what was asked for and said: ``rSpeed 21.5 → 30``, or ``rSpeed = 30, xRun = 1, … 5 more``."""
+    """Return what was asked for and said: ``rSpeed 21.5 → 30``, or ``rSpeed = 30; 4,0,2,1 = ???; … 5 more``."""
     if row["operation"] == "unknown":
         return "never sent whole"
     said: Sequence[Mapping[str, Any]] = row["variables"]
     shown = [_said(one, writes=row["operation"] == "write") for one in said[:_MOST_SAID]]
     if more := len(said) - len(shown) + row["left_out"]:
         shown.append(f"… {units.count(more)} more")
-    return ", ".join(shown)
+    # What has no name is called by four numbers with commas between.
+    return "; ".join(shown)
 
 
 def _said(one: Mapping[str, Any], *, writes: bool) -> str:
