@@ -76,9 +76,10 @@ def judge_rest(case: Case) -> Iterator[Explained]:
     step = (
         "Begin with the causes that are told: with these mended, or fewer lists in one capture, others come to light."
     )
+    lists = len(case.lists_of(left))
     draft = Draft(
         OTHER, f"{count_of(events, 'event')} without a cause: no more than {count(len(case.drafts))} are told",
-        step, (f"they are of {count_of(len(case.lists_of(left)), 'list')}",),
+        step, (f"they are of {count_of(lists, 'list')}",) if lists else ("they are of no list",),
     )  # fmt: skip
     yield draft, left
 

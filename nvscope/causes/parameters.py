@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
+from ipaddress import ip_address
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dissectors.batch import I64
+from dissectors.batch import I64, Bool
 from dissectors.netvar import PORT
 from nvscope.causes.case import Case, Draft, Explained
 from nvscope.causes.kind import CauseKind
@@ -50,6 +51,8 @@ NEXT_WHERE_UNDELIVERABLE = (
     "What the ICMP messages say (`nvscope packets -Y 'icmp || icmpv6'`): port unreachable, that its program does not "
     "listen on that port; host or network unreachable, that nobody has that address."
 )
+NEXT_OF_BROADCASTS = "The address of the partner, in the program that asks: it has to be that of the controller."
+_OF_BROADCASTS = ".255"
 _NAMED = 3
 
 
@@ -71,17 +74,47 @@ def judge_unanswered_parameters(case: Case) -> Iterator[Explained]:
         asked = sum(one.requests for one in pairs)
         what = f"{_what(case, own)}{_on(case, served)}"
         requests = f"{count_of(len(own), 'request')} {what}"
-        if asked > len(own):
+        # Of those that may still be answered when the capture ends, nothing is to be said.
+        if asked > len(own) and any(one.replies or one.busy for one in pairs):
             those = "that" if len(own) == 1 else "those"
             requests = f"{len(own)} of {count_of(asked, 'request')}, {those} {what},"
         when = span_in_words(case, since_ns, until_ns)
+        title = f"{_name(case, served.partner)} did not answer {requests} {when}"
+        step = NEXT_WHERE_UNDELIVERABLE if any(one.undeliverable for one in pairs) else PARAMETERS_UNANSWERED.next_step
+        checked = list(_checked(case, served.partner, pairs, int(np.count_nonzero(late))))
+        if _is_for_all(case, served.partner):
+            title, step = f"Nobody answered {requests} to {served.partner} {when}", NEXT_OF_BROADCASTS
+            checked = ["they go to everybody: it is one node that is asked for a parameter"]
         draft = Draft(
-            PARAMETERS_UNANSWERED, f"{_name(case, served.partner)} did not answer {requests} {when}",
-            NEXT_WHERE_UNDELIVERABLE if any(one.undeliverable for one in pairs) else PARAMETERS_UNANSWERED.next_step,
-            list(_checked(case, served.partner, pairs, int(np.count_nonzero(late)))),
+            PARAMETERS_UNANSWERED, title, step, checked,
             nodes=_nodes(case, own, served.partner), since_ns=since_ns, until_ns=until_ns,
         )  # fmt: skip
         yield draft, case.only(own) | late
+
+
+def _is_for_all(case: Case, address: str) -> bool:
+    """Tell whether an address is no node's, but that of a broadcast or multicast."""
+    is_group = ip_address(address).is_multicast or address.endswith(_OF_BROADCASTS)
+    return is_group and _number(case, address) is None
+
+
+def copied_replies(case: Case) -> Bool:
+    """Tell which unexpected replies are copies of replies, where all telegrams came twice.
+
+    They are of pairs of nodes whose replies that close requests are as many, and are about what was answered in time.
+    """
+    chosen = case.free(SDO_UNEXPECTED_REPLY)
+    if not chosen.any():
+        return chosen
+    pairs = {(one.requester, one.partner, one.port): one for one in case.facts.summary.parameters}
+    late = {(one.node, one.variable) for one in case.findings if one.kind is SDO_TIMEOUT}
+    for place in _distinct(case, np.flatnonzero(chosen)):
+        one = case.findings[place]
+        asked = place_of(one.variable)
+        pair = pairs.get((case.facts.address(one.node) if one.node is not None else "", asked.partner, asked.port))
+        if pair is None or pair.unexpected > pair.replies + pair.busy or (one.node, one.variable) in late:
+            chosen &= case.symptoms.finding != place
+    return chosen
 
 
 def judge_refused_parameters(case: Case) -> Iterator[Explained]:

@@ -11,6 +11,7 @@ from dissectors.batch import I64, Bool
 from nvscope.causes.case import Case, Draft, Explained
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.node_streams import NodeStream, Pause
+from nvscope.causes.parameters import copied_replies
 from nvscope.causes.spans import touching
 from nvscope.causes.ways import ways_in_words, ways_of
 from nvscope.causes.words import moment
@@ -69,7 +70,7 @@ def judge_mirroring(case: Case) -> Iterator[Explained]:
         return
     meanwhile = case.overlapping(since_ns - _ROOM_NS, last_ns + _ROOM_NS)
     chosen = told | (case.free(*_OF_COPIES) & meanwhile)
-    chosen |= case.free(JITTER, TORN_CYCLE) & meanwhile & _of_uncounted(case)
+    chosen |= (case.free(JITTER, TORN_CYCLE) & _of_uncounted(case) | copied_replies(case)) & meanwhile
     lists = case.lists_of(copies)
     checked = [f"{count_of(repeated, 'telegram')} came again, byte for byte, beside {count(originals)} that did not"]
     ways = [ways_of(case, node) for node in distinct(symptoms.node[copies]).tolist()]

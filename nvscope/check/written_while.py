@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from dissectors import address
 from dissectors.batch import I64, Bool
 from nvscope.check.asked_while import pair_in, pairs_of
 from nvscope.check.check import Evidence, Setting
 from nvscope.check.kept_frames import KeptFrames
 from nvscope.check.while_so import WhileSo, while_so
-from nvscope.check.who_asks import VISU, Pair, refuse_lists
+from nvscope.check.who_asks import SDO, VISU, Pair, refuse_lists
 from nvscope.check.written_places import Written, refuse_nothing
 from nvscope.engine.events import EventBatch
 from nvscope.engine.runs import distinct, runs_of
@@ -52,6 +53,8 @@ class WrittenWhile:
         self.holds, self._setting = holds, setting
         self._heard: list[EventBatch] = []
         self._sdo: dict[tuple[int, int], Times] = {}
+        self._unseen: dict[tuple[int, int], Times] = {}
+        self._malformed: dict[tuple[Pair, int], int] = {}
         self._visu: dict[Written, Times] = {}
         self._pairs: dict[int, Pair] = {}
         self.cut: set[Pair] = set()
@@ -61,7 +64,7 @@ class WrittenWhile:
 
     def hear(self, events: EventBatch) -> None:
         """Take events of any kind, of the batch that is observed next."""
-        if events.kind is ParameterEvent.WRITE_ASKED:
+        if events.kind is ParameterEvent.WRITE_ASKED or events.kind is ParameterEvent.WRITE_UNSEEN:
             self._heard.append(events)
 
     def observe(self, told: Told) -> None:
@@ -71,6 +74,8 @@ class WrittenWhile:
         heard, self._heard = self._heard, []
         for events in heard:
             self._take_events(events)
+        if len(told) and len(told.laid.parameters):
+            self._take_malformed(told)
         part = told.parts.get(VISU) if len(told) else None
         if part is not None:
             self._take_messages(told, part)  # type: ignore[arg-type]
@@ -83,19 +88,33 @@ class WrittenWhile:
         assert events.pair is not None
         events = events.take(np.flatnonzero(self._judged(events.frame, events.time_ns)))
         assert events.pair is not None
+        kept = self._sdo if events.kind is ParameterEvent.WRITE_ASKED else self._unseen
         order = np.lexsort((np.arange(len(events)), events.detail, events.pair))
         pair, detail = events.pair[order], events.detail[order]
         bounds = distinct(np.concatenate([*runs_of(pair), *runs_of(detail)])).tolist()
         # In the order in which they came, so that the first ones have room however the capture is cut.
         for row in sorted((order[start:stop] for start, stop in pairwise(bounds)), key=lambda own: int(own[0])):
             key = int(events.pair[row[0]]), int(events.detail[row[0]])
-            if key not in self._sdo:
-                if len(self._sdo) >= MOST_PLACES:
+            if key not in kept:
+                if len(kept) >= MOST_PLACES:
                     self.left_out += len(row)
                     continue
-                self._sdo[key] = Times()
-            self._sdo[key].count += len(row)
-            self._sdo[key].frames.add(events.frame[row], events.time_ns[row])
+                kept[key] = Times()
+            kept[key].count += len(row)
+            kept[key].frames.add(events.frame[row], events.time_ns[row])
+
+    def _take_malformed(self, told: Told) -> None:
+        from nvscope.tracker.parameter.malformed_writes import malformed_writes  # noqa: PLC0415
+
+        found = malformed_writes(told)
+        found = found.take(self._judged(found.packet + told.first_frame, told.packets.ts_ns[found.packet]))
+        for one in zip(*(getattr(found, name).tolist() for name in found.__match_args__[1:]), strict=True):
+            *ends, port, parameter = one
+            pair = Pair(SDO, address.text(*ends[:2]), address.text(*ends[2:]), port)
+            if (pair, parameter) not in self._malformed and len(self._malformed) >= MOST_PLACES:
+                self.left_out += 1
+                continue
+            self._malformed[pair, parameter] = self._malformed.get((pair, parameter), 0) + 1
 
     def _take_messages(self, told: Told, part: VisuBatch) -> None:
         from nvscope.tracker.visu.messages import Kind, Outcome  # noqa: PLC0415
@@ -139,16 +158,31 @@ class WrittenWhile:
         return self._pairs[number]
 
     def written(self, known: Evidence) -> Iterator[tuple[Written, Times]]:
-        """Yield all that was written."""
-        pairs, parameters = pairs_of(known.parameters), known.project.definition.parameters
+        """Yield all that was written by requests that are whole."""
+        pairs = pairs_of(known.parameters)
         for (number, detail), times in self._sdo.items():
-            pair, place = pairs[number], parameter_name(detail)
-            name = None
-            if parameters:
-                named = parameters.of(pair.server, detail >> 16, detail & 0xFFFF)
-                name = named.name if named else ""
-            yield Written(pair, place, name), times
+            yield _parameter(known, pairs[number], detail), times
         yield from self._visu.items()
+
+    def unseen(self, known: Evidence) -> Iterator[tuple[Written, int]]:
+        """Yield what replies say was written by requests that were not captured, and how often."""
+        pairs = pairs_of(known.parameters)
+        for (number, detail), times in self._unseen.items():
+            yield _parameter(known, pairs[number], detail), times.count
+
+    def malformed(self, known: Evidence) -> Iterator[tuple[Written, int]]:
+        """Yield what requests were to write that are malformed, or whose header was cut off, and how often."""
+        for (pair, detail), count in self._malformed.items():
+            yield _parameter(known, pair, detail), count
+
+
+def _parameter(known: Evidence, pair: Pair, detail: int) -> Written:
+    """Return a parameter that was written, with its name as far as the project gives one."""
+    parameters, name = known.project.definition.parameters, None
+    if parameters:
+        defined = parameters.of(pair.server, detail >> 16, detail & 0xFFFF)
+        name = defined.name if defined else ""
+    return Written(pair, parameter_name(detail), name)
 
 
 def watch_writes(setting: Setting, told: Mapping[str, Any]) -> WrittenWhile:

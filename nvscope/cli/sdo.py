@@ -223,7 +223,9 @@ def _parameter(
     from nvscope.plc.permission import address_of
 
     plant = project_of(project, None)
-    named = next((known for known, name in plant.node_names.items() if name == address), None)
+    called = [(known, name) for known, name in plant.node_names.items() if name.lower() == address.lower()]
+    called = [one for one in called if one[1] == address] or called
+    named = called[0][0] if len(called) == 1 else None
     partner = named or address_of(address, _ADDRESS)
     if place_number(words[0]) is not None and len(words) > 1 and place_number(words[1]) is not None:
         place, rest = (place_number(words[0]) or 0, place_number(words[1]) or 0), words[2:]
@@ -251,9 +253,10 @@ def _not_understood(words: Sequence[str]) -> UsageError:
 
 
 def _place_of(plant: Project, partner: str, name: str) -> tuple[int, int]:
-    """Return Index and SubIndex of a parameter of a node by its name."""
+    """Return Index and SubIndex of a parameter of a node by its name, in any case where none is called just so."""
     known = plant.definition.parameters.known if plant.definition.parameters else ()
-    mine = [one for one in known if one.name == name and one.node in (partner, "")]
+    mine = [one for one in known if one.name.lower() == name.lower() and one.node in (partner, "")]
+    mine = [one for one in mine if one.name == name] or mine
     mine = [one for one in mine if one.node] or mine
     if len(mine) == 1:
         return mine[0].index, mine[0].subindex

@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from nvscope.definition.project_lists import NAME
-from nvscope.toml_table import Place, ValueKind, array, integer, key, mapping, read_table
+from nvscope.toml_table import Place, ValueKind, array, integer, key, mapping, nearest, read_table
 
 _LIST_KEY = re.compile(r"udp/(\d{1,5})/(\d{1,5})", re.ASCII)
 _U16_MAX = 0xFFFF
@@ -50,6 +50,11 @@ class Node:
         "lists that the node sends; who sends one of them, and is not named so, is an unknown writer (NV961)",
         default=(),
     )
+
+
+def of_unknown_node(name: str, addresses: Mapping[str, str]) -> str:
+    """Return what to do about a name that no node has; ``addresses`` are those of nodes by their names."""
+    return f"Write its address, or the name that it has in [nodes]. {nearest(name, addresses)}".strip()
 
 
 def by_address(

@@ -17,7 +17,7 @@ from nvscope.definition.parameter_type import (
 )
 from nvscope.definition.parameters import ParameterDefinition, Parameters
 from nvscope.definition.project_lists import NAME
-from nvscope.definition.project_nodes import canonical_address
+from nvscope.definition.project_nodes import canonical_address, of_unknown_node
 from nvscope.toml_table import TEXT, Place, ValueKind, key, mapping, read_table
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 _LONGEST_TEXT = 200
 _NEAR = 0.7
+_TEXTS = "STRING", "WSTRING"
 
 
 def _type(value: Any, place: Place) -> Type | str:
@@ -103,9 +104,7 @@ def parameters_of(
         here = place.below("parameters").below(f'"{text[:60]}"')
         address = (canonical_address(node) or addresses.get(node)) if node else ""
         if address is None:
-            raise here.error(
-                f"no node is called '{node[:60]}'", "Write its address, or the name that it has in [nodes]."
-            )
+            raise here.error(f"no node is called '{node[:60]}'", of_unknown_node(node, addresses))
         if (address, index, subindex) in found:
             raise here.error(f"the parameter of {address} is there twice", "Leave one of the entries out.")
         kind = types[settings.type] if isinstance(settings.type, str) else settings.type
@@ -117,7 +116,8 @@ def parameters_of(
 
 def _next_step(problem: Problem, text: str) -> str:
     """Return what to do about a type that is none; a name that nobody declares may be meant for an elementary one."""
-    near = get_close_matches(text.upper(), elementary_names(), 1, _NEAR)
+    name = text.upper().rpartition(" OF ")[2].partition("(")[0].strip()
+    near = get_close_matches(name, [*elementary_names(), *_TEXTS], 1, _NEAR)
     if not near:
         return problem.next_step
     return f"Perhaps {near[0]} is meant; else: {problem.next_step[:1].lower()}{problem.next_step[1:]}"

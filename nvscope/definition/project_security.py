@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from nvscope.definition.project_nodes import canonical_address
+from nvscope.definition.project_nodes import canonical_address, of_unknown_node
 from nvscope.toml_table import FLAG, TEXT, Place, ValueKind, array, key
 
 Network = ipaddress.IPv4Network | ipaddress.IPv6Network
@@ -168,7 +168,7 @@ def security_of(told: Security, addresses: Mapping[str, str], place: Place) -> S
         if isinstance(one, str):
             if one not in addresses:
                 here = place.below("security").below("writers").below(number)
-                raise here.error(f"no node is called '{one}'", "Write its address, or the name that it has in [nodes].")
+                raise here.error(f"no node is called '{one[:60]}'", of_unknown_node(one, addresses))
             writers.append(ipaddress.ip_network(addresses[one]))
         else:
             writers.append(one)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from functools import cached_property
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from nvscope.findings.finding import Finding, events_of
 from nvscope.findings.kind import FindingKind, Severity
+from nvscope.findings.security import is_of
 from nvscope.units import count, count_of
 
 if TYPE_CHECKING:
@@ -21,9 +21,9 @@ COUNTER_SHARED = FindingKind(
     meaning=(
         "A node sends single telegrams of a list whose Counter goes on where another sender stands, again and again, "
         "although its own telegrams do not follow each other: it counts along with that sender, as who wants to pass "
-        "for it does. Two that count for themselves meet so once in 65 536 telegrams; one device that sends from two "
-        "addresses is none of these, unless their frames come from different hardware addresses: those are two "
-        "senders, and each of them may count along with the other."
+        "for it does. The telegrams of that sender follow each other without them. Two that count for themselves meet "
+        "so once in 65 536 telegrams. One program that sends from two addresses, or over two network cards, is none "
+        "of these: what the one lacks, the other has; nor is a node to which `writes` of [nodes] gives the list."
     ),
     causes=(
         "somebody who slips in telegrams in the name of a sender",
@@ -46,7 +46,7 @@ REGULAR_PERCENT = 90
 """So many of the steps of the other are by 1. Where they are not, both may count what nobody sees."""
 
 MERGED_PERCENT = 50
-"""Where the other goes on so often behind who counts along, both may be one device that sends from two addresses."""
+"""Where the other goes on so often behind who counts along, both have one Counter: a program with two addresses."""
 
 
 def judge_takeovers(facts: Facts) -> Iterator[Finding]:
@@ -57,13 +57,12 @@ def judge_takeovers(facts: Facts) -> Iterator[Finding]:
     log, columns = takeovers.events, takeovers.columns
     if not len(log.keys):
         return
-    streams = {stream.stream: (entry.number, stream) for entry, stream in facts.streams()}
+    streams = {stream.stream: (entry, stream) for entry, stream in facts.streams()}
     by_node: dict[int, int] = {}
     for _, stream in streams.values():
         by_node[stream.node] = by_node.get(stream.node, 0) + 1
     pairs = [*zip(log.keys.high.tolist(), log.keys.low.tolist(), strict=True)]
     count_of_pair = dict(zip(pairs, log.rows.column("count").tolist(), strict=True))
-    hardware = _Hardware(facts)
     for row, (own, other) in enumerate(pairs):
         events = events_of(log.rows, row)
         steps, others, regular = int(columns.steps[own]), int(columns.steps[other]), int(columns.regular[other])
@@ -72,50 +71,21 @@ def judge_takeovers(facts: Facts) -> Iterator[Finding]:
             or not others or not {own, other} <= streams.keys()
         ):  # fmt: skip
             continue
-        number, stream = streams[own]
-        back = count_of_pair.get((other, own), 0)
-        if 100 * back >= MERGED_PERCENT * events.count:
-            if not hardware.are_apart(stream.node, streams[other][1].node):
-                continue
-            # What goes on behind the other one is no step of its own that lacks something.
-            regular += back
+        entry, stream = streams[own]
+        if 100 * count_of_pair.get((other, own), 0) >= MERGED_PERCENT * events.count:
+            continue
         if 100 * regular < REGULAR_PERCENT * others:
+            continue
+        named = facts.nodes.get(facts.address(stream.node))
+        if named is not None and is_of(entry, named.writes):
             continue
         # Who counts across lists steps by more than 1 in each of them.
         if by_node[stream.node] > 1 and facts.summary.scopes.get(stream.node, Scope.STREAM) != Scope.STREAM:
             continue
         yield Finding(
             COUNTER_SHARED, _sentence(facts, stream, streams[other][1], events.count, steps), events.count,
-            events.first_ns, events.last_ns, events.frames, number, stream.node, stream.subindex,
+            events.first_ns, events.last_ns, events.frames, entry.number, stream.node, stream.subindex,
         )  # fmt: skip
-
-
-class _Hardware:
-    """The hardware addresses that frames of nodes come from, as far as anybody has looked."""
-
-    def __init__(self, facts: Facts) -> None:
-        self._facts = facts
-
-    @cached_property
-    def _of_address(self) -> Mapping[tuple[int, int], set[int]]:
-        if self._facts.witness is None:
-            return {}
-        from nvscope.tracker.evidence.shared_devices import addresses_by_hardware
-
-        found: dict[tuple[int, int], set[int]] = {}
-        for hardware, addresses in addresses_by_hardware(self._facts.witness.presence).items():
-            for one in addresses:
-                found.setdefault(one, set()).add(hardware)
-        return found
-
-    def are_apart(self, node: int, other: int) -> bool:
-        """Tell whether two nodes are known to be two devices: no frame of the one came from hardware of the other.
-
-        Behind a router, all have its hardware address, and nobody knows.
-        """
-        high, low = self._facts.state.keys.nodes.words
-        own, theirs = (self._of_address.get((int(high[one]), int(low[one])), set()) for one in (node, other))
-        return bool(own and theirs) and own.isdisjoint(theirs)
 
 
 def _sentence(facts: Facts, own: StreamSummary, other: StreamSummary, events: int, steps: int) -> str:

@@ -48,11 +48,12 @@ TWO_HARDWARE_ADDRESSES = FindingKind(
     meaning=(
         "One IP address is used by two devices at the same time: their frames take turns, and either both claim it by "
         "ARP, or each counts for itself. Who sends to it reaches the one or the other. A router, a mirror of both its "
-        "sides, two cables of one device, and a pair of which the one takes over from the other are none of these."
+        "sides, two cables of one device, and a pair of which the one takes over from the other are none of these. A "
+        "device that only answers ARP in the name of another one is not told: routers and spare devices do so, too."
     ),
     causes=(
         "one address given to two devices, by hand or by a copied project",
-        "a device that answers ARP in the name of another one, to read or change what is sent to it",
+        "a device that sends in the name of another one, and asks by ARP as that one does",
     ),
     next_steps=(
         "Find the switch port of each hardware address, and unplug the one that should not be there.",
@@ -80,7 +81,7 @@ def _unknown_writers(facts: Facts) -> Iterator[Finding]:
     if not named and not only_nodes:
         return
     for entry in facts.summary.lists:
-        own = [address for address, node in facts.nodes.items() if _is_of(entry, node.writes)]
+        own = [address for address, node in facts.nodes.items() if is_of(entry, node.writes)]
         if not own and not only_nodes:
             continue
         allowed = {*own} or facts.nodes.keys()
@@ -98,7 +99,8 @@ def _unknown_writers(facts: Facts) -> Iterator[Finding]:
                 yield _unknown_writer(facts, entry, {node: sent}, own, is_there=is_there)
 
 
-def _is_of(entry: ListSummary, lists: tuple[tuple[int | None, int], ...]) -> bool:
+def is_of(entry: ListSummary, lists: tuple[tuple[int | None, int], ...]) -> bool:
+    """Tell whether a list is one of those that the project names, by port and identifier."""
     return any(number == entry.key.identifier and port in (None, entry.key.port) for port, number in lists)
 
 

@@ -63,7 +63,7 @@ MEANINGS = MappingProxyType(
         "whom": "the controller that was written to, or spoken to",
         "parameter": "what was written: its name in the project, else Index and SubIndex",
         "variable": "what was written: its name, else area, offset, size and type; of READPI and WRITEPI its address",
-        "old": "what was there before: as last seen in a reply to a read, or in a write that was confirmed; - if never",
+        "old": "what was there before: last seen in a reply to a read, or in a confirmed write; - if nobody knows",
         "new": "what was to be written, whatever came of it; - if nobody knows, for texts have a | in them",
         "outcome": "what came of it: confirmed, refused, busy, unanswered, or open at the end of the capture",
         "frame": "the frame of the request",

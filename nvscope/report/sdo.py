@@ -182,18 +182,24 @@ def remarks(document: Document) -> Iterator[str]:
         if one["transmissions"] > 1:
             busy = f": {count_of(one['busy'], 'time')} it was busy" if one["busy"] else ""
             yield f"{one['request']} was sent {count_of(one['transmissions'], 'time')}{busy}"
-        if others := _others(one):
-            yield f"{one['request']}{others.replace(';', ':', 1)}"
+        if strays := _strays(one):
+            yield f"{one['request']} was answered; besides, there came {strays}"
 
 
 def _others(exchange: Mapping[str, Any]) -> str:
-    """Return what came meanwhile that was no answer: ``; ignored: 2 of another node (10.0.0.7)``; "" for nothing."""
+    """Return what is said of what came in place of an answer, "" of nothing."""
+    strays = _strays(exchange)
+    return f"; what came was no answer: {strays}" if strays else ""
+
+
+def _strays(exchange: Mapping[str, Any]) -> str:
+    """Return what came meanwhile that was no answer: ``2 from another address (10.0.0.7)``; "" for nothing."""
     found = []
     for reason, count in exchange["ignored"].items():
         if count:
             who = f" ({', '.join(exchange['others'])})" if reason == "other_node" else ""
             found.append(f"{count} {_IGNORED[reason]}{who}")
-    return f"; what came was no answer: {', '.join(found)}" if found else ""
+    return ", ".join(found)
 
 
 _IGNORED = {

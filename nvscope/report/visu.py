@@ -216,18 +216,19 @@ def _unreadable(document: Document) -> tuple[str, str]:
 
 
 def _misfit(document: Document) -> tuple[str, str]:
-    rows = [one for one in document["variables"] if one["state"] == "value" and one["value"]["value"] is None]
+    of = "before" if document["verb"] == "write" else "value"
+    rows = [one for one in document["variables"] if one["state"] == "value" and one[of]["value"] is None]
     typed = [
         one for one in rows if type_at(Place(one["ref"], one["offset"], one["size"], one["type_code"])) is not None
     ]
     told = [f"{_name(one)}, which is no {one['type']}" for one in typed]
     if not told:
-        return "a hidden value is none of its type", _OTHER_LISTS
-    return f"the controller answers {_quoted(typed[0])} for {first_few(told)}", _OTHER_LISTS
+        return f"a hidden value is none of its type{_open_end(document)}", _OTHER_LISTS
+    return f"the controller answers {_quoted(typed[0][of])} for {first_few(told)}{_open_end(document)}", _OTHER_LISTS
 
 
-def _quoted(row: Mapping[str, Any]) -> str:
-    text = str(row["value"]["text"])
+def _quoted(value: Mapping[str, Any]) -> str:
+    text = str(value["text"])
     return f"'{text[:_SHORT]}…'" if len(text) > _SHORT else f"'{text}'"
 
 

@@ -73,6 +73,35 @@ def test_without_such_messages_nothing_is_said_of_them(tmp_path: Path) -> None:
     assert not any("ICMP" in line for line in cause.checked)
 
 
+def test_where_nothing_was_answered_those_that_still_wait_are_not_counted(tmp_path: Path) -> None:
+    again = data_frame(5900 * MILLISECOND, ASKING, ASKED, telegram(1, 0x2000, 1, counter=9, data=b""))
+    frames = asked(rejected=0)
+    cause = cause_of([*frames[:-1], again, frames[-1]], tmp_path)
+    assert cause.title.startswith(f"Node {ASKED} did not answer 5 requests of")
+    assert "it answered none" in cause.checked
+
+
+@pytest.mark.parametrize("partner", ["10.0.0.255", "255.255.255.255", "239.1.2.3"])
+def test_requests_to_everybody_are_no_silent_nodes(partner: str, tmp_path: Path) -> None:
+    request = data_frame(0, ASKING, partner, telegram(1, 0x2000, 1, data=b""))
+    cause = cause_of([request, asked(rejected=0)[-1]], tmp_path)
+    assert cause.title.startswith(f"Nobody answered 1 request of {ASKING} for 0x2000:1 to {partner}")
+
+
+def test_copies_of_replies_are_the_fault_of_a_mirror_that_shows_all_twice(tmp_path: Path) -> None:
+    """Not so replies that come late, or that nobody asked for."""
+    frames = [
+        data_frame(at * 20 * MILLISECOND, ASKED, "255.255.255.255", telegram(0, 1, counter=at)) for at in range(60)
+    ]
+    for at in range(20):
+        frames += [served(1, at * 20 + 1, at, 1202), served(2, at * 20 + 3, at, 1202)]
+    stray = [served(2, at * 20 + 5, at, 1203) for at in range(20)]
+    for others, kinds in (([], ["mirrored-twice"]), (stray, ["mirrored-twice", "other"])):
+        twice = [one._replace(ts_ns=one.ts_ns + late) for one in [*frames, *others] for late in (0, 5000)]
+        found = all_causes_of(sorted(twice, key=lambda one: one.ts_ns), tmp_path)
+        assert [one.kind.name for one in found] == kinds
+
+
 def served(service: int, at_ms: int, counter: int, port: int) -> Frame:
     """Return a request, or the reply to one, on a port."""
     ends = (ASKING, ASKED) if service in (1, 3) else (ASKED, ASKING)

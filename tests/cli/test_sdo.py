@@ -154,7 +154,7 @@ def test_somebody_else_who_answers_is_told() -> None:
 
 def test_names_and_types_come_from_the_project(controller: Served, here: Path) -> None:
     words = "--port", str(controller.port)
-    done = run_text("sdo", "read", "press", "rSetpoint", *words, cwd=here)
+    done = run_text("sdo", "read", "Press", "RSETPOINT", *words, cwd=here)
     assert done.stdout.startswith("rSetpoint (0x2000:1) = 12.5   REAL, "), done.stderr
     done = run_text("sdo", "read", "press", "0x2000", "1", *words, cwd=here)
     assert done.stdout.startswith("rSetpoint (0x2000:1) = 12.5   REAL, "), done.stderr

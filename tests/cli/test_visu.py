@@ -244,6 +244,7 @@ def test_what_can_only_be_written_is(controller: Served) -> None:
     [
         ([replied(b"|1|"), b""], 3, "whether it was written is not known"),
         ([replied(b"|1|"), replied(b"|0|"), b""], 3, "was written and confirmed, but could not be read back"),
+        ([replied(b"|red|")], 3, "answers 'red' for 4,0,2,1, which is no INT; nothing was written"),
         ([replied(b"<html></html>")], 1, "what answers is no WebVisu of CoDeSys V2.3; nothing was written"),
         ([replied(b"|1|"), replied(b"OK")], 1, "is not written: the controller refuses it"),
     ],

@@ -257,9 +257,14 @@ def test_parameters_have_names_and_types_of_one_node_or_of_all(tmp_path: Path) -
         ('[parameters]\n"1:0" = { typ = "INT" }', ': parameters."1:0".typ', "unknown key 'typ'", "is 'type'"),
         ('[parameters]\n"1:0" = { type = "BIT" }', ': parameters."1:0".type', "'BIT' is no type", "Known are BOOL"),
         ('[parameters]\n"1:0" = { type = "REEL" }', ".type", "declares 'REEL'", "Perhaps REAL is meant; else: add the"),
+        ('[parameters]\n"1:0" = { type = "STRNG(20)" }', ".type", "declares 'STRNG'", "Perhaps STRING is"),
         ('[parameters]\n"1:0" = { type = "ST_Axis" }', ".type", "declares 'ST_Axis'", "Add the file"),
         ('[parameters]\n"1:0" = { type = "STRING(0)" }', ".type", "is no type", "STRING(n)"),
         ('[parameters]\n"press/1:0" = {}', ': parameters."press/1:0"', "no node is called 'press'", "[nodes]"),
+        (
+            '[nodes]\n"1.2.3.4" = { name = "press" }\n[parameters]\n"pres/1:0" = {}', ': parameters."pres/1:0"',
+            "no node is called 'pres'", "The nearest known one is 'press'",
+        ),
         (
             '[nodes]\n"1.2.3.4" = { name = "a" }\n[parameters]\n"a/1:0" = {}\n"1.2.3.4/1:0" = {}',
             ': parameters."1.2.3.4/1:0"', "the parameter of 1.2.3.4 is there twice", "Leave one",

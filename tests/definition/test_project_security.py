@@ -109,6 +109,7 @@ def test_of_several_spans_one_is_enough(tmp_path: Path) -> None:
     [
         ('[security]\nwriter = "x"', "line 2, column 1: security.writer", "unknown key 'writer'", "is 'writers'"),
         ('[security]\nwriters = ["press"]', "line 2, column 1: security.writers[0]", "no node is called", "[nodes]"),
+        ('[nodes]\n"1.2.3.4" = { name = "hm1" }\n[security]\nwriters = "hm"', "security.writers", "no node", "hm1"),
         ('[security]\nwriters = ["10.0.0.1/8"]', "security.writers[0]", "bits behind its mask", "10.0.0.0/8"),
         ('[security]\nwriters = ["10.0.0.0/33"]', "security.writers[0]", "'10.0.0.0/33' is no network", "/24"),
         (

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from nvscope.tracker.counter_takeovers import CounterTakeovers
-from tests.findings.security_plants import analysed, told_in
+from tests.findings.security_plants import analysed, found_in, told_in
 from tests.oracle.builders import data_frame, telegram
 from tests.oracle.frame import Frame
 from tests.oracle.wire import SECOND, A, B
@@ -84,25 +84,19 @@ def test_one_device_with_two_addresses_in_turns_counts_for_both(tmp_path: Path) 
     assert "NV964" not in codes(turns, tmp_path)
 
 
-def by_hardware(frames: list[Frame]) -> list[Frame]:
-    """Return the frames with a hardware address for each sender."""
-    return [one._replace(data=one.data[:6] + b"\2\0\0\0\0" + one.data[29:30] + one.data[12:]) for one in frames]
+def test_a_program_that_sends_over_two_network_cards_counts_for_both(tmp_path: Path) -> None:
+    """It has a hardware address for each, and one Counter: what the one card lacks, the other has."""
+    turns = [sent(number, number, (A, B)[number % 2]) for number in range(1, 201)]
+    by_card = [one._replace(data=one.data[:6] + b"\2\0\0\0\0" + one.data[29:30] + one.data[12:]) for one in turns]
+    assert "NV964" not in codes(by_card, tmp_path)
 
 
-def test_two_that_share_one_counter_are_told_apart_by_their_hardware_addresses(tmp_path: Path) -> None:
-    """Another node takes turns for a while, and the sender skips the Counters that it took."""
-    counter, frames = 0, []
-    for number in range(1, 301):
-        counter += 1
-        frames.append(sent(number, counter))
-        if 100 <= number < 160:
-            counter += 1
-            frames.append(sent(number + 0.5, counter, B))
-    assert "NV964" not in codes(frames, tmp_path)
-    (told,) = [one for one in analysed(by_hardware(frames), tmp_path).findings if one.code == "NV964"]
-    assert told.message.startswith(f"{B} counts along with {A}: of 59 telegrams")
-    turns = by_hardware([sent(number, number, (A, B)[number % 2]) for number in range(1, 201)])
-    assert [one.code for one in analysed(turns, tmp_path).findings].count("NV964") == 2
+def test_who_sends_the_list_by_the_word_of_the_project_is_not_told(tmp_path: Path) -> None:
+    nodes = '[nodes]\n"{}" = {{ name = "spare", writes = [{}] }}\n'
+    given = [B, "1"], [B, '"udp/1202/1"'], [B, "2"], [A, "1"]
+    frames = [*victim(), *slipped_in()]
+    told = ["NV964" in {one.code for one in found_in(frames, tmp_path, nodes.format(*one))} for one in given]
+    assert told == [False, False, True, True]
 
 
 @pytest.mark.parametrize("every", [15, 20, 50])

@@ -263,12 +263,12 @@ def test_a_reply_comes_from_any_port_and_goes_to_any(
 @pytest.mark.parametrize(
     ("services", "outcomes", "olds", "codes"),
     [
-        ("w1 w2 r", ["open", "open"], [b"\0", b"\0"], ["NV701"]),
-        ("w1 w2 r r", ["open", "open"], [b"\0", b"\0"], []),
+        ("w1 w2 r", ["open", "open"], [b"\0", None], ["NV701"]),
+        ("w1 w2 r r", ["open", "open"], [b"\0", None], []),
         ("w1 w1 r", ["confirmed"], [b"\0"], []),
         ("w1 r w2 r", ["confirmed", "confirmed"], [b"\0", b"1"], []),
-        ("w1 w2", ["unanswered", "unanswered"], [b"\0", b"\0"], ["NV701"]),
-        ("w1 w2 r r w3 r", ["open", "open", "confirmed"], [b"\0", b"\0", None], []),
+        ("w1 w2", ["unanswered", "unanswered"], [b"\0", None], ["NV701"]),
+        ("w1 w2 r r w3 r", ["open", "open", "confirmed"], [b"\0", None, None], []),
     ],
 )
 def test_another_value_with_the_same_key_is_another_write(

@@ -18,9 +18,12 @@ from tests.packets import batch_of, cut, recorded, tracked
 from tests.tracker.test_parameter import told as told_of_requests
 
 HMI, SERVICE, PRESS = "10.0.0.1", "10.0.0.3", "10.0.0.2"
-READ, READ_REPLY, WRITE, WRITE_REPLY, REFUSED, BUSY = 1, 2, 3, 4, 22, 100
+READ, READ_REPLY, WRITE, WRITE_REPLY, REFUSED, TIME_OUT, BUSY = 1, 2, 3, 4, 22, 27, 100
 
 Step = tuple[int, int, int, bytes]
+
+KNOWN: list[Step] = [(0, READ, 1, b""), (1, READ_REPLY, 1, b"4")]
+WRITTEN: list[Step] = [(0, WRITE, 1, b"5"), (1, WRITE_REPLY, 1, b"")]
 
 
 def exchange(*steps: Step, hmi: str = HMI, port: int = 1202) -> list[Frame]:
@@ -55,15 +58,43 @@ def told(frames: list[Frame]) -> list[tuple[bytes | None, bytes, Outcome]]:
          [(b"4", b"5", "confirmed")]),
         ([(0, WRITE, 1, b"5"), (1, WRITE_REPLY, 1, b""), (2, WRITE, 2, b"6")],
          [(None, b"5", "confirmed"), (b"5", b"6", "open")]),
-        # What is refused, or not answered, changes nothing of what is known.
+        # What is refused, or answered by busy, changes nothing of what is known; what nobody answers may be written.
         ([(0, READ, 1, b""), (1, READ_REPLY, 1, b"4"), (2, WRITE, 2, b"5"), (3, REFUSED, 2, b""), (4, WRITE, 3, b"6"),
           (5, BUSY, 3, b""), (6, WRITE, 4, b"7"), (600, WRITE, 5, b"8")],
-         [(b"4", b"5", "refused"), (b"4", b"6", "busy"), (b"4", b"7", "unanswered"), (b"4", b"8", "open")]),
-        # A reply that belongs to no read says nothing.
-        ([(0, READ_REPLY, 1, b"4"), (2, WRITE, 2, b"5")], [(None, b"5", "open")]),
-        # One that comes too late does not, either.
-        ([(0, WRITE, 1, b"5"), (501, WRITE_REPLY, 1, b""), (502, WRITE, 2, b"6")],
-         [(None, b"5", "unanswered"), (None, b"6", "open")]),
+         [(b"4", b"5", "refused"), (b"4", b"6", "busy"), (b"4", b"7", "unanswered"), (None, b"8", "open")]),
+        ([*KNOWN, (2, WRITE, 2, b"5"), (3, TIME_OUT, 2, b""), (4, WRITE, 3, b"6")],
+         [(b"4", b"5", "refused"), (None, b"6", "open")]),
+        ([*KNOWN, (2, WRITE, 2, b"5"), (600, READ, 3, b""), (601, READ_REPLY, 3, b"4"), (602, WRITE, 4, b"6")],
+         [(b"4", b"5", "unanswered"), (b"4", b"6", "open")]),
+        # Nobody knows, either, what a write leaves that is open, or was together with another one.
+        ([*KNOWN, (2, WRITE, 2, b"5"), (3, WRITE, 3, b"6"), (4, WRITE_REPLY, 3, b""), (5, WRITE_REPLY, 2, b""),
+          (6, WRITE, 4, b"7")], [(b"4", b"5", "confirmed"), (None, b"6", "confirmed"), (None, b"7", "open")]),
+        # A reply to a read tells what is there, also a late one, or one whose request nobody saw.
+        ([(0, READ_REPLY, 1, b"4"), (2, WRITE, 2, b"5")], [(b"4", b"5", "open")]),
+        ([*KNOWN, (2, READ, 2, b""), (600, READ_REPLY, 2, b"7"), (602, WRITE, 3, b"5")], [(b"7", b"5", "open")]),
+        ([*KNOWN, (2, READ, 2, b""), (600, WRITE, 3, b"5"), (601, WRITE_REPLY, 3, b""), (602, READ_REPLY, 2, b"4"),
+          (603, WRITE, 4, b"6")], [(b"4", b"5", "confirmed"), (None, b"6", "open")]),
+        ([*WRITTEN, (600, READ, 2, b""), (1200, READ_REPLY, 2, b"7"), (1201, WRITE, 3, b"6")],
+         [(None, b"5", "confirmed"), (b"7", b"6", "open")]),
+        # But not if something was written since it was asked for.
+        ([*KNOWN, (2, READ, 2, b""), (3, WRITE, 3, b"5"), (4, WRITE_REPLY, 3, b""), (5, READ_REPLY, 2, b"9"),
+          (6, WRITE, 4, b"6")], [(b"4", b"5", "confirmed"), (None, b"6", "open")]),
+        # What comes again tells nothing new.
+        ([*WRITTEN, (2, WRITE_REPLY, 1, b""), (3, WRITE, 2, b"6")], [(None, b"5", "confirmed"), (b"5", b"6", "open")]),
+        ([*WRITTEN, (2, READ, 2, b""), (3, READ_REPLY, 2, b"7"), (4, READ_REPLY, 2, b"7"), (5, WRITE, 3, b"6")],
+         [(None, b"5", "confirmed"), (b"7", b"6", "open")]),
+        # A late confirmation confirms what was asked for last; any other one is of something nobody saw.
+        ([*KNOWN, (2, WRITE, 2, b"5"), (600, WRITE_REPLY, 2, b""), (601, WRITE, 3, b"6")],
+         [(b"4", b"5", "unanswered"), (b"5", b"6", "open")]),
+        ([*KNOWN, (2, WRITE, 2, b"5"), (3, BUSY, 2, b""), (4, WRITE_REPLY, 2, b""), (5, WRITE, 3, b"6")],
+         [(b"4", b"5", "busy"), (b"5", b"6", "open")]),
+        ([*KNOWN, (2, WRITE, 2, b"5"), (3, REFUSED, 2, b""), (4, WRITE_REPLY, 2, b""), (5, WRITE, 3, b"6")],
+         [(b"4", b"5", "refused"), (None, b"6", "open")]),
+        ([*KNOWN, (2, WRITE, 2, b"5"), (600, WRITE, 3, b"6"), (601, WRITE_REPLY, 2, b""), (602, WRITE_REPLY, 3, b""),
+          (603, WRITE, 4, b"7")], [(b"4", b"5", "unanswered"), (None, b"6", "confirmed"), (None, b"7", "open")]),
+        ([*KNOWN, (2, WRITE_REPLY, 9, b""), (3, WRITE, 2, b"5")], [(None, b"5", "open")]),
+        ([*KNOWN, (2, WRITE, 2, b"5"), (600, WRITE, 2, b"6"), (601, WRITE_REPLY, 2, b""), (602, WRITE, 3, b"7")],
+         [(b"4", b"5", "unanswered"), (None, b"6", "confirmed"), (None, b"7", "open")]),
         # What is repeated is one write.
         ([(0, WRITE, 1, b"5"), (100, WRITE, 1, b"5"), (101, WRITE_REPLY, 1, b""), (200, WRITE, 2, b"7")],
          [(None, b"5", "confirmed"), (b"5", b"7", "open")]),
@@ -118,6 +149,13 @@ def test_where_answers_are_not_to_be_seen_nobody_knows_what_became_of_a_write() 
     for size in (1, 2, 5):
         found = writes(tracked(cut(batch_of(frames), size), Reading(hears_answers=False)))
         assert [(one.old, one.new.data, one.outcome) for one in found] == [(None, b"5", "open"), (None, b"6", "open")]
+
+
+def test_a_malformed_write_may_have_been_taken() -> None:
+    frames = exchange(*KNOWN, (3, WRITE, 3, b"6"))
+    malformed = telegram(WRITE, 0x2000, 1, counter=2, data=b"5", length=99)
+    frames.insert(2, data_frame(2 * MILLISECOND, HMI, PRESS, malformed))
+    assert told(frames) == [(None, b"6", "open")]
 
 
 def test_what_was_open_when_nobody_listened_any_more_stays_open() -> None:

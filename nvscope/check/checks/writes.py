@@ -30,6 +30,8 @@ _MOST_NAMED = 3
 _UNHEARD = "what nodes ask each other is not to be seen in this capture: others may have written"
 _CUT = "bytes of its connections are missing: nobody knows whether it wrote something in there"
 _UNREAD = "a message of its is too long to be read, or in an unknown coding: nobody knows whether it wrote something"
+_UNSEEN = "a reply confirms a write of {} of {} whose request is not in this capture"
+_MALFORMED = "a request to write {} of {} is malformed, or its header is cut off: nobody knows whether it was taken"
 _UNCLEAR = (
     "of a request nobody knows all variables: a text has | in it, or more is in it than its variables, or its length "
     "is unknown, or bytes of it came again as others"
@@ -70,6 +72,15 @@ def _writes(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]
         for pair in pairs
         if pair in asking
     }  # fmt: skip
+    for found, reason in ((watched.unseen(known), _UNSEEN), (watched.malformed(known), _MALFORMED)):
+        for written, count in found:
+            if written.pair not in asking:
+                continue
+            own = written.pair.protocol, written.pair.client
+            if _may(written, who, what, told):
+                writers[own].count += count
+            else:
+                hidden.setdefault(own, reason.format(written.called, written.pair.server))
     yield from _beyond(known, watched, anybody=bool(writers or hidden))
     kept = {} if known.parameters is None else {one.frame: one for one in known.parameters.writes.kept}
     for protocol, client in sorted({*writers, *hidden}, key=_order):

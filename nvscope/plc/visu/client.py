@@ -107,11 +107,15 @@ class VisuClient:
         """Read a variable, write it, and read it back, as far as each of them is worth it; return what came of it.
 
         ``value`` is as it goes onto the wire. ``agrees`` is given what is known before it is written, and says whether
-        it is. What cannot be read is not written, unless the controller says that of the value alone.
+        it is. What cannot be read is not written, unless the controller says that of the value alone, and neither is
+        what holds no value of its type: something else lies there.
         """
         first = self._read([variable])
         if first.verdict not in ("read", "unreadable"):
             return self._written(first.verdict, variable, value, first)
+        held = next(iter(_values(first)), None)
+        if held is not None and not fits(variable.place, held):
+            return self._written("misfit", variable, value, first)
         before = self._written("cancelled", variable, value, first)
         if not agrees(before):
             return before

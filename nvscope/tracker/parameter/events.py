@@ -16,9 +16,10 @@ from nvscope import units
 class ParameterEvent(IntEnum):
     """What is told of transactions, in frames of replies but for timeouts, which are told of the first request.
 
-    ``WRITE_ASKED`` is a request to write, told of its first frame. ``since_ns`` is when the request came first. The
-    amount is the service of the reply; of what has none, that of the request. No other enumeration of events has the
-    same numbers: who listens for kinds compares numbers.
+    ``WRITE_ASKED`` is a request to write, told of its first frame; ``WRITE_UNSEEN`` is a reply to one that was not
+    captured, which is told as unexpected, too. ``since_ns`` is when the request came first. The amount is the service
+    of the reply; of what has none, that of the request. No other enumeration of events has the same numbers: who
+    listens for kinds compares numbers.
     """
 
     REPLIED = 1001
@@ -28,6 +29,7 @@ class ParameterEvent(IntEnum):
     UNEXPECTED_REPLY = 1005
     SLOW = 1006
     WRITE_ASKED = 1007
+    WRITE_UNSEEN = 1008
 
 
 def parameter_name(detail: int) -> str:
@@ -62,5 +64,7 @@ def place_of(variable: str) -> Place:
     return Place(address.removeprefix("[").removesuffix("]"), int(port), parameter)
 
 
-USUAL = (ParameterEvent.REPLIED, ParameterEvent.BUSY, ParameterEvent.WRITE_ASKED)
-"""The events with which nothing is wrong."""
+USUAL = (
+    ParameterEvent.REPLIED, ParameterEvent.BUSY, ParameterEvent.WRITE_ASKED, ParameterEvent.WRITE_UNSEEN
+)  # fmt: skip
+"""The events that are no finding."""

@@ -35,8 +35,10 @@ from nvscope.tracker.parameter.matching import (
     parameter_of,
     word_of,
 )
+from nvscope.tracker.parameter.unseen_writes import UnseenWrites
 from nvscope.tracker.parameter.values import values_in
 from nvscope.tracker.parameter.writes import Writes
+from nvscope.tracker.parameter.written_over import Answers
 
 MOST_OPEN = 1 << 16
 """So many requests are waited for at the same time."""
@@ -117,9 +119,8 @@ class Became:
     shown: I64
 
 
-NOTHING_BECAME = Became(
-    NO_MESSAGES, NO_MESSAGES, NOTHING_OPEN, NO_MESSAGES, NOTHING_OPEN, np.empty(0, np.int64)
-)  # fmt: skip
+_NOTHING = np.empty(0, np.int64)
+NOTHING_BECAME = Became(NO_MESSAGES, NO_MESSAGES, NOTHING_OPEN, NO_MESSAGES, NOTHING_OPEN, _NOTHING)
 
 
 class Transactions:
@@ -143,6 +144,7 @@ class Transactions:
         self.timeout_ns = PARAMETER_TIMEOUT_NS
         self._open = NOTHING_OPEN
         self._ports = AskedPorts()
+        self._unseen = UnseenWrites()
         self._forgot_until_ns = _NEVER_NS
 
     def observe(self, told: Told) -> Became:
@@ -157,11 +159,12 @@ class Transactions:
             late = self._open.last_ns + self.timeout_ns < told.until_ns
             waits = self._sorted(self._open.take(late))
             self._give_up(told, waits)
+            self.writes.give_up(waits, told.first_frame + len(told))
             self._open = self._open.take(~late)
             shown = np.append(became.shown, np.full(len(waits), len(told)))
             became = replace(became, unanswered=Open.stacked([became.unanswered, waits]), shown=shown)
         for unheard in told.unheard:
-            self._resume(unheard)
+            self._resume(unheard, told.first_frame + len(told))
         self.events.settle()
         self.left_out.settle()
         return became
@@ -190,6 +193,7 @@ class Transactions:
     def _observe(self, told: Told) -> Became:
         messages = self._messages(told)
         if not len(messages) and not len(self._open):
+            self.writes.observe(told, messages, Answers(messages, NOTHING_OPEN, messages, NOTHING_OPEN, _NOTHING))
             return NOTHING_BECAME
         found = matched(self._open, messages, told.clock, told.first_frame, self.timeout_ns)
         columns = self.columns
@@ -214,7 +218,13 @@ class Transactions:
             asked = opened.take(opened.service == Service.ODWriteRequest)
             self._tell(told, ParameterEvent.WRITE_ASKED, asked, asked.time_ns)
         closing = messages.take(found.closing)
-        untold = self.writes.observe(told, opened, closing, found.closed)
+        unexpected = messages.take(found.unexpected)
+        if told.is_heard:
+            confirms = unexpected.take(unexpected.service == Service.ODWriteRequestReply)
+            unseen = self._unseen.of(opened.take(opened.service == Service.ODWriteRequest), confirms)
+            self._tell(told, ParameterEvent.WRITE_UNSEEN, unseen, unseen.time_ns)
+        answers = Answers(closing, found.closed, unexpected, found.expired, found.shown)
+        untold = self.writes.observe(told, opened, answers)
         for what, left_out in zip((Beyond.WRITE, Beyond.VALUE), untold, strict=True):
             self._leave_out(what, left_out.time_ns, left_out.packet + told.first_frame)
         if told.hears_answers:
@@ -226,7 +236,7 @@ class Transactions:
             self._leave_out(Beyond.OPEN, beyond.since_ns, beyond.frame)
             self._forgot_until_ns = max(self._forgot_until_ns, int(beyond.last_ns.max()) + self.timeout_ns)
             self._open = self._open.take(np.sort(by_frame[:MOST_OPEN]))
-        unexpected = messages.take(found.unexpected)
+            self.writes.leave(beyond, told.first_frame + len(told))
         return Became(opened, closing, found.closed, unexpected, found.expired, found.shown)
 
     def _count_undeliverable(self, told: Told) -> None:
@@ -273,7 +283,6 @@ class Transactions:
         """Count requests that nobody answered in time."""
         if len(waits):
             np.add.at(self.columns.timeouts, waits.pair, 1)
-            self.writes.give_up(waits)
             time_ns = waits.last_ns + self.timeout_ns
             self._note(told, ParameterEvent.TIMEOUT, waits, time_ns, waits.frame, waits.since_ns)
 
@@ -349,12 +358,14 @@ class Transactions:
         if len(time_ns):
             self.left_out.record(time_ns, frame, np.full(len(time_ns), int(what), np.uint64))
 
-    def _resume(self, unheard: Unheard) -> None:
-        """Forget the requests of what nobody listens to any more: what became of them is not known."""
+    def _resume(self, unheard: Unheard, frame: int) -> None:
+        """Forget the requests of what nobody listens to any more, in front of a frame."""
         if unheard.everything:
             self._open = NOTHING_OPEN
+            self.writes.forget()
         elif len(self._open):
             gone = np.isin(self._open.node, unheard.nodes) | np.isin(self._open.peer, unheard.nodes)
+            self.writes.leave(self._open.take(gone), frame)
             self._open = self._open.take(~gone)
 
 

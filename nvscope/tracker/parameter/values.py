@@ -102,13 +102,6 @@ class LastValues:
             self._bytes[number, : min(size_bytes, KEPT_BYTES)].tobytes(), size_bytes, int(self._columns.items[number])
         )  # fmt: skip
 
-    def put(self, number: int, value: Value) -> None:
-        """Keep what a parameter is now; where not all of it was captured, that is not known any more."""
-        self._resize(len(value.data))
-        self._columns.size_bytes[number] = value.size_bytes if value.is_known else _UNKNOWN
-        self._columns.items[number] = value.items
-        self._bytes[number, : len(value.data)] = np.frombuffer(value.data, np.uint8)
-
     def put_from(self, told: Told, number: I64, packet: I64) -> None:
         """Keep what parameters are by the telegrams of some packets of a batch; numbers differ."""
         carried, variety = told.varieties.carried, told.variety[packet]

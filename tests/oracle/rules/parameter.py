@@ -13,9 +13,19 @@ Readings, where the rules leave a choice:
 - a write of another value with the same key, while one is open, is not the same request: it opens a transaction of its
   own. Replies close such ones in the order in which they were opened, but which value a reply is about is not known:
   what came of the one it closes, and of those that were open then, stays open, and so does what the parameter is
-- what is written is in the first request; the old value is what was known of the parameter of that address when it came
-- a value that was read, or written and confirmed, is known from the reply on; one of which not all was captured is not,
-  and what was known before is not any more
+- what is written is in the first request; what it is written over is what was known of the parameter of that address
+  when it came, and nothing while another write of it is open
+- a reply to a read tells what the parameter is, also a late one, unless something may have been written since that read
+  was asked for; of one of which nobody knows that (no request was seen, it is answered, or further reads than 16 were
+  unanswered since) that is so where nothing may ever have been written; what it says that is known anyway stays
+- a write that is confirmed tells it, unless another one of it was open meanwhile, or one of another value with the same
+  key, asked for last, may still be answered; from its reply on nothing else is known
+- behind a write that nobody answers in time, or that is answered by ODErrorTimeOut, nothing is known
+- a late or second reply to the write asked for last tells that it was taken, unless it was refused; every other reply
+  to a write that ends none, and every malformed request to write, may be of one that nobody saw: nothing is known, nor
+  when writes that are open then, and the last one, are confirmed
+- other error replies, and busy, change nothing
+- a value of which not all was captured is not known, and what was known before is not any more
 """
 
 from __future__ import annotations
@@ -37,7 +47,8 @@ ERRORS = {
     28: "ODErrorReplyCPUStopped",
 }  # fmt: skip
 REPLIES = {READ_REPLY: READ, WRITE_REPLY: WRITE}
-LIST_PORT, FRAMES_KEPT, VALUE_BYTES = 1202, 10, 256
+TIME_OUT = 27
+LIST_PORT, FRAMES_KEPT, VALUE_BYTES, LATE_READS = 1202, 10, 256, 16
 
 Pair = tuple[Address, Address, int]
 Place = tuple[Pair, int, int, int]
@@ -99,6 +110,21 @@ class Wait:
     deadline: int
     write: Write | None = None
     unsure: bool = False
+    shared: bool = False
+
+
+@dataclass
+class Holds:
+    """What is known of a parameter, and since when that may be: the frame of the last write that may have been taken.
+
+    ``last`` is the write that was asked for last, with its key; ``late`` are reads that nobody answered in time.
+    """
+
+    value: Value | None = None
+    written: int = 0
+    last: tuple[Place, Wait] | None = None
+    fate: str = "refused"
+    late: dict[Place, int] = field(default_factory=dict)
 
 
 Moments = list[tuple[int, int]]
@@ -117,7 +143,7 @@ class Parameters:
         self.open: dict[tuple[Place, int], list[Wait]] = defaultdict(list)
         self.asked: dict[tuple[Address, Address], list[int]] = defaultdict(list)
         self.last: dict[Place, int] = {}
-        self.values: dict[tuple[Address, int, int], Value] = {}
+        self.holds: dict[tuple[Address, int, int], Holds] = defaultdict(Holds)
         self.writes: list[Write] = []
 
     def observe(self, number: int, frame: Frame) -> None:
@@ -128,12 +154,20 @@ class Parameters:
                 self.rows[place[0]].timeouts += 1
                 if wait.write and not wait.unsure:
                     wait.write.outcome = "unanswered"
+                holds = self.holds[place[0][1], place[1], place[2]]
+                if wait.write:
+                    holds.value, holds.written = None, number
+                else:
+                    holds.late.pop(place, None)
+                    holds.late[place] = wait.frame
                 self.find("NV701", place, wait.deadline, wait.frame)
         content = peel(frame)
         if isinstance(content, Unreachable):
             self.came_back(content.quoted)
         seen = None if content is None or not hasattr(content, "payload") else telegram(number, frame.ts_ns, content)
         if seen is None or seen.header_cut or seen.fault:
+            if seen is not None and seen.service == WRITE:
+                self.hidden(self.holds[seen.destination, seen.index, seen.subindex], seen)
             return
         if seen.service in (READ, WRITE):
             pair = (seen.source, seen.destination, seen.port)
@@ -170,15 +204,58 @@ class Parameters:
             wait.deadline = seen.time + self.timeout_ns
             return
         self.rows[place[0]].requests += 1
-        write = None
-        if seen.service == WRITE:
+        wait = Wait(seen.time, seen.frame, seen.time + self.timeout_ns)
+        if value is not None:
             (requester, partner, port), index, subindex, _ = place
-            old = self.values.get((partner, index, subindex))
-            write = Write(
-                seen.time, seen.frame, str(requester), str(partner), port, index, subindex, old, value_of(seen)
+            holds, others = self.holds[partner, index, subindex], self.writes_of(partner, index, subindex)
+            old = None if others else holds.value
+            wait.write = Write(
+                seen.time, seen.frame, str(requester), str(partner), port, index, subindex, old, value
             )  # fmt: skip
-            self.writes.append(write)
-        waits.append(Wait(seen.time, seen.frame, seen.time + self.timeout_ns, write))
+            self.writes.append(wait.write)
+            for other in others:
+                other.shared = True
+            wait.shared = bool(others)
+            if holds.last and holds.fate == "waits" and holds.last[0] == place:
+                assert holds.last[1].write
+                wait.shared |= holds.last[1].write.new != value
+            holds.last, holds.fate = (place, wait), "waits"
+        waits.append(wait)
+
+    def writes_of(self, partner: Address, index: int, subindex: int) -> list[Wait]:
+        """Return the writes of a parameter that are open."""
+        return [
+            wait for (place, _), waits in self.open.items() for wait in waits
+            if wait.write and (place[0][1], place[1], place[2]) == (partner, index, subindex)
+        ]  # fmt: skip
+
+    def hidden(self, holds: Holds, seen: Telegram) -> None:
+        """Let something have been written that nobody saw."""
+        holds.value, holds.written = None, seen.frame
+        partner = seen.destination if seen.service == WRITE else seen.source
+        last = [holds.last[1]] if holds.last else []
+        for wait in (*self.writes_of(partner, seen.index, seen.subindex), *last):
+            wait.shared = True
+
+    def stray(self, place: Place, seen: Telegram) -> None:
+        """Take what a reply says that ends nothing."""
+        holds = self.holds[place[0][1], place[1], place[2]]
+        if seen.service == READ_REPLY:
+            value = value_of(seen)
+            asked = dict(list(holds.late.items())[-LATE_READS:]).get(place)
+            if asked is not None or value != holds.value:
+                holds.value = value if value.known and (asked or 0) >= holds.written else None
+        elif seen.service == WRITE_REPLY:
+            if not holds.last or holds.last[0] != place or holds.fate == "refused":
+                self.hidden(holds, seen)
+            elif holds.fate == "waits":
+                last, opened = holds.last[1], self.writes_of(place[0][1], place[1], place[2])
+                assert last.write
+                alone = not last.shared and not opened
+                self.hidden(holds, seen)
+                if alone and last.write.new.known:
+                    holds.value = last.write.new
+                holds.fate = "taken"
 
     def reply(self, place: Place, seen: Telegram) -> None:
         row, service, time, frame = self.rows[place[0]], seen.service, seen.time, seen.frame
@@ -186,20 +263,22 @@ class Parameters:
         if not waits:
             row.unexpected += 1
             self.find("NV703", place, time, frame)
+            self.stray(place, seen)
             return
         wait = waits.pop(0)
         wait.unsure |= bool(waits)
         for other in waits:
             other.unsure = True
+        holds = self.holds[place[0][1], place[1], place[2]]
         if wait.write:
             wait.write.answer = frame
             if not wait.unsure:
                 wait.write.outcome = {WRITE_REPLY: "confirmed", BUSY: "busy"}.get(service, "refused")
                 wait.write.error = ERRORS.get(service)
-        if wait.unsure and service == WRITE_REPLY:
-            self.values.pop((place[0][1], place[1], place[2]), None)
-        elif service in REPLIES:
-            self.learn(place, wait.write.new if wait.write else value_of(seen))
+            self.written(holds, wait, service, frame)
+        elif service == READ_REPLY:
+            value = value_of(seen)
+            holds.value = value if value.known and wait.frame >= holds.written else None
         if service == BUSY:
             row.busy += 1
             return
@@ -211,11 +290,17 @@ class Parameters:
         if 2 * (time - wait.since) > self.timeout_ns:
             self.find("NV704", place, time, frame)
 
-    def learn(self, place: Place, value: Value) -> None:
-        (_, partner, _), index, subindex, _ = place
-        self.values.pop((partner, index, subindex), None)
-        if value.known:
-            self.values[partner, index, subindex] = value
+    def written(self, holds: Holds, wait: Wait, service: int, frame: int) -> None:
+        """Take the reply to a write."""
+        assert wait.write
+        is_last = holds.last is not None and holds.last[1] is wait and not wait.unsure
+        if wait.unsure or service in (WRITE_REPLY, TIME_OUT):
+            alone = service == WRITE_REPLY and not wait.unsure and not wait.shared
+            holds.value, holds.written = wait.write.new if alone and wait.write.new.known else None, frame
+        if is_last and service == WRITE_REPLY:
+            holds.fate = "taken"
+        elif is_last and service not in (BUSY, TIME_OUT):
+            holds.fate = "refused"
 
     def find(self, code: str, place: Place, time: int, frame: int, service: int = 0) -> None:
         (requester, partner, port), index, subindex, _ = place

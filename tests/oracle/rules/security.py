@@ -6,8 +6,8 @@ Readings, where the rules leave a choice:
 - a list that anybody sends, even telegrams that are malformed, or that the project names, is asked for by readers
 - a sender counts along from the first telegram of a second sender of its (list, SubIndex) on; a telegram that repeats
   the Counter of its own stream is none
-- two of which each counts along with the other are one device with two addresses, unless the hardware addresses of
-  their frames have none in common: then steps behind the other one count as steps by 1
+- two of which each counts along with the other are one program that sends from two addresses
+- a node to which the project gives a list may count along
 - of more than eight nodes, or hosts, of which the same is said, one finding tells
 
 Two devices with one address (NV963) are not judged here: ``tests/findings/test_security.py`` has them one by one.
@@ -21,7 +21,7 @@ from datetime import datetime
 from ipaddress import ip_address, ip_network
 from typing import Any
 
-from tests.oracle.frame import ETHERNET, Address, Datagram, Frame, peel
+from tests.oracle.frame import Address, Datagram, Frame, peel
 from tests.oracle.rules.keys import ListKey, node_order
 from tests.oracle.rules.parameter import Parameters, observed
 from tests.oracle.rules.telegram import ACKNOWLEDGEMENT, BOOT_UP_REQUEST, DATA, Telegram, telegram
@@ -63,12 +63,9 @@ class Security:
         self.steps: Counter[Stream] = Counter()
         self.regular: Counter[Stream] = Counter()
         self.along: Counter[tuple[Stream, Stream]] = Counter()
-        self.devices: defaultdict[Address, set[bytes]] = defaultdict(set)
 
     def observe(self, number: int, frame: Frame) -> None:
         content = peel(frame)
-        if isinstance(content, Datagram) and frame.link == ETHERNET:
-            self.devices[content.source].add(frame.data[6:12])
         seen = telegram(number, frame.ts_ns, content) if isinstance(content, Datagram) else None
         if seen is None or seen.header_cut or seen.list_key is None:
             return
@@ -141,18 +138,15 @@ class Security:
             if (
                 count >= EVENTS and 100 * count >= STEPS_PERCENT * self.steps[own] and not counts_beyond
                 and self.steps[other] and self.is_another(own, other, count)
+                and not is_of(key, self.nodes.get(str(node), {}).get("writes", ()))
             ):  # fmt: skip
                 yield "NV964", str(key), str(node), subindex, count
 
     def is_another(self, own: Stream, other: Stream, count: int) -> bool:
-        """Tell whether the other stream counts for itself, and is not the same device's."""
-        regular, back = self.regular[other], self.along[other, own]
-        if 100 * back >= MERGED_PERCENT * count:
-            own_devices, other_devices = self.devices[own[0]], self.devices[other[0]]
-            if not own_devices or not other_devices or own_devices & other_devices:
-                return False
-            regular += back
-        return 100 * regular >= REGULAR_PERCENT * self.steps[other]
+        """Tell whether the other stream counts for itself, and both are not one program's."""
+        if 100 * self.along[other, own] >= MERGED_PERCENT * count:
+            return False
+        return 100 * self.regular[other] >= REGULAR_PERCENT * self.steps[other]
 
     def outside(self, known: Parameters) -> Iterable[Row]:
         sent = Counter(self.sent)
