@@ -40,7 +40,8 @@ class Kind(IntEnum):
     outcome. ``PART``: a request ends of which the client sent no more than a part; ``REFUSED``: the reply to such a
     one, of another status than 200. ``UNBOUNDED``: nobody knows where the message ends that comes with it: its
     Content-Length is not one number, or its chunks are none. ``OTHER_BYTES``: bytes of a client came again, and so many
-    (``fields``) were others than those that came first; ``OTHER_REPLY_BYTES``: the same of a controller.
+    (``fields``) were others than those that came first; ``OTHER_REPLY_BYTES``: the same of a controller. ``HIDDEN``:
+    bytes of a client are missing of a connection without such requests; batches have none (``HiddenBytes``).
     """
 
     READ = 0
@@ -59,6 +60,7 @@ class Kind(IntEnum):
     UNBOUNDED = 13
     OTHER_BYTES = 14
     OTHER_REPLY_BYTES = 15
+    HIDDEN = 16
 
 
 class Outcome(IntEnum):

@@ -32,7 +32,7 @@ from typing import Any
 
 from tests.oracle.frame import Address as Node
 from tests.oracle.frame import Frame
-from tests.oracle.rules import visu_body, visu_lists, visu_others
+from tests.oracle.rules import visu_body, visu_lists, visu_others, visu_unseen
 from tests.oracle.rules.http_message import Lost, Message
 from tests.oracle.rules.keys import node_order
 from tests.oracle.rules.streams import Connection, Delivery, Ending, Event, Others, Streams
@@ -82,7 +82,7 @@ class Visu:
         for talk in list(self.talks.values()):
             if talk.connection in self.streams.connections.values() and (size := self.one_way.reply_bytes(talk)):
                 self.happened["reply of a server that nobody heard"] += 1
-                talk.gap_bytes += size
+                talk.gap_bytes[False] += size
                 self.lost(talk, False, Lost(in_step=True))
         for event in self.delivered(frame):
             if event.connection not in self.talks:
@@ -95,7 +95,7 @@ class Visu:
             reader = talk.reader(event.from_client)
             talk.broken_off = isinstance(event, Ending) and event.reset and event.by_client
             if isinstance(event, Delivery):
-                talk.gap_bytes += event.missing
+                talk.gap_bytes[event.from_client] += event.missing
                 heard = reader.take(event)
             else:
                 heard = reader.end(event.reset, event.time)
@@ -128,9 +128,11 @@ class Visu:
         self.happened["client lost step" if from_client else "server lost step"] += 1
         self.happened["waiting forgotten"] += len(talk.waiting)
         if from_client:
-            if what.dropped:
-                self.cut_request(talk, what.dropped)
+            is_known = what.dropped is not None and self.cut_request(talk, what.dropped)
+            is_known |= bool(talk.waiting)
             lose_client(talk, what)
+            for _ in range(visu_unseen.answered_before(talk, what, is_known=is_known)):
+                self.unseen_request(talk)
             talk.forgotten = False in talk.readers and talk.readers[False].receiving
         else:
             if what.in_step:
@@ -139,15 +141,21 @@ class Visu:
             talk.turns.doubtful |= what.missing and not talk.early
         talk.waiting.clear()
 
-    def cut_request(self, talk: Talk, message: Message) -> None:
-        if message.method == b"POST" and visu_body.may_be_asked(
-            message.seen, message.target, had_request=talk.had_request
-        ):  # fmt: skip
+    def cut_request(self, talk: Talk, message: Message) -> bool:
+        """Count a cut request, if it is one of a page; return whether it is."""
+        is_asked = visu_body.may_be_asked(message.seen, message.target, had_request=talk.had_request)
+        if of_page := message.method == b"POST" and is_asked:
             self.happened["cut request"] += 1
             talk.had_request = True
             self.cut(talk, message)
             if message.malformed:
                 self.note_unbounded(talk, message)
+        return of_page
+
+    def unseen_request(self, talk: Talk) -> None:
+        self.happened["request that was not seen"] += 1
+        talk.had_request = True
+        self.cut(talk, Message())
 
     def cut(self, talk: Talk, message: Message) -> None:
         self.known[talk.pair].counts["cut"] += 1
@@ -158,6 +166,7 @@ class Visu:
     def request(self, talk: Talk, message: Message) -> None:
         """Take a request that is whole, or dropped as cut; it may have been answered before."""
         settle(message)
+        talk.unseen = None
         if message.part:
             if ask_in_part(talk, message, self.number, self.one_way.told_by(talk.connection, client=True)):
                 self.known[talk.pair].counts["part"] += 1
@@ -254,9 +263,11 @@ class Visu:
             return
         if not forgotten and (size := self.one_way.request_bytes(talk, message)):
             self.happened["request of a client that nobody heard"] += 1
-            talk.gap_bytes += size
+            talk.gap_bytes[True] += size
             talk.had_request = True
             self.cut(talk, message)
+        if not (forgotten or talk.waiting) and visu_unseen.is_answered(talk, message):
+            self.unseen_request(talk)
         if not (forgotten or talk.waiting) and keep(talk, message):
             return
         if forgotten or not talk.waiting:
@@ -366,7 +377,7 @@ class Visu:
             rows.append({
                 "client": str(pair[0]), "server": str(pair[1]), "port": pair[2], "connections": len(own),
                 **{name: known.counts[name] for name in COUNTED},
-                "variables": len(known.variables), "gap_bytes": sum(talk.gap_bytes for talk in own),
+                "variables": len(known.variables), "gap_bytes": visu_unseen.gap_bytes(self.talks.values(), pair),
                 "other_bytes": visu_others.other_bytes(self.talks.values(), pair),
                 "latency_ns": {"count": len(latencies), **percentiles(latencies),
                                "max": latencies[-1] if latencies else None},

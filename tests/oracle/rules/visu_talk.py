@@ -69,7 +69,8 @@ class Talk:
         self.connection = connection
         self.waiting: list[Waiting] = []
         self.had_request = False
-        self.gap_bytes = 0
+        self.gap_bytes: Counter[bool] = Counter()  # by whether they are the client's
+        self.unseen: int | None = None  # where bytes are missing that may be a request which is not answered yet
         self.forgotten = False
         """Whether the response that is being received answers nobody."""
         self.broken_off = False
