@@ -50,7 +50,7 @@ class VisuTree(TransportTree):
                 yield _variable(variable)
 
     def _title(self, message: int) -> str:
-        return message_words(self._part, message).partition(":")[0]
+        return str(visible(message_words(self._part, message, values=False)))
 
     def _facts(self, message: int) -> Iterator[Entry]:
         messages = self._part.messages

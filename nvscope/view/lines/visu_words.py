@@ -71,8 +71,11 @@ def protocol_words(protocol: WebProtocol) -> str:
     return _PROTOCOLS[protocol]
 
 
-def message_words(part: VisuBatch, message: int, *, secrets: bool = False) -> str:
-    """Return what a message is, in a line, values that may be secret only with ``secrets``; it may not be printable."""
+def message_words(part: VisuBatch, message: int, *, secrets: bool = False, values: bool = True) -> str:
+    """Return what a message is, in a line, values that may be secret only with ``secrets``; it may not be printable.
+
+    Without ``values``, it does not tell the variables, either.
+    """
     messages = part.messages
     kind, asked = Kind(int(messages.kind[message])), int(messages.asked[message])
     if kind is Kind.GAP:
@@ -108,7 +111,7 @@ def message_words(part: VisuBatch, message: int, *, secrets: bool = False) -> st
             return f"{unanswered}, connection {'reset' if reset else 'ended'} by the controller"
         waited_ns = int(messages.latency_ns[message])
         return f"{unanswered}, given up{f' after {units.duration(waited_ns)}' if waited_ns > 0 else ''}"
-    told = "; ".join(_shown(variables_of(part, message, secrets=secrets)))
+    told = "; ".join(_shown(variables_of(part, message, secrets=secrets))) if values else ""
     if kind is Kind.REPLY:
         return _reply(part, message, request, told)
     declared = _declared(request)

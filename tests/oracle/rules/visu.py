@@ -136,7 +136,9 @@ class Visu:
             talk.forgotten = False in talk.readers and talk.readers[False].receiving
         else:
             if what.in_step:
-                self.response(talk, what.dropped or Message(cut=True, whole=False))
+                # Behind 1xx, the response is in what is missing, too.
+                is_seen = what.dropped is not None and not 100 <= what.dropped.status < 200
+                self.response(talk, what.dropped if is_seen and what.dropped else Message(cut=True, whole=False))
             talk.forgotten = False
             talk.turns.doubtful |= what.missing and not talk.early
         talk.waiting.clear()

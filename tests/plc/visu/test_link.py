@@ -154,8 +154,8 @@ def drip(head: bytes, piece: bytes) -> Answering:
         (OK + b"Content-Encoding: gzip\r\n\r\n|7|", Ending.NO_HTTP),
         (OK + b"Content-Encoding: gzip\r\n\r\n" + zipped(b"|7|" * 99)[:-9], Ending.NO_HTTP),
         (OK + b"Content-Length: 3, 4\r\n\r\n|7|", Ending.NO_HTTP),
-        (OK + b"X: y\r\n" * 1_000 + b"\r\n|7|", Ending.NO_HTTP),
-        (OK + b"X: " + b"y" * 100_000 + b"\r\n\r\n|7|", Ending.NO_HTTP),
+        (OK + b"X: y\r\n" * 1_000 + b"\r\n|7|", Ending.OVERSIZED),
+        (OK + b"X: " + b"y" * 100_000 + b"\r\n\r\n|7|", Ending.OVERSIZED),
         (b"HTTP/1.1 200 " + b"y" * 100_000 + b"\r\n\r\n|7|", Ending.NO_HTTP),
     ],
 )
@@ -168,7 +168,7 @@ def test_what_is_no_whole_reply_is_told(reply: bytes, ending: Ending) -> None:
 @pytest.mark.parametrize(
     ("answering", "ending"),
     [
-        (flood(OK, b"X: y\r\n" * 1_000), Ending.NO_HTTP),
+        (flood(OK, b"X: y\r\n" * 1_000), Ending.OVERSIZED),
         (flood(b"", b"y" * 10_000), Ending.NO_HTTP),
         (flood(OK + b"\r\n", b"|7" * 5_000), Ending.OVERSIZED),
         (flood(OK + b"Content-Length: 99999999999999\r\n\r\n", b"|7" * 5_000), Ending.OVERSIZED),

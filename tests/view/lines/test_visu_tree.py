@@ -32,3 +32,15 @@ def test_no_layer_goes_on_behind_what_was_captured(captured_options: int, tmp_pa
     (options,) = [one for one in titles if one.startswith("Options")] or [""]
     assert options.split()[1:2] == ([str(captured_options)] if captured_options else [])
     assert titles[-1].startswith("WebVisu")
+
+
+def test_what_a_server_calls_a_coding_does_not_reach_the_terminal(tmp_path: Path) -> None:
+    line = Line().open()
+    read = b"POST /webvisu.htm HTTP/1.1\r\nContent-Length: 15\r\n\r\n|0|1|0|4|0|2|1|"
+    for request in (read, b"GET /plc_visu.xml HTTP/1.1\r\n\r\n"):
+        line.ask(request).answer(b"HTTP/1.1 200 OK\r\nContent-Encoding: \x1b]0;x\x07:q\r\nContent-Length: 3\r\n\r\n|7|")
+    write_pcap(line.frames, tmp_path / "x.pcap")
+    told = run_text("packets", tmp_path / "x.pcap", "-V", "--color", "never").stdout
+    assert "\x1b" not in told
+    assert r"reply not read, Content-Encoding \x1b]0;x\x07:q (1.0 ms)" in told
+    assert r"variable list, cannot be used: Content-Encoding \x1b]0;x\x07:q" in told
