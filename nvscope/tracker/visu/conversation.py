@@ -131,37 +131,31 @@ class Conversation:
                     self._tell_unbounded(form, order, tell)
             if self.has_begun_early:
                 self.early.popleft()
-            if self._lacks[0]:
-                self._lose_unseen(order, tell, is_known=is_known)
             self._forget_waiting()
             self.turns.miss(reach.acknowledged)
-            self._lose_turns(0)
+            if self._lacks[0]:
+                self._lose_unseen(order, tell, is_known=is_known)
         elif form.what is What.END:
             if form.broken_by is None:
                 self.closed = Closed(order, arrival_ns)
                 if self.is_heard:
                     self._tell_leaving(Kind.LEFT, order, tell)
         else:
-            self._take_other(form, order, tell, reach, by_client=True)
+            self._take_other(form, order, tell, reach)
         self.is_spoken |= form.what is not What.END
         self._lacks[0] = form.what is What.GAP
 
-    def _lose_turns(self, side: int) -> None:
-        """Take that a direction lost step: where bytes of it are missing, nobody knows how much was in them."""
-        if self._lacks[side]:
-            self.turns.lose()
-
     def _lose_unseen(self, order: int, tell: Callable[[Happened], None], *, is_known: bool) -> None:
-        """Take that nobody knows what lies around a hole; unless the request that it touches ``is_known``."""
+        """Take that nobody knows what was in a hole, and how much; unless ``is_known``, it may hide a request."""
+        self.turns.lose()
         self.unseen.waits = False
         if not is_known:
             for _ in range(self.unseen.lose(Answered(one.is_reply, one.reach.acknowledged) for one in self.early)):
-                self._tell_request(Kind.CUT, NOTHING, order, -1, tell)
+                self.tell_unseen(order, tell)
 
-    def answer_unseen(self, one: Answered, order: int, tell: Callable[[Happened], None]) -> None:
-        """Take a response while no request waits: it may answer one that nobody saw, and still others."""
-        if self.unseen.take(one):
-            self._tell_request(Kind.CUT, NOTHING, order, -1, tell)
+    def tell_unseen(self, order: int, tell: Callable[[Happened], None]) -> None:
+        """Tell of a request of a page of which nothing was seen but its reply."""
+        self._tell_request(Kind.CUT, NOTHING, order, -1, tell)
 
     @property
     def waits(self) -> bool:
@@ -271,9 +265,9 @@ class Conversation:
             else:
                 self._tell_leaving(Kind.UNCLEAR, order, tell)
             self._forget_waiting()
-            # What has come before is known to answer the next request.
-            if not self.early:
-                self._lose_turns(1)
+            # What has come before is known to answer the next request; else nobody knows how much is missing.
+            if self._lacks[1] and not self.early:
+                self.turns.lose()
         elif form.what is What.END:
             self._tell_unanswered(order, arrival_ns, tell, by_client=form.broken_by is Side.CLIENT)
         elif form.what is What.PART:
@@ -345,8 +339,8 @@ class Conversation:
 
     def miss_request(self, order: int, size: int, tell: Callable[[Happened], None]) -> None:
         """Take that the client has sent bytes that were not captured, a request of a page among them."""
-        self._take_other(Form(What.GAP, missing_bytes=size), order, tell, by_client=True)
-        self._tell_request(Kind.CUT, NOTHING, order, -1, tell)
+        self._take_other(Form(What.GAP, missing_bytes=size), order, tell, NOWHERE)
+        self.tell_unseen(order, tell)
 
     def _tell_unbounded(self, form: Form, order: int, tell: Callable[[Happened], None]) -> None:
         if form.is_endless:
@@ -388,10 +382,7 @@ class Conversation:
         frame = asked.order >> ORDER_BITS
         tell(Happened(kind, self.connection, order, message, asked.asked, latency_ns, frame, 0, False))
 
-    def _take_other(
-        self, form: Form, order: int, tell: Callable[[Happened], None], reach: Reach = NOWHERE, *,
-        by_client: bool = False,
-    ) -> None:  # fmt: skip
+    def _take_other(self, form: Form, order: int, tell: Callable[[Happened], None], reach: Reach | None = None) -> None:
         if form.what is What.ANEW:
             self._forget_waiting()
             self.is_visu, self.gap_bytes, self.closed = False, 0, None
@@ -399,9 +390,9 @@ class Conversation:
             self.turns, self.acknowledges, self.unseen = Turns(), False, UnseenRequests()
             self.is_heard, self.is_spoken, self.acknowledged = False, False, UNKNOWN
         elif form.what is What.GAP:
-            if by_client:
+            if reach is not None:  # they are the client's
                 self.unseen.miss(reach.behind, form.missing_bytes)
-            if self.is_visu or by_client:
+            if self.is_visu or reach is not None:
                 kind = Kind.GAP if self.is_visu else Kind.HIDDEN
                 tell(Happened(kind, self.connection, order, -1, NOTHING, 0, 0, form.missing_bytes, False))
             else:

@@ -110,7 +110,7 @@ class Pairing:
         least = _LEAST
         while begin < end:
             both_ways = conversation.is_heard and conversation.is_spoken and conversation.closed is None
-            is_sure = not (conversation.early or conversation.turns.is_doubtful)
+            is_sure = not (conversation.early or conversation.turns.is_doubtful or conversation.unseen.waits)
             if conversation.is_visu and end - begin >= _FEW and both_ways and is_sure:
                 place = bisect_left(peculiar, begin)
                 stop = min(peculiar[place] if place < len(peculiar) else end, end, begin + _MANY)
@@ -158,9 +158,8 @@ class Pairing:
             if stream & 1:
                 if not conversation.is_spoken:
                     self._note_unasked(conversation, row)
-                elif conversation.unseen.waits and not conversation.waits:
-                    answered = Answered(self._is_reply(row), http.reach.at(row).acknowledged)
-                    conversation.answer_unseen(answered, order, tell)
+                elif self._is_to_unseen(conversation, row):
+                    conversation.tell_unseen(order, tell)
                 if not conversation.waits and (early := self._early(conversation, row, order)) is not None:
                     conversation.keep(early)
                     continue
@@ -236,6 +235,11 @@ class Pairing:
         if form.what is not What.WHOLE or form.head is None or form.head.status != OK or form.answers_nobody:
             return False
         return is_like_reply(self._http.content(row) or b"")
+
+    def _is_to_unseen(self, conversation: Conversation, row: int) -> bool:
+        if conversation.waits or not conversation.unseen.waits:
+            return False
+        return conversation.unseen.take(Answered(self._is_reply(row), self._http.reach.at(row).acknowledged))
 
     def _leave(self, conversation: Conversation, before: int) -> None:
         """Tell what a client that has closed its side does not wait for any more, as far as that is known before."""
