@@ -37,3 +37,18 @@ def share_of(full: int) -> int:
     default = settings.default
     assert default is not None
     return max(-(-full * default.max_examples // FULL_EXAMPLES), min(full, FEWEST))
+
+
+def cut_sizes(packets: int) -> list[int]:
+    """Return how many packets come at a time, where so many are cut in every way: all numbers in full.
+
+    Else 1, 2, 3, 5 and so on, each about as many more as the one before, and all of them at once: what goes wrong at
+    an edge of batches does so for many sizes, or where each packet is alone.
+    """
+    sizes = list(range(1, packets + 1))
+    if share_of(FULL_EXAMPLES) == FULL_EXAMPLES:
+        return sizes
+    few = [1, 2]
+    while few[-1] < packets:
+        few.append(few[-1] + few[-2])
+    return sorted({min(size, packets) for size in few})

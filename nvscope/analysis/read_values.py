@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from nvscope.engine.told import Told
 from nvscope.enumeration import first_few
 from nvscope.errors import UsageError
+from nvscope.name_patterns import expression_of
 from nvscope.tracker.datalogger.on_demand import NAME as DATABASES
 from nvscope.tracker.readings.observed import Observed
 from nvscope.tracker.visu.on_demand import NAME as PAGES
@@ -63,8 +64,8 @@ def _on_pages(server: str, name: str) -> Wanted:
 
     Names are the same in any case, spaces do not count.
     """
-    is_server = re.compile(_pattern(server), re.DOTALL).fullmatch
-    is_name = re.compile(rf"\.?{_pattern(name.removeprefix('.'))}(?:[.\[].*)?", re.DOTALL).fullmatch
+    is_server = re.compile(expression_of(server), re.DOTALL).fullmatch
+    is_name = re.compile(rf"\.?{expression_of(name.removeprefix('.'))}(?:[.\[].*)?", re.DOTALL).fullmatch
 
     def is_meant(variable: Any) -> bool:
         called = _plain(variable.name), _plain(variable.place)
@@ -81,8 +82,8 @@ def _read_rows(wanted: Wanted | None) -> ReadValues:
 
 def _in_databases(database: str, name: str) -> Wanted:
     """Tell by patterns of a database and of a name, whole or behind its last slash, as ``_on_pages`` does."""
-    is_database = re.compile(_pattern(database), re.DOTALL).fullmatch
-    is_name = re.compile(rf"{_pattern(name)}(?:[.\[].*)?", re.DOTALL).fullmatch
+    is_database = re.compile(expression_of(database), re.DOTALL).fullmatch
+    is_name = re.compile(rf"{expression_of(name)}(?:[.\[].*)?", re.DOTALL).fullmatch
 
     def is_meant(variable: Any) -> bool:
         own = _plain(variable.list).removeprefix(f"{DATABASES}/")
@@ -233,7 +234,3 @@ class ReadAt:
 
 def _plain(text: str) -> str:
     return "".join(text.split()).lower()
-
-
-def _pattern(wanted: str) -> str:
-    return re.escape(wanted).replace(r"\*", ".*").replace(r"\?", ".")

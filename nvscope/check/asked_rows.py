@@ -10,12 +10,12 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from nvscope.check.lists import names_of
-from nvscope.check.patterns import fits, is_pattern
 from nvscope.engine.keys import Keys
 from nvscope.engine.rows import DataRows
 from nvscope.engine.telegram_streams import TelegramStreams
 from nvscope.engine.told import Told
 from nvscope.list_key import ListKey
+from nvscope.name_patterns import fits, is_pattern
 from nvscope.view.rows.frames import FrameRows
 
 _NO_LIST = -1

@@ -13,7 +13,7 @@ from nvscope.check.rules import Mistakes, Rule
 from nvscope.check.stage import StageKey
 from nvscope.check.verdict import Judged, Verdict, worst_of
 from nvscope.check.while_so import NEVER_SO, WhileSo
-from nvscope.check.who_asks import NODES, is_address, is_name
+from nvscope.check.who_asks import NODES, NODES_OR_NONE, is_address, is_name
 from nvscope.engine.run import Observer
 from nvscope.errors import ConfigurationError, UsageError
 from nvscope.list_key import ListKey
@@ -126,7 +126,7 @@ def unknown_nodes(rules: Sequence[Rule], known: Evidence) -> Iterator[Configurat
         for one in rule.check.parameters:
             told = rule.parameters.get(one.name) or ()
             names: Sequence[str] = ()
-            if one.kind is NODES:
+            if one.kind in (NODES, NODES_OR_NONE):
                 names = [name for name in told if is_name(name) and name.lower() not in lower]
             elif one.name == "node":
                 names = [name for name in known.unknown_nodes(told) if not is_address(name)]

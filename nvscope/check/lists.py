@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import lru_cache
 
-from nvscope.check.patterns import fits, is_pattern
 from nvscope.list_key import ListKey
+from nvscope.name_patterns import fits, is_pattern
 from nvscope.units import list_key
 
 

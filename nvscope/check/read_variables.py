@@ -17,13 +17,13 @@ from dissectors.batch import I64
 from nvscope.analysis.read_values import ReadSource, meant, read_source
 from nvscope.check.check import Setting
 from nvscope.check.parameters import Unfit, near
-from nvscope.check.patterns import fits
 from nvscope.check.variable_places import MOST_VARIABLES
 from nvscope.check.variables import Values, VariableWatcher, Watch
 from nvscope.definition.variables import Scalar, ScalarKind, String
 from nvscope.engine.told import Told
 from nvscope.expression.column_rows import picked
 from nvscope.expression.typed_columns import Column, FieldType, TextColumn
+from nvscope.name_patterns import fits
 from nvscope.tracker.readings.form import Form
 from nvscope.tracker.readings.lasting import Lasted, LastingValue, RowsRead
 from nvscope.tracker.readings.readings import Readings, ReadValues, ReadVariable, Wanted

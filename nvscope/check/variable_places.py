@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from nvscope.check.check import Setting
 from nvscope.check.lists import names_of
 from nvscope.check.parameters import Unfit, near
-from nvscope.check.patterns import fits, is_pattern
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.sent_elements import typed
 from nvscope.list_key import ListKey
+from nvscope.name_patterns import fits, is_pattern
 from nvscope.view.fields.field import TelegramField
 
 MOST_VARIABLES = 10_000

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from dissectors import address
 from nvscope.check.check import Evidence
 from nvscope.check.parameters import Parameter, Unfit
-from nvscope.check.patterns import fits, is_pattern
+from nvscope.name_patterns import fits, is_pattern
 from nvscope.toml_table import TEXT, Place, ValueKind, array, choice
 from nvscope.units import endpoint
 
@@ -56,9 +56,14 @@ _NODES = array(ValueKind("node", _node, schema={"type": "string"}), single=True)
 
 
 def _nodes(value: Any, place: Place) -> tuple[str, ...]:
-    found: tuple[str, ...] = _NODES.read(value, place)
+    found = _nodes_or_none(value, place)
     if not found:
         raise place.error("no node is in it", "Name one, or leave the key out.")
+    return found
+
+
+def _nodes_or_none(value: Any, place: Place) -> tuple[str, ...]:
+    found: tuple[str, ...] = _NODES.read(value, place)
     if sum(map(is_pattern, found)) > _MOST_PATTERNS:
         raise place.error(f"there are more than {_MOST_PATTERNS} patterns in it", "Name networks: 192.168.1.0/24.")
     return found
@@ -66,6 +71,9 @@ def _nodes(value: Any, place: Place) -> tuple[str, ...]:
 
 NODES = ValueKind(_NODES.name, _nodes, schema=_NODES.schema)
 """Addresses, names of the project, patterns of both, and networks."""
+
+NODES_OR_NONE = ValueKind(_NODES.name, _nodes_or_none, schema=_NODES.schema)
+"""The same, where an empty array stands for nobody."""
 
 WHO = (
     Parameter("protocol", choice(*PROTOCOLS), "of the Parameter Manager (sdo) or of WebVisu (visu) only", None),

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from nvscope.check.parameters import Unfit
-from nvscope.check.patterns import fits, is_pattern
 from nvscope.check.who_asks import PROTOCOLS, Pair
+from nvscope.name_patterns import fits, is_pattern
 from nvscope.toml_table import TEXT, Place, ValueKind, array
 from nvscope.units import parameter
 
@@ -90,5 +90,5 @@ PLACES = ValueKind(_TEXTS.name, _places, schema=_TEXTS.schema)
 
 def refuse_nothing(told: Mapping[str, Any]) -> None:
     """Raise Unfit where a rule says neither who may write nor what may be written."""
-    if not told["only_by"] and not told["only_to"]:
+    if told["only_by"] is None and not told["only_to"]:
         raise Unfit("writes need only_by, only_to, or both", next_step='only_by = "hmi" says who may write')

@@ -110,6 +110,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
         ),
         "visu list": (
             ("nvscope visu list 192.168.1.3", "what its visualizations show, and where that lies"),
+            ("nvscope visu list 192.168.1.3 'PLC_PRG.*' .OUT0", "some of it"),
             ("nvscope visu list http://192.168.1.3:8080/plc/webvisu.htm --json", "the same for programs"),
         ),
         "visu read": (

@@ -137,6 +137,14 @@ def _poll(
 @app.command("list", cls=Command)
 def list_variables(
     url: UrlArgument,
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="NAME…",
+            help="List these alone: names, in any case, * for any text and ? for one character; or addresses.",
+            show_default=False,
+        ),
+    ] = None,
     page: PageOption = None,
     project: ProjectOption = None,
     timeout: TimeoutOption = "5s",
@@ -153,7 +161,7 @@ def list_variables(
     wanted = Wanted(url, project, (), page or (), timeout, allow_network, secrets=False)
     client = client_of(wanted)
     failed = client.find_page() or client.fetch_lists(wanted.pages or LISTS)
-    document = client.listed() if failed is None else client.document("list", failed)
+    document = client.listed(names or ()) if failed is None else client.document("list", failed)
     finish(document, as_json=as_json, colour=colour_wanted(colour))
 
 

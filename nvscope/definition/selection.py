@@ -15,6 +15,7 @@ from nvscope.definition.variables import Element
 from nvscope.enumeration import first_few
 from nvscope.errors import UsageError
 from nvscope.list_key import ANY_CHANNEL, ListKey, Transport
+from nvscope.name_patterns import expression_of
 from nvscope.units import cob_id, list_key
 
 _MOST_NEAR = 3
@@ -83,7 +84,7 @@ def select(layouts: Layouts, name: str, list_name: str | None = None) -> Selecti
     if list_name is not None:
         lists = lists_named(lists, list_name, layouts.unplaced)
     wanted = _plain(rest)
-    matches = re.compile(rf"{_pattern(wanted)}(?:[.\[].*)?", re.DOTALL).fullmatch
+    matches = re.compile(rf"{expression_of(wanted)}(?:[.\[].*)?", re.DOTALL).fullmatch
     found = Selection()
     names: dict[str, str] = {}
 
@@ -266,7 +267,3 @@ def _as_written(key: ListKey) -> tuple[str, ...]:
 
 def _plain(name: str) -> str:
     return "".join(name.split()).lower().replace("...", "…")
-
-
-def _pattern(wanted: str) -> str:
-    return re.escape(wanted).replace(r"\*", ".*").replace(r"\?", ".")

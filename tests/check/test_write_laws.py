@@ -9,8 +9,8 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nvscope.check.patterns import fits
 from nvscope.check.verdict import Judged, Verdict
+from nvscope.name_patterns import fits
 from tests.check.requests import decided, of_frames
 from tests.laws import examples
 from tests.oracle.builders import SECOND

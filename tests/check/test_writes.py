@@ -91,6 +91,7 @@ def subjects(frames: Sequence[Frame], rule: dict[str, Any], **how: Any) -> list[
         (writes(only_by="10.0.0.0/31"), [(HMI, PASS, 0), (SERVICE, FAIL, 1)]),
         (writes(only_by="10.0.?.1"), [(HMI, PASS, 0), (SERVICE, FAIL, 1)]),
         (writes(only_by=NOBODY), [(HMI, FAIL, 2), (SERVICE, FAIL, 1)]),
+        (writes(only_by=[]), [(HMI, FAIL, 2), (SERVICE, FAIL, 1)]),
         (writes(only_to="0x2000:1"), [(HMI, FAIL, 1), (SERVICE, PASS, 0)]),
         (writes(only_to="8192:1"), [(HMI, FAIL, 1), (SERVICE, PASS, 0)]),
         (writes(only_to="0X2000:01"), [(HMI, FAIL, 1), (SERVICE, PASS, 0)]),
@@ -182,7 +183,8 @@ def test_a_request_that_is_repeated_is_one_write() -> None:
 @pytest.mark.parametrize(
     ("told", "what"),
     [
-        ({}, "only_by, only_to, or both"), ({"only_by": []}, "no node is in it"), ({"only_to": []}, "nothing is in it"),
+        ({}, "only_by, only_to, or both"), ({"requester": []}, "no node is in it"),
+        ({"only_to": []}, "nothing is in it"),
         ({"only_by": "10.0.0.0/99"}, "is no network"), ({"only_by": HMI, "list": 7}, "about no list"),
         ({"only_to": ["*x"] * 101}, "more than 100 patterns"), ({"only_on": HMI}, "unknown key"),
         ({"only_by": 7}, "text is expected"),

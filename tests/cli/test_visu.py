@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import signal
 import socket
 import subprocess
@@ -140,6 +141,27 @@ def test_variables_are_listed(controller: Served) -> None:
     assert ["PLC_PRG.rSpeed", "REAL", "global", "100", "4", "4,100,4,6"] in rows
     assert [".OUT0", "BOOL", "outputs", "48", "0", "2,48,0,0"] in rows
     assert posted(controller) == []
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        ("*.rspeed", ["PLC_PRG.rSpeed"]), ("OUT0 2,48,0,0 plc_prg.rSpeed", ["PLC_PRG.rSpeed", ".OUT0"]),
+        ("PLC_PRG.nW?", ["PLC_PRG.nWo"]), ("4,100,4,REAL", ["PLC_PRG.rSpeed"]),
+    ],
+)  # fmt: skip
+def test_some_variables_are_listed(controller: Served, words: str, found: list[str]) -> None:
+    done = visu("list", controller.url, *words.split(), "--json")
+    assert [one["name"] for one in json.loads(done.stdout)["variables"]] == found, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("word", "told"),
+    [("PLC_PRG.rSpede", "The nearest known one is"), ("x*", "is like 'x*'"), ("4,9,9,1", "is at '4,9,9,1'")],
+)
+def test_what_is_not_in_the_lists_is_told(controller: Served, word: str, told: str) -> None:
+    done = visu("list", controller.url, ".OUT0", word)
+    assert (done.returncode, done.stdout, told in done.stderr) == (2, "", True), done.stderr
 
 
 def test_names_come_from_files_and_other_pages(controller: Served, tmp_path: Path) -> None:
@@ -336,7 +358,7 @@ def test_the_examples_of_the_help_do_what_they_say(tmp_path: Path, line: str) ->
     """They do when a controller on this machine is asked, often, and nobody is to be asked before it is written."""
     with served(tmp_path, TABLE + '"PLC_PRG.sName" = { address = "4,146,81,8", value = "x" }') as one:
         text = line.replace("192.168.1.3:8080", "192.168.1.3").replace("192.168.1.3", f"{LOCAL}:{one.port}")
-        words = text.replace("--every 1s", "--every 1ms").split()[1:]
+        words = shlex.split(text.replace("--every 1s", "--every 1ms"))[1:]
         yes = ["--yes"] if words[1] == "write" and "--yes" not in words else []
         done = run_text(*words, *yes, "--timeout", "20s", cwd=tmp_path)
     assert (done.returncode, bool(done.stdout)) == (0, True), done.stderr

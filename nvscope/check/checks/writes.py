@@ -13,7 +13,7 @@ from nvscope.check.check import Check, Evidence
 from nvscope.check.kept_frames import first_of, frames_of
 from nvscope.check.parameters import Parameter
 from nvscope.check.verdict import Judged, Verdict
-from nvscope.check.who_asks import NODES, PROTOCOLS, SDO, WHO, Asking, Nodes
+from nvscope.check.who_asks import NODES_OR_NONE, PROTOCOLS, SDO, WHO, Asking, Nodes
 from nvscope.check.written_places import PLACES, Places, Written
 from nvscope.check.written_while import Times, WrittenWhile, watch_writes
 from nvscope.enumeration import first_few
@@ -48,7 +48,7 @@ class _Writer:
 def _writes(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
     watched: WrittenWhile = told["watched"]
     asking, names = Asking(known, told), known.project.node_names
-    who, what = Nodes(told["only_by"], names), Places(told["only_to"], names)
+    who, what = Nodes(told["only_by"] or (), names), Places(told["only_to"], names)
     if asking.unknown:
         reason = f"no node is called {', '.join(asking.unknown)}"
         yield Judged(Verdict.INCONCLUSIVE, reason=reason, vacuous=True)
@@ -85,7 +85,7 @@ def _order(writer: tuple[str, str]) -> tuple[object, ...]:
 def _may(written: Written, who: Nodes, what: Places, told: Mapping[str, Any]) -> bool | None:
     """Tell whether a write is allowed; None where nobody knows, for something has no name, or nobody has one."""
     by: bool | None = True
-    if told["only_by"]:
+    if told["only_by"] is not None:
         by = written.pair.client in who or (None if who.unknown else False)
     to = what.holds(written) if told["only_to"] else True
     if by is False or to is False:
@@ -173,7 +173,10 @@ CHECKS = (
         'check = "writes"\nonly_by = ["hmi", "192.168.1.0/28"]\nonly_to = ["0x2000:*", "visu/*/PLC_PRG.*"]', _writes,
         (
             *WHO,
-            Parameter("only_by", NODES, "who may write, by address, name, pattern or network; else anybody", ()),
+            Parameter(
+                "only_by", NODES_OR_NONE,
+                "who may write, by address, name, pattern or network, [] is nobody; without it, anybody", None,
+            ),
             Parameter(
                 "only_to", PLACES, "what may be written: 0x2000:1, names, patterns; sdo/NODE/… and visu/NODE/…", ()
             ),

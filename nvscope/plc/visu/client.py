@@ -67,9 +67,9 @@ class VisuClient:
         self.known = known_of(lists)
         return None if lists else "no_list"
 
-    def listed(self) -> dict[str, Any]:
-        """Return all variables that are known."""
-        return self.document("list", "listed", [variable_row(one, "listed") for one in self.known.listed])
+    def listed(self, words: Sequence[str] = ()) -> dict[str, Any]:
+        """Return the variables that are known, of some names where there are any (``KnownVariables.chosen``)."""
+        return self.document("list", "listed", [variable_row(one, "listed") for one in self.known.chosen(words)])
 
     def forget(self) -> None:
         """Forget what was asked so far: documents are of what comes now."""

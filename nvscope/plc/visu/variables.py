@@ -13,6 +13,7 @@ from nvscope.definition.visu_passwords import NO_PASSWORDS, Passwords
 from nvscope.definition.visu_values import scalar_at
 from nvscope.definition.visu_variables import VisuVariables, read_visu_variables
 from nvscope.errors import ConfigurationError, UsageError
+from nvscope.name_patterns import fits, is_pattern
 
 _ADDRESS = re.compile(r"(\d{1,10}),(\d{1,10}),(\d{1,10}),(\d{1,10}|[A-Za-z]{1,20})", re.ASCII)
 _MOST_NAMED = 5
@@ -84,6 +85,26 @@ class KnownVariables:
             f"no variable is called '{word[:60]}'",
             next_step=nearest(word, [one.name for one in self.listed]) or hint,
         )  # fmt: skip
+
+    def chosen(self, words: Sequence[str]) -> Sequence[Variable]:
+        """Return those that words stand for (names, addresses, patterns), in the order of the lists; all without words.
+
+        UsageError for a word that stands for none.
+        """
+        if not words:
+            return self.listed
+        rows: set[int] = set()
+        for word in words:
+            place = place_of(word)
+            found = [
+                row for row, one in enumerate(self.listed)
+                if one.place == place or fits(word, one.name) or fits(f".{word}", one.name)
+            ]  # fmt: skip
+            if not found and (place is not None or is_pattern(word)):
+                what = "like" if place is None else "at"
+                raise UsageError(f"no variable is {what} '{word[:60]}'", next_step="without names, all are listed")
+            rows.update(found or [self.listed.index(self.find(word))])
+        return [self.listed[row] for row in sorted(rows)]
 
 
 def place_of(word: str) -> Place | None:

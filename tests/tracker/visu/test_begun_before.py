@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.laws import examples
+from tests.laws import cut_sizes, examples
 from tests.oracle.tcp_line import Line
 from tests.packets import batch_of, cut
 from tests.tracker.visu.followed import by_the_rules, followed, told, writes_by_the_rules, writes_of
@@ -25,7 +25,7 @@ UNCLEAR = "nobody knows what answers frame 1"
 def became(line: Line) -> list[str]:
     """Return what became of writes: by the rules, too, and the same however the frames are cut."""
     rules = by_the_rules(line.frames)
-    for packets in range(1, len(line.frames) + 1):
+    for packets in cut_sizes(len(line.frames)):
         state = followed(cut(batch_of(line.frames), packets))
         assert told(state)[1] == rules.findings()
         assert writes_of(state) == writes_by_the_rules(rules)

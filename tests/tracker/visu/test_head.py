@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from tests.laws import cut_sizes
 from tests.oracle.tcp_line import Line
 from tests.packets import batch_of, cut
 from tests.tracker.visu.followed import by_the_rules, followed, told, writes_by_the_rules, writes_of
@@ -19,7 +20,7 @@ LENGTHS += [b"Content-Length: -1\r\n", b"Transfer-Encoding: chunked\r\n"]
 def outcomes(line: Line) -> list[str]:
     """Return what became of writes, by the rules, too, and the same however the frames are cut."""
     rules = by_the_rules(line.frames)
-    for packets in range(1, len(line.frames) + 1):
+    for packets in cut_sizes(len(line.frames)):
         state = followed(cut(batch_of(line.frames), packets))
         assert writes_of(state) == writes_by_the_rules(rules)
         assert told(state)[1] == rules.findings()

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from nvscope.tracker.other_copies import REACH_BYTES
 from nvscope.view.lines.plant.visu import remarks
-from tests.laws import examples
+from tests.laws import cut_sizes, examples
 from tests.oracle.builders import SECOND
 from tests.oracle.tcp import SYN
 from tests.oracle.tcp_line import Line
@@ -28,7 +28,7 @@ AGAIN = "sent again with other bytes (2 bytes): what came first is shown, the re
 def other_bytes(line: Line) -> int:
     """Return how many are told: by the rules, too, and the same however the frames are cut."""
     rules = by_the_rules(line.frames)
-    for packets in range(1, len(line.frames) + 1):
+    for packets in cut_sizes(len(line.frames)):
         state = followed(cut(batch_of(line.frames), packets))
         rows, findings = told(state)
         assert findings == rules.findings()

@@ -10,6 +10,7 @@ from nvscope.findings.judge import judge
 from nvscope.protocols.table import judges_of
 from nvscope.protocols.visu import VISU
 from tests.analysis.transactions.test_transactions import transactions
+from tests.laws import cut_sizes
 from tests.oracle.builders import SECOND
 from tests.oracle.frame import Frame
 from tests.oracle.tcp_line import Line
@@ -156,7 +157,7 @@ def test_no_body_was_sent_whatever_its_length_would_have_been(
         line.ask(more[begin:end])
     line.answer(DONE).ask(HEAD + BODY).answer(DONE)
     expected = [("8.5", "confirmed")] * (behind != b"GET / HTTP/1.1\r\n\r\n") + [("9.5", "confirmed")]
-    for packets in range(1, len(line.frames) + 1):
+    for packets in cut_sizes(len(line.frames)):
         state = followed(cut(batch_of(line.frames), packets))
         assert [one[7:9] for one in writes_of(state)] == expected
 
@@ -204,7 +205,7 @@ def test_what_answers_it_comes_before_what_shows_that_it_has_no_body(length: byt
         for behind in (HEAD + OTHER, b"HEAD /plc/x HTTP/1.1\r\n\r\n"):
             line = line.answer(answers).ask(behind).answer(DONE).ask(start)
         rules = by_the_rules(line.frames)
-        for packets in range(1, len(line.frames) + 1):
+        for packets in cut_sizes(len(line.frames)):
             state = followed(cut(batch_of(line.frames), packets))
             assert told(state)[1] == rules.findings()
             assert writes_of(state) == writes_by_the_rules(rules)

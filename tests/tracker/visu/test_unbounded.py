@@ -7,6 +7,7 @@ import pytest
 from nvscope.findings.judge import judge
 from nvscope.protocols.table import judges_of
 from nvscope.protocols.visu import VISU
+from tests.laws import cut_sizes
 from tests.oracle.tcp_line import Line
 from tests.packets import batch_of, cut
 from tests.tracker.visu.followed import by_the_rules, followed, told, writes_by_the_rules, writes_of
@@ -24,7 +25,7 @@ def with_length(says: bytes, of: bytes = HEAD) -> bytes:
 def became(line: Line) -> list[str]:
     """Return what became of writes: by the rules, too, and the same however the frames are cut."""
     rules = by_the_rules(line.frames)
-    for packets in range(1, len(line.frames) + 1):
+    for packets in cut_sizes(len(line.frames)):
         state = followed(cut(batch_of(line.frames), packets))
         rows, findings = told(state)
         assert findings == rules.findings()
