@@ -375,7 +375,8 @@ class Conversation:
         if asked.asked.request is None:
             return
         if kind is Kind.CUT:
-            tell(Happened(kind, self.connection, order, message, NOTHING, 0, 0, 0, False))
+            frame = asked.order >> ORDER_BITS
+            tell(Happened(kind, self.connection, order, message, NOTHING, 0, frame, 0, False))
             return
         latency_ns = arrival_ns - asked.arrival_ns if kind in (Kind.REPLY, Kind.GIVEN_UP, Kind.LEFT) else 0
         latency_ns = UNMEASURED_NS if kind is Kind.REPLY and asked.is_early else latency_ns
@@ -393,7 +394,7 @@ class Conversation:
             if reach is not None:  # they are the client's
                 self.unseen.miss(reach.behind, form.missing_bytes)
             if self.is_visu or reach is not None:
-                kind = Kind.GAP if self.is_visu else Kind.HIDDEN
+                kind = Kind.REPLY_GAP if reach is None else Kind.GAP if self.is_visu else Kind.HIDDEN
                 tell(Happened(kind, self.connection, order, -1, NOTHING, 0, 0, form.missing_bytes, False))
             else:
                 self.gap_bytes += form.missing_bytes

@@ -78,7 +78,7 @@ def message_words(part: VisuBatch, message: int, *, secrets: bool = False, value
     """
     messages = part.messages
     kind, asked = Kind(int(messages.kind[message])), int(messages.asked[message])
-    if kind is Kind.GAP:
+    if kind in (Kind.GAP, Kind.REPLY_GAP):
         return f"{units.count_of(int(messages.gap_bytes[message]), 'byte')} missing"
     if kind is Kind.CUT:
         return _CUT.get(Outcome(int(messages.outcome[message])), "cut: bytes are missing")

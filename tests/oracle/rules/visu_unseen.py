@@ -57,9 +57,14 @@ def is_answered(talk: Talk, message: Message) -> bool:
     return True
 
 
+def is_of_page(talks: Collection[Talk], pair: Pair) -> bool:
+    """Tell whether a connection between two shows a request of a page."""
+    return any(talk.pair == pair and talk.had_request for talk in talks)
+
+
 def gap_bytes(talks: Collection[Talk], pair: Pair) -> int:
     """Return how many bytes are missing of the connections of a pair, as far as they may be those of pages."""
-    own = [talk for talk in talks if talk.pair == pair]
-    if not any(talk.had_request for talk in own):
+    if not is_of_page(talks, pair):
         return 0
+    own = [talk for talk in talks if talk.pair == pair]
     return sum(talk.gap_bytes[True] + (talk.gap_bytes[False] if talk.had_request else 0) for talk in own)
