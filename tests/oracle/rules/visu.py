@@ -329,8 +329,8 @@ class Visu:
         if answer.miscounted or answer.ambiguous:
             self.find("NV804", talk)
         self.happened["no value"] += None in answer.values
-        for entry, value in zip(asked.entries, answer.values, strict=False):
-            if value is not None and self.is_password(talk, entry.address):
+        for entry, seen in zip(asked.entries, answer.seen, strict=False):
+            if seen and self.is_password(talk, entry.address):
                 self.happened["password read"] += 1
                 self.find("NV803", talk, entry.address)
 
