@@ -279,17 +279,19 @@ class Exchanges:
 
     def _with_pairs(self, said: Said) -> tuple[Said, I64]:
         """Return what is told of what is said, and the pair of each."""
-        is_hidden = said.kind == Kind.HIDDEN
-        words = self._words(said.connection)
-        pair = np.empty(len(said), np.int64)
-        pair[~is_hidden] = self.pairs.numbers_within(MOST_PAIRS, *(word[~is_hidden] for word in words))
-        # What may be no page's is numbered with none.
-        pair[is_hidden] = self.pairs.find(*(word[is_hidden] for word in words))
+        is_hidden, words = said.kind == Kind.HIDDEN, self._words(said.connection)
+        if is_hidden.any():
+            pair = np.empty(len(said), np.int64)
+            pair[~is_hidden] = self.pairs.numbers_within(MOST_PAIRS, *(word[~is_hidden] for word in words))
+            # What may be no page's is numbered with none.
+            pair[is_hidden] = self.pairs.find(*(word[is_hidden] for word in words))
+        else:
+            pair = self.pairs.numbers_within(MOST_PAIRS, *words)
         shown = self._hidden.told(said, pair, words)
         self._left_out[Beyond.PAIR] += self._hidden.left_out + int((shown.stays & (pair < 0)).sum())
         self._hidden.left_out = 0
-        stays = shown.stays & (pair >= 0)
-        return replace(said, kind=shown.kind, gap_bytes=shown.gap_bytes).take(stays), pair[stays]
+        said, stays = replace(said, kind=shown.kind, gap_bytes=shown.gap_bytes), shown.stays & (pair >= 0)
+        return (said, pair) if stays.all() else (said.take(stays), pair[stays])
 
     def _words(self, connection: I64) -> tuple[U64, ...]:
         ends = self._connections.ends_of(connection)
