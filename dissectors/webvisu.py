@@ -7,7 +7,7 @@ bytes raise, and what is wrong with a body is told beside what could be read of 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 from functools import cached_property
@@ -276,6 +276,24 @@ def read_reply(request: Request, body: bytes) -> Reply:
         surplus = 0
     values = tuple(None if text == UNREADABLE else text for text in fields[:asked])
     return Reply(Answer.DONE if not surplus else Answer.MISCOUNTED, values)
+
+
+def seen_in_reply(request: Request, body: bytes) -> Collection[int]:
+    """Return the places of the entries of a read whose values are in a reply, whichever way that is divided."""
+    reply = read_reply(request, body)
+    if reply.answer is not Answer.AMBIGUOUS:
+        return {place for place, value in enumerate(reply.values) if value is not None}
+    fields, strings = _reply_fields(body), [place for place, entry in enumerate(request.entries) if entry.is_string]
+    surplus = len(fields) - len(request.entries)
+    # What is there alone lies so many fields behind its place as texts in front of it may have too many.
+    moves = (
+        (0 if place < strings[-1] else surplus, surplus if place > strings[0] else 0)
+        for place in range(len(request.entries))
+    )
+    return {
+        place for place, (least, most) in enumerate(moves)
+        if UNREADABLE not in fields[place + least : place + most + 1]
+    }  # fmt: skip
 
 
 def is_like_reply(body: bytes) -> bool:

@@ -239,9 +239,11 @@ def _refused(document: Document) -> tuple[str, str]:
             f"{_doing(document)}: the controller refuses it",
             "check that it may be written, and that nobody else has write access (.CurrentWriteAccessClientId)",
         )
-    status = f"{_doing(document)}: HTTP status {last['status']}{_open_end(document)}"
+    told, end = f"{_doing(document)}: HTTP status {last['status']}", _open_end(document)
     if last["location"]:
-        return f"{status}, which leads to {last['location']}", "name that URL if it is the page of the controller"
+        leads = f", which leads to {last['location']}"
+        return f"{told}{leads}{end}", "name that URL if it is the page of the controller"
+    status = f"{told}{end}"
     if last["status"] == 404:
         return status, "check the path of the page; without one, the usual ones are looked for"
     if last["status"] in (401, 403):

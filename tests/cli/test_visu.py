@@ -36,6 +36,7 @@ TABLE = """
 ".CurrentPassword" = { address = "4,481,41,STRING", value = "geheim" }
 """
 READ, WRITE = False, True
+MOVED = b"HTTP/1.0 302 Found\r\nLocation: /login\r\n\r\n"
 
 
 @pytest.fixture
@@ -247,6 +248,8 @@ def test_what_can_only_be_written_is(controller: Served) -> None:
         ([replied(b"|red|")], 3, "answers 'red' for 4,0,2,1, which is no INT; nothing was written"),
         ([replied(b"<html></html>")], 1, "what answers is no WebVisu of CoDeSys V2.3; nothing was written"),
         ([replied(b"|1|"), replied(b"OK")], 1, "is not written: the controller refuses it"),
+        ([MOVED], 1, "is not read: HTTP status 302, which leads to /login; nothing was written"),
+        ([replied(b"|1|"), MOVED], 1, "HTTP status 302, which leads to /login; whether it was written is not known"),
     ],
 )
 def test_servers_that_break_off_in_the_middle(answers: list[bytes], code: int, told: str) -> None:

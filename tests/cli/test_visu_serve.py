@@ -68,7 +68,8 @@ def test_it_answers_tells_and_ends_in_order(tmp_path: Path, number: int) -> None
     bodies = (
         b"|0|2|0|4|0|4|6|1|4|4|6|8|", b"|1|1|0|4|0|4|6|0.5|", b"|1|1|0|4|10|2|1|9|", b"|1|1|0|4|12|2|1|9|",
         b"|0|1|0|4|14|2|1|", b"|0|1|0|4|16|2|1|", b"|0|1|0|4|20|41|8|", b"|1|1|0|4|20|41|8|neues|",
-        b"|0|9|0|4|99|2|1|", b"|0|0|", b"|1|2|0|4|20|41|8|neues|", b"|0|",
+        b"|0|9|0|4|99|2|1|", b"|0|0|", b"|1|2|0|4|20|41|8|neues|", b"|1|1|0|4|0|4|6|0.5|7|",
+        b"|0|",
     )  # fmt: skip
     with serving(tmp_path) as one:
         assert one.first.startswith(f"nvscope: {tmp_path}/t.toml: 7 variables at ")
@@ -95,6 +96,7 @@ def test_it_answers_tells_and_ends_in_order(tmp_path: Path, number: int) -> None
         "read  4,99,2,1 = ???  ! declares 9",
         f"POST {PAGE}  ✗ 400 malformed: it asks for no variable",
         f"POST {PAGE}  ✗ 400 malformed: it declares 2 variables and has 1",
+        f"POST {PAGE}  ✗ 400 malformed: it has 1 field more than its variables",
         f"POST {PAGE}  ✗ 400 malformed: no request of a WebVisu page",
         "GET /plc/WRITEPI  ✗ 400 malformed: MX1\\x1b is no address such as MW230",
         "GET /plc/webvisu.htm?ReadPI  ✗ 400 malformed: it names no address (ADR)",
@@ -102,7 +104,7 @@ def test_it_answers_tells_and_ends_in_order(tmp_path: Path, number: int) -> None
         "GET /plc/visu_ini.xml  200",
         "✗ 400 malformed: no request",
     ]
-    told = "17 requests, 6 answered, 1 for files, 2 refused, 1 not found, 6 malformed, 1 dropped"
+    told = "18 requests, 6 answered, 1 for files, 2 refused, 1 not found, 7 malformed, 1 dropped"
     assert summary == f"nvscope: {told}.\n"
 
 

@@ -40,6 +40,7 @@ HAPPENINGS = {
     "given up", "list that is not whole, or not read", "may answer what was not captured", "names", "no value",
     "nobody knows what answers it", "other names", "other request", "password read", "password written",
     "read with an HTTP error", "reply of a server that nobody heard", "request of a client that nobody heard",
+    "request that was not seen",
     "response to a forgotten request", "response to nobody", "response to what was not captured", "server lost step",
     "several wait", "slow", "waiting forgotten",
 }  # fmt: skip

@@ -134,7 +134,8 @@ class Controller:
             return self._plain(Result.NOT_FOUND, request, 404, "no such page")
         asked = read_request(request.body)
         # Who counts wrong in a read gets what he names, as controllers do; nothing is written by guess.
-        if asked is None or not asked.entries or asked.ambiguous or (asked.writes and asked.is_miscounted):
+        is_guess = asked is not None and asked.writes and (asked.is_miscounted or asked.may_write_more)
+        if asked is None or not asked.entries or is_guess:
             handled = self._plain(Result.MALFORMED, request, 400, "no request of a WebVisu page")
             return handled if asked is None else replace(handled, why=_why_not_answered(asked))
         return self._asked(request, asked)
@@ -227,6 +228,8 @@ class Controller:
 def _why_not_answered(asked: Request) -> str:
     if not asked.entries:
         return "it asks for no variable"
+    if asked.rest:
+        return f"it has {count_of(asked.rest, 'field')} more than its variables"
     if asked.ambiguous:
         return "a | in its texts: nobody knows what belongs to which"
     return f"it declares {count_of(asked.declared, 'variable')} and has {len(asked.entries)}"

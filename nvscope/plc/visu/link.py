@@ -88,7 +88,10 @@ class VisuLink:
             # A ValueError comes where a chunk has a length below 0.
             is_cut = connected is not None and connected.is_ended
             ending = _ending_of(error, is_over=deadline.is_over, is_cut=is_cut)
-            return Exchange(method, path, ending, status, why=_why(error), location=location)
+            # What is no HTTP behind a head is what parts its body.
+            is_malformed = status is not None and ending is Ending.NO_HTTP
+            why = "its chunks are malformed" if is_malformed else _why(error)
+            return Exchange(method, path, ending, status, why=why, location=location)
         finally:
             if connected is not None:
                 connected.close()
@@ -174,7 +177,11 @@ def _has_long_head(error: BaseException) -> bool:
 def _why(error: BaseException) -> str:
     if isinstance(error, TimeoutError):
         return "timed out"
-    told = str(getattr(error, "strerror", None) or error).strip() or type(error).__name__
+    # urllib3 wraps what is wrong within a body, and says it twice.
+    cause = error.args[-1] if isinstance(error, urllib3.exceptions.ProtocolError) and error.args else error
+    if isinstance(cause, http.client.IncompleteRead):
+        return "its body is not whole"
+    told = str(getattr(cause, "strerror", None) or cause).strip() or type(cause).__name__
     if _has_long_head(error):
         told = told.removeprefix("got ").replace("when reading header line", "in one header")
     return told[:_LONGEST_WHY]

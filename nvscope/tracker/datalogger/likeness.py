@@ -40,6 +40,7 @@ class DatabaseLikeness:
 
     name = NAME
     counts_missed = True
+    ends_late = False
 
     def __init__(self, given: Mapping[str, str]) -> None:
         self._given = {full: plain(name) for full, name in given.items()}

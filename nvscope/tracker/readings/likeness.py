@@ -13,7 +13,8 @@ from nvscope.tracker.readings.readings import Readings, ReadValues
 class Likeness(Protocol):
     """What is known of it for the values of one protocol, ``name``.
 
-    ``counts_missed``: what lists carried, and nobody told, is counted.
+    ``counts_missed``: what lists carried, and nobody told, is counted. ``ends_late``: where a value should have been
+    told again, and is not, nobody knows what it is.
     """
 
     @property
@@ -21,6 +22,9 @@ class Likeness(Protocol):
 
     @property
     def counts_missed(self) -> bool: ...
+
+    @property
+    def ends_late(self) -> bool: ...
 
     def read(self) -> ReadValues:
         """Return what finds the values."""

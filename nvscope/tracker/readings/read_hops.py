@@ -18,12 +18,13 @@ from nvscope.definition.layouts import Layouts
 from nvscope.definition.variables import Element
 from nvscope.engine.told import Told
 from nvscope.list_key import ListKey
+from nvscope.tracker.readings.cadence import Cadence
 from nvscope.tracker.readings.form import UNKNOWN_TEXT, Form
 from nvscope.tracker.readings.likeness import Likeness, plain
 from nvscope.tracker.readings.readings import Holes, Readings, ReadVariable
 from nvscope.tracker.readings.value_history import Reading
 from nvscope.tracker.variables.data_telegrams import DataTelegrams, Stream, Telegrams, joined
-from nvscope.tracker.variables.following import HOLE, UNKNOWN, Pair, Reached, Side, add_rest, compare, remember
+from nvscope.tracker.variables.following import HOLE, UNKNOWN, Changed, Pair, Reached, Side, add_rest, compare, remember
 
 MOST_PAIRS = 10_000
 """So many pairs are compared, the first ones."""
@@ -38,10 +39,20 @@ class _End(Side):
 
 @dataclass(slots=True)
 class ReadEnd(_End):
-    """A variable whose values come one by one, and the last of these, None before any."""
+    """A variable whose values come one by one, and the last of these, None before any.
+
+    ``cadence`` tells until when a value counts where nobody says what it is from then on; ``is_over``: that time is.
+    """
 
     variable: ReadVariable
     last: Reading | None = None
+    cadence: Cadence | None = None
+    is_over: bool = False
+
+    def known_until(self, end_ns: int | None) -> int | None:
+        """Return until when its value is known, up to the end of the capture."""
+        until_ns = None if self.cadence is None else self.cadence.until_ns
+        return end_ns if until_ns is None or end_ns is None else min(end_ns, until_ns)
 
 
 @dataclass(slots=True)
@@ -121,6 +132,7 @@ class ReadHops:
             for readings in () if first is None else chain([first], found):
                 self._take_readings(told, readings, holes, fresh)
             self._told(holes, fresh)
+        self._end_values(int(told.packets.ts_ns.max()), fresh)
         telegrams = joined(self._read.of(told))
         for one in telegrams:
             self._take_telegrams(one, fresh)
@@ -148,6 +160,21 @@ class ReadHops:
                 pair.until_ns = None
                 pair.first.forget()
             compared.end.forget()
+            self._begin_cadence(compared.end)
+
+    def _begin_cadence(self, end: ReadEnd) -> None:
+        """Begin to learn how often a variable is told, where no more than that says for how long its value counts."""
+        if self._likeness.ends_late:
+            end.cadence, end.is_over = Cadence(self._values.late_percent), False
+
+    def _end_values(self, now_ns: int, fresh: dict[int, tuple[I64, U64]]) -> None:
+        """Take that of variables that should have been told again by now, nobody knows the value any more."""
+        for compared in self._compared.values():
+            end = compared.end
+            until_ns = end.known_until(None if end.cadence is None else now_ns)
+            if until_ns is not None and until_ns < now_ns and not end.is_over:
+                _add(end, np.array([until_ns]), np.array([HOLE]), fresh)
+                end.is_over = True
 
     def _compare(self, fresh: dict[int, tuple[I64, U64]]) -> None:
         for compared in self._compared.values():
@@ -202,6 +229,8 @@ class ReadHops:
                 place = np.searchsorted(readings.row[own], before.row)
                 times = np.insert(times, place, before.after_ns)
                 values = np.insert(values, place, HOLE)
+            if compared.end.cadence is not None:
+                times, values = _ended(compared.end, compared.end.cadence, times, values)
             _add(compared.end, times, values, fresh)
             compared.end.telegrams -= int(np.count_nonzero(readings.form[own] == Form.UNKNOWN))
             last = int(own[-1])
@@ -223,6 +252,7 @@ class ReadHops:
             return None
         lists = self._elements[name]
         found = self._compared[number] = _Compared(ReadEnd(variable))
+        self._begin_cadence(found.end)
         for key in lists:
             self._matches.setdefault(key, []).append(_Match(number, name, frame))
         return found
@@ -293,6 +323,16 @@ class ReadHops:
 
 def _key(telegrams: Telegrams) -> tuple[int, int, int]:
     return telegrams.stream.number, telegrams.items, telegrams.data.shape[1]
+
+
+def _ended(end: ReadEnd, cadence: Cadence, time_ns: I64, values: U64) -> Changed:
+    """Return values with a hole where one comes late: for so long, nobody knows what was there."""
+    over_ns = cadence.over(time_ns)
+    late = np.flatnonzero(over_ns >= 0)
+    if end.is_over:  # that is known already
+        late = late[late > 0]
+    end.is_over = False
+    return np.insert(time_ns, late, over_ns[late]), np.insert(values, late, HOLE)
 
 
 def _add(end: _End, time_ns: I64, values: U64, fresh: dict[int, tuple[I64, U64]]) -> None:

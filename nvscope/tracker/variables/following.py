@@ -213,7 +213,8 @@ class Pair(Generic[AnySide]):
     """Two ends of one variable: how the second follows the first, and the first the second.
 
     ``observed_ns`` is for how long both were known, ``differed_ns`` for how much of that they were not equal.
-    ``reached`` tells which changes of the first one the second took, None where nobody asks.
+    ``were_equal``: they were when both were known for the last time. ``reached`` tells which changes of the first one
+    the second took, None where nobody asks.
     """
 
     first: AnySide
@@ -223,6 +224,7 @@ class Pair(Generic[AnySide]):
     observed_ns: int = 0
     differed_ns: int = 0
     until_ns: int | None = None
+    were_equal: bool = False
     reached: Reached | None = None
     _told_ns: int | None = None
     _observed_since: int = 0
@@ -234,6 +236,8 @@ class Pair(Generic[AnySide]):
         spans = np.maximum(until_ns - begin_ns, 0)
         self.observed_ns += int(spans.sum())
         self.differed_ns += int(spans[differ].sum())
+        if len(differ):
+            self.were_equal = not bool(differ[-1])
         told_ns = self.second.told_ns
         if told_ns is None:
             return

@@ -24,6 +24,7 @@ from nvscope.tracker.visu.messages import UNMEASURED_NS, Kind
 from nvscope.tracker.visu.one_way import UNKNOWN
 from nvscope.tracker.visu.reach import NOWHERE, Reach, distance
 from nvscope.tracker.visu.turns import Turns
+from nvscope.tracker.visu.unseen_requests import Answered, UnseenRequests
 
 
 class Waiting(NamedTuple):
@@ -46,12 +47,14 @@ class Early(NamedTuple):
     """A response that came before the request was whole that it answers; its content, if it has any, is in its form.
 
     Of that request the head was there where it ``has_begun``; else ``reach`` tells whether it answers one that comes.
+    ``is_reply``: whatever it answers, it is parted as those of pages are.
     """
 
     form: Form
     arrival_ns: int
     reach: Reach
     has_begun: bool
+    is_reply: bool = False
 
 
 class Happened(NamedTuple):
@@ -93,6 +96,7 @@ class Conversation:
     early: deque[Early] = field(default_factory=deque)
     acknowledges: bool = False
     turns: Turns = field(default_factory=Turns)
+    unseen: UnseenRequests = field(default_factory=UnseenRequests)
     # Whether the last thing that happened to each direction was that bytes of it were missing.
     _lacks: list[bool] = field(default_factory=lambda: [False, False])
 
@@ -101,6 +105,7 @@ class Conversation:
         reach: Reach = NOWHERE,
     ) -> None:  # fmt: skip
         """Take what happens in the client's direction."""
+        self.unseen.waits &= form.what not in (What.WHOLE, What.CUT, What.PART)
         if form.what in (What.WHOLE, What.CUT):
             if self._is_of_page(form) or asked.request is not None:
                 # What is whole and nobody reads is no better known than what is cut.
@@ -119,6 +124,7 @@ class Conversation:
             if form.broken_by is not Side.CLIENT or self.has_early(reach):
                 self._wait(Waiting(asked if of_page else NOTHING, order, arrival_ns, reach=reach), tell)
         elif form.what is What.BROKEN:
+            is_known = self.waits or self._is_of_page(form)
             if self._is_of_page(form):
                 self._tell_request(Kind.CUT, NOTHING, order, message, tell)
                 if form.is_malformed:
@@ -127,21 +133,29 @@ class Conversation:
                 self.early.popleft()
             self._forget_waiting()
             self.turns.miss(reach.acknowledged)
-            self._lose_turns(0)
+            if self._lacks[0]:
+                self._lose_unseen(order, tell, is_known=is_known)
         elif form.what is What.END:
             if form.broken_by is None:
                 self.closed = Closed(order, arrival_ns)
                 if self.is_heard:
                     self._tell_leaving(Kind.LEFT, order, tell)
         else:
-            self._take_other(form, order, tell)
+            self._take_other(form, order, tell, reach)
         self.is_spoken |= form.what is not What.END
         self._lacks[0] = form.what is What.GAP
 
-    def _lose_turns(self, side: int) -> None:
-        """Take that a direction lost step: where bytes of it are missing, nobody knows how much was in them."""
-        if self._lacks[side]:
-            self.turns.lose()
+    def _lose_unseen(self, order: int, tell: Callable[[Happened], None], *, is_known: bool) -> None:
+        """Take that nobody knows what was in a hole, and how much; unless ``is_known``, it may hide a request."""
+        self.turns.lose()
+        self.unseen.waits = False
+        if not is_known:
+            for _ in range(self.unseen.lose(Answered(one.is_reply, one.reach.acknowledged) for one in self.early)):
+                self.tell_unseen(order, tell)
+
+    def tell_unseen(self, order: int, tell: Callable[[Happened], None]) -> None:
+        """Tell of a request of a page of which nothing was seen but its reply."""
+        self._tell_request(Kind.CUT, NOTHING, order, -1, tell)
 
     @property
     def waits(self) -> bool:
@@ -251,9 +265,9 @@ class Conversation:
             else:
                 self._tell_leaving(Kind.UNCLEAR, order, tell)
             self._forget_waiting()
-            # What has come before is known to answer the next request.
-            if not self.early:
-                self._lose_turns(1)
+            # What has come before is known to answer the next request; else nobody knows how much is missing.
+            if self._lacks[1] and not self.early:
+                self.turns.lose()
         elif form.what is What.END:
             self._tell_unanswered(order, arrival_ns, tell, by_client=form.broken_by is Side.CLIENT)
         elif form.what is What.PART:
@@ -293,7 +307,8 @@ class Conversation:
         """Return another one that is as this one is, of which nobody knows what the requests that wait ask for."""
         waiting = deque(one._replace(asked=NOTHING) for one in self.waiting)
         return replace(
-            self, waiting=waiting, early=deque(self.early), turns=replace(self.turns), _lacks=[*self._lacks]
+            self, waiting=waiting, early=deque(self.early), turns=replace(self.turns), unseen=replace(self.unseen),
+            _lacks=[*self._lacks],
         )  # fmt: skip
 
     def keep(self, early: Early) -> None:
@@ -305,7 +320,7 @@ class Conversation:
 
     def answer_early(self, order: int, message: int, tell: Callable[[Happened], None]) -> None:
         """Take that the request is whole, with an order, that was answered before; the response is a message now."""
-        form, arrival_ns, reach, has_begun = self.early.popleft()
+        form, arrival_ns, reach, has_begun, _ = self.early.popleft()
         if self.waiting:
             self.waiting[0] = self.waiting[0]._replace(is_early=True)
             # What answers a request that has begun may be sent before any more of that is there.
@@ -318,17 +333,14 @@ class Conversation:
 
     def miss_reply(self, order: int, size: int, tell: Callable[[Happened], None]) -> None:
         """Take that the server has sent bytes that were not captured: the reply to the first request is among them."""
-        self._miss(order, size, tell)
+        self._take_other(Form(What.GAP, missing_bytes=size), order, tell)
         self._tell_answer(Kind.CUT, self.waiting[0], order, 0, -1, tell)
         self._forget_waiting()
 
     def miss_request(self, order: int, size: int, tell: Callable[[Happened], None]) -> None:
         """Take that the client has sent bytes that were not captured, a request of a page among them."""
-        self._miss(order, size, tell)
-        self._tell_request(Kind.CUT, NOTHING, order, -1, tell)
-
-    def _miss(self, order: int, size: int, tell: Callable[[Happened], None]) -> None:
-        self._take_other(Form(What.GAP, missing_bytes=size), order, tell)
+        self._take_other(Form(What.GAP, missing_bytes=size), order, tell, NOWHERE)
+        self.tell_unseen(order, tell)
 
     def _tell_unbounded(self, form: Form, order: int, tell: Callable[[Happened], None]) -> None:
         if form.is_endless:
@@ -363,22 +375,26 @@ class Conversation:
         if asked.asked.request is None:
             return
         if kind is Kind.CUT:
-            tell(Happened(kind, self.connection, order, message, NOTHING, 0, 0, 0, False))
+            frame = asked.order >> ORDER_BITS
+            tell(Happened(kind, self.connection, order, message, NOTHING, 0, frame, 0, False))
             return
         latency_ns = arrival_ns - asked.arrival_ns if kind in (Kind.REPLY, Kind.GIVEN_UP, Kind.LEFT) else 0
         latency_ns = UNMEASURED_NS if kind is Kind.REPLY and asked.is_early else latency_ns
         frame = asked.order >> ORDER_BITS
         tell(Happened(kind, self.connection, order, message, asked.asked, latency_ns, frame, 0, False))
 
-    def _take_other(self, form: Form, order: int, tell: Callable[[Happened], None]) -> None:
+    def _take_other(self, form: Form, order: int, tell: Callable[[Happened], None], reach: Reach | None = None) -> None:
         if form.what is What.ANEW:
             self._forget_waiting()
             self.is_visu, self.gap_bytes, self.closed = False, 0, None
             self.early.clear()
-            self.turns, self.acknowledges = Turns(), False
+            self.turns, self.acknowledges, self.unseen = Turns(), False, UnseenRequests()
             self.is_heard, self.is_spoken, self.acknowledged = False, False, UNKNOWN
         elif form.what is What.GAP:
-            if self.is_visu:
-                tell(Happened(Kind.GAP, self.connection, order, -1, NOTHING, 0, 0, form.missing_bytes, False))
+            if reach is not None:  # they are the client's
+                self.unseen.miss(reach.behind, form.missing_bytes)
+            if self.is_visu or reach is not None:
+                kind = Kind.REPLY_GAP if reach is None else Kind.GAP if self.is_visu else Kind.HIDDEN
+                tell(Happened(kind, self.connection, order, -1, NOTHING, 0, 0, form.missing_bytes, False))
             else:
                 self.gap_bytes += form.missing_bytes

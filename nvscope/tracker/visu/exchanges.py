@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dissectors.batch import I64, Bool, PacketBatch
+from dissectors.batch import I64, U64, Bool, PacketBatch
 from dissectors.http import Side
 from dissectors.keys import KeyTable
 from dissectors.transport import SegmentBatch
@@ -22,6 +23,7 @@ from nvscope.tracker.visu.controllers import controller_of
 from nvscope.tracker.visu.conversation import Conversation
 from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.going_on import GoingOn, Over
+from nvscope.tracker.visu.hidden_bytes import HiddenBytes
 from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.leaving import Leaving
@@ -58,6 +60,7 @@ class Exchanges:
         self._read_ns: dict[tuple[int, Ask], int] = {}
         self._left_out: Counter[Beyond] = Counter()
         self._other_bytes = OtherBytesOfPages()
+        self._hidden = HiddenBytes()
         self.pairs = KeyTable(5)
 
     def forget(self) -> None:
@@ -124,10 +127,7 @@ class Exchanges:
         http = pairing.messages
         self._left_out[Beyond.WAITING] += pairing.left_out
         said = said.take(_in_order(said, pairing.over))
-        pair = self._pairs(said.connection)
-        if (pair < 0).any():
-            self._left_out[Beyond.PAIR] += int((pair < 0).sum())
-            said, pair = said.take(pair >= 0), pair[pair >= 0]
+        said, pair = self._with_pairs(said)
         if not len(said):
             return no_messages()
         over = _told_by_time(said, pairing.over)
@@ -277,9 +277,28 @@ class Exchanges:
         told[order] = since
         return told
 
-    def _pairs(self, connection: I64) -> I64:
+    def _with_pairs(self, said: Said) -> tuple[Said, I64]:
+        """Return what is told of what is said, and the pair of each."""
+        is_hidden, words = said.kind == Kind.HIDDEN, self._words(said.connection)
+        if is_hidden.any():
+            pair = np.empty(len(said), np.int64)
+            pair[~is_hidden] = self.pairs.numbers_within(MOST_PAIRS, *(word[~is_hidden] for word in words))
+            # What may be no page's is numbered with none.
+            pair[is_hidden] = self.pairs.find(*(word[is_hidden] for word in words))
+        else:
+            pair = self.pairs.numbers_within(MOST_PAIRS, *words)
+        shown = self._hidden.told(said, pair, words)
+        self._left_out[Beyond.PAIR] += self._hidden.left_out + int((shown.stays & (pair < 0)).sum())
+        self._hidden.left_out = 0
+        said, stays = replace(said, kind=shown.kind, gap_bytes=shown.gap_bytes), shown.stays & (pair >= 0)
+        return (said, pair) if stays.all() else (said.take(stays), pair[stays])
+
+    def _words(self, connection: I64) -> tuple[U64, ...]:
         ends = self._connections.ends_of(connection)
-        return self.pairs.numbers_within(MOST_PAIRS, *ends.client, *ends.server, ends.server_port)
+        return *ends.client, *ends.server, ends.server_port
+
+    def _pairs(self, connection: I64) -> I64:
+        return self.pairs.numbers_within(MOST_PAIRS, *self._words(connection))
 
 
 def _in_order(said: Said, over: Mapping[tuple[int, int], Over]) -> I64:

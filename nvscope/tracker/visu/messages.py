@@ -33,14 +33,16 @@ class Kind(IntEnum):
 
     ``NAMES``: the reply to a request for a list of variables, or what there is of it. ``CUT``: a request or a reply of
     which bytes are missing, or that nobody reads. ``UNANSWERED``: the connection ended without a reply, or the client
-    waits no more. ``GAP``: bytes are missing of a connection with such requests. ``OTHER``: a request of another
+    waits no more. ``GAP``: bytes of a client are missing of a connection with such requests; ``REPLY_GAP``: the same of
+    a controller. ``OTHER``: a request of another
     protocol, or the begin of a connection over which another one is spoken. ``LEFT``: a request waits, and its client
     closes its side of the connection; ``UNCLEAR``: nobody knows what answers it, or what the reply to a part says of
     it. ``GIVEN_UP``: what is unanswered since the client waits no more; batches have that as ``UNANSWERED``, by its
     outcome. ``PART``: a request ends of which the client sent no more than a part; ``REFUSED``: the reply to such a
     one, of another status than 200. ``UNBOUNDED``: nobody knows where the message ends that comes with it: its
     Content-Length is not one number, or its chunks are none. ``OTHER_BYTES``: bytes of a client came again, and so many
-    (``fields``) were others than those that came first; ``OTHER_REPLY_BYTES``: the same of a controller.
+    (``fields``) were others than those that came first; ``OTHER_REPLY_BYTES``: the same of a controller. ``HIDDEN``:
+    bytes of a client are missing of a connection without such requests; batches have none (``HiddenBytes``).
     """
 
     READ = 0
@@ -59,6 +61,8 @@ class Kind(IntEnum):
     UNBOUNDED = 13
     OTHER_BYTES = 14
     OTHER_REPLY_BYTES = 15
+    HIDDEN = 16
+    REPLY_GAP = 17
 
 
 class Outcome(IntEnum):

@@ -33,6 +33,7 @@ class PageLikeness:
 
     name = NAME
     counts_missed = False
+    ends_late = True
 
     def read(self) -> ReadPages:
         return ReadPages()

@@ -20,6 +20,7 @@ from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.one_way import UNKNOWN, OneWay, more_bytes
 from nvscope.tracker.visu.plain_exchanges import AskedFor, Said, paired
+from nvscope.tracker.visu.unseen_requests import Answered
 
 _FEW = 16
 """So many messages of a connection take as long one after the other as at once."""
@@ -109,7 +110,7 @@ class Pairing:
         least = _LEAST
         while begin < end:
             both_ways = conversation.is_heard and conversation.is_spoken and conversation.closed is None
-            is_sure = not (conversation.early or conversation.turns.is_doubtful)
+            is_sure = not (conversation.early or conversation.turns.is_doubtful or conversation.unseen.waits)
             if conversation.is_visu and end - begin >= _FEW and both_ways and is_sure:
                 place = bisect_left(peculiar, begin)
                 stop = min(peculiar[place] if place < len(peculiar) else end, end, begin + _MANY)
@@ -157,6 +158,8 @@ class Pairing:
             if stream & 1:
                 if not conversation.is_spoken:
                     self._note_unasked(conversation, row)
+                elif self._is_to_unseen(conversation, row):
+                    conversation.tell_unseen(order, tell)
                 if not conversation.waits and (early := self._early(conversation, row, order)) is not None:
                     conversation.keep(early)
                     continue
@@ -202,7 +205,7 @@ class Pairing:
             form = replace(form, content=content, is_coded=True)
         elif form.what is What.BROKEN:
             form = replace(form, what=What.CUT)
-        return Early(form, int(http.arrival_ns[row]), reach, has_begun)
+        return Early(form, int(http.arrival_ns[row]), reach, has_begun, self._is_reply(row))
 
     def _miss(self, conversation: Conversation, before: int) -> None:
         """Tell that a reply was not captured, of a server of which nothing was, as far as that is known before."""
@@ -217,17 +220,26 @@ class Pairing:
 
     def _note_unasked(self, conversation: Conversation, row: int) -> None:
         """Tell that a request was not captured, of a client of which nothing was, where a page has its reply."""
-        http, order = self._http, int(self._http.order[row])
-        form = http.forms[int(http.form[row])]
-        if form.what is not What.WHOLE or form.head is None or form.head.status != OK or form.answers_nobody:
-            return
-        if not is_like_reply(http.content(row) or b""):
+        order = int(self._http.order[row])
+        if not self._is_reply(row):
             return
         acknowledged = self._one_way.acknowledged_at(2 * conversation.connection + 1, order)
         size = more_bytes(acknowledged, conversation.acknowledged)
         if size:
             conversation.acknowledged = acknowledged
             conversation.miss_request(order, size, self._happened.append)
+
+    def _is_reply(self, row: int) -> bool:
+        """Tell whether a message is a reply of a page, whatever it answers."""
+        form = self._http.forms[int(self._http.form[row])]
+        if form.what is not What.WHOLE or form.head is None or form.head.status != OK or form.answers_nobody:
+            return False
+        return is_like_reply(self._http.content(row) or b"")
+
+    def _is_to_unseen(self, conversation: Conversation, row: int) -> bool:
+        if conversation.waits or not conversation.unseen.waits:
+            return False
+        return conversation.unseen.take(Answered(self._is_reply(row), self._http.reach.at(row).acknowledged))
 
     def _leave(self, conversation: Conversation, before: int) -> None:
         """Tell what a client that has closed its side does not wait for any more, as far as that is known before."""

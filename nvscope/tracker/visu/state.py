@@ -11,7 +11,7 @@ import numpy as np
 from dissectors import address
 from dissectors.batch import I64, U64
 from dissectors.keys import KeyTable
-from dissectors.webvisu import Request, read_reply
+from dissectors.webvisu import Request, seen_in_reply
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.told import Told
 from nvscope.tracker.events import EventLog, LeftOutLog
@@ -248,11 +248,11 @@ class VisuCounts:
                     found.append((VisuEvent.STATUS, whole))
                 secret = self._secret(request, one.naming, names)
                 if secret and one.status == OK and one.outcome != Outcome.UNREAD and not request.writes:
-                    values = read_reply(request, part.data[one.start : one.stop]).values
+                    seen = seen_in_reply(request, part.data[one.start : one.stop])
                     found += [
                         (VisuEvent.PASSWORD_SEEN, variable)
                         for place, variable in enumerate(variables)
-                        if place in secret and place < len(values) and values[place] is not None
+                        if place in secret and place in seen
                     ]  # fmt: skip
             else:
                 self._note_variables(number, request, told, time_ns, frame)

@@ -48,7 +48,8 @@ class Write:
     """One variable that was written.
 
     ``client`` and ``server`` are halves of addresses. ``old`` is what it was before, as it was read or written last;
-    None where nobody knows; so is ``new``, of a text of which nobody knows how far it goes. ``answer_frame`` is that of
+    None where nobody knows, as where something may have been written since: it was asked for, and not refused, or a
+    request is not known. So is ``new``, of a text of which nobody knows how far it goes. ``answer_frame`` is that of
     the reply, ``status`` its HTTP status, 0 without one. ``is_secret``: it is a password, or may be one.
     """
 
@@ -82,12 +83,16 @@ class Writes:
         ``pair`` numbers who asks whom, the same for all batches.
         """
         kind = messages.kind
-        steps = np.flatnonzero((kind == Kind.WRITE) | (kind == Kind.UNANSWERED) | self._is_written(part, messages))
+        is_step = (kind == Kind.WRITE) | (kind == Kind.UNANSWERED) | self._is_written(part, messages)
+        steps = np.flatnonzero(is_step | _may_be_written(messages))
         done, beyond = 0, []
         reads = self._read(part, messages)
         for step, before in zip(steps.tolist(), np.searchsorted(reads, steps).tolist(), strict=True):
             self._learn(part, messages, reads[done:before], frames)
             done = before
+            if kind[step] in (Kind.CUT, Kind.GAP):
+                self._values.lose(controller_of(part.pairs, int(messages.pair[step])), int(frames[step]), step)
+                continue
             request, key = part.requests[int(messages.asked[step])], int(pair[step])
             if kind[step] == Kind.WRITE:
                 kept = self._write(part, step, key, int(times_ns[step]), int(frames[step]))
@@ -155,6 +160,8 @@ class Writes:
         self.left_out += len(request.entries) - len(found)
         if found:
             self._open[key, frame].append((request, found))
+            for write in found:
+                self._values.doubt(controller, write.place, id(write), (frame, step))
         return len(found)
 
     def _answer(self, key: int, request: Request, messages: VisuMessages, step: int, frame: int) -> None:
@@ -166,6 +173,9 @@ class Writes:
         _, writes = waiting.pop(place)
         if messages.outcome[step] == Outcome.UNREAD:
             return
+        if messages.outcome[step] == Outcome.REFUSED:
+            for write in writes:
+                self._values.trust(controller_at(*write.server, write.port), write.place, id(write))
         outcome = WriteOutcome.UNANSWERED
         if messages.kind[step] == Kind.REPLY:
             is_done = messages.outcome[step] == Outcome.DONE
@@ -178,6 +188,13 @@ class Writes:
                 self._values.written(controller_at(*write.server, write.port), write.place, write.new, frame, step)
 
 
+def _may_be_written(messages: VisuMessages) -> Bool:
+    """Tell which messages are requests of which nobody knows what they are, or missing bytes of such."""
+    is_request = (messages.kind == Kind.CUT) & (messages.asked_frame == 0)
+    found: Bool = is_request | (messages.kind == Kind.GAP)
+    return found
+
+
 class _Values:
     """What is known of the variables of all controllers."""
 
@@ -186,8 +203,11 @@ class _Values:
         self._askers: dict[tuple[Controller, Where], list[tuple[Request, int]]] = defaultdict(list)
         self._written: dict[tuple[Controller, Where], tuple[_When, str | None]] = {}
         self._bytes = self._entries = 0
-        # When there was no room for what came last: what was known of a controller before may have changed since.
+        # When there was no room for what came last, or it is not known: what was known of a controller before may have
+        # changed since.
         self._lost: dict[Controller, _When] = {}
+        # When writes of a variable were asked for, by what is kept of each; but for those that were refused.
+        self._doubts: dict[tuple[Controller, Where], dict[int, _When]] = {}
 
     def read(self, controller: Controller, request: Request, body: bytes, frame: int, row: int) -> None:
         """Note the reply to a read; ``frame`` and ``row`` say what was first."""
@@ -203,6 +223,18 @@ class _Values:
                 self._askers[controller, entry.place].append((request, place))
         self._bytes = kept_bytes
         self._replies[key] = (frame, row), body
+
+    def lose(self, controller: Controller, frame: int, row: int) -> None:
+        """Note that any variable may have been written."""
+        self._lost[controller] = frame, row
+
+    def doubt(self, controller: Controller, place: Where, write: int, at: _When) -> None:
+        """Note that a variable may have been written, by which write; no more of these are kept than of writes."""
+        self._doubts.setdefault((controller, place), {})[write] = at
+
+    def trust(self, controller: Controller, place: Where, write: int) -> None:
+        """Note that a variable was not written."""
+        self._doubts.get((controller, place), {}).pop(write, None)
 
     def _has_room(self, key: tuple[Controller, Request]) -> bool:
         controller, request = key
@@ -229,4 +261,5 @@ class _Values:
                 values = read_reply(request, reply[1]).values
                 if position < len(values):
                     at, found = reply[0], values[position]
-        return found
+        doubted = self._doubts.get((controller, place), {}).values()
+        return None if max(doubted, default=_NEVER) > at else found

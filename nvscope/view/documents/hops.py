@@ -44,7 +44,8 @@ def figures(pair: Pair[Any], end_ns: int | None, *, equal: bool, follows: bool |
     ``follows``: the second follows the first; None: as it looks.
     """
     direction = pair.forth if (direction_of(pair) if follows is None else follows) else pair.back
-    rest_ns = 0 if end_ns is None or pair.until_ns is None else max(end_ns - pair.until_ns, 0)
+    since_ns = pair.until_ns if pair.first.is_known and pair.second.is_known else None
+    rest_ns = 0 if end_ns is None or since_ns is None else max(end_ns - since_ns, 0)
     return {
         "changes": direction.changes,
         "followed": direction.followed,

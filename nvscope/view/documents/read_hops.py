@@ -7,7 +7,7 @@ from typing import Any
 from nvscope.definition.value import value_of
 from nvscope.tracker.readings.form import HIDDEN
 from nvscope.tracker.readings.read_hops import ListEnd, ReadEnd, ReadHops
-from nvscope.tracker.variables.following import UNKNOWN
+from nvscope.tracker.variables.following import UNKNOWN, Pair, Side
 from nvscope.view.documents.hops import direction_of, figures
 from nvscope.view.documents.read_rows import shape_of
 from nvscope.view.documents.read_variables import reading_json, reading_text, reading_unit
@@ -36,12 +36,17 @@ def read_hop_rows(hops: ReadHops, end_ns: int | None, *, secrets: bool = False) 
                 "type": listed.element.type.name,
                 "from": ends[not follows],
                 "to": ends[follows],
-                **figures(pair, end_ns, equal=listed.now == read.now != int(UNKNOWN), follows=follows),
+                **figures(pair, read.known_until(end_ns), equal=_equal(read, listed, pair), follows=follows),
                 **({"hidden": hidden} if shape.may_fail else {}),
                 **({} if missed is None else {"missed": missed}),
             }
         )
     return sorted(rows, key=lambda row: (row["variable"].lower(), row["from"]["list"], row["to"]["list"]))
+
+
+def _equal(read: ReadEnd, listed: ListEnd, pair: Pair[Side]) -> bool:
+    """Tell whether both have the same value, or had it as long as a page told its own."""
+    return pair.were_equal if read.is_over else listed.now == read.now != int(UNKNOWN)
 
 
 def _list_end(end: ListEnd, *, hidden: bool) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -17,6 +18,7 @@ from nvscope.tracker.visu.names import Naming, UnreadList, is_secret, name_of
 _MOST_SHOWN, _MOST_INDEXES = 8, 4
 _NOT_CHANGED = 304
 _LISTS = (b"<variablelist", b"<symbolvarlist")
+_BREAKS = re.compile(rb"[\r\n]\||\|[\r\n]")
 
 
 class Variable(NamedTuple):
@@ -78,7 +80,7 @@ def message_words(part: VisuBatch, message: int, *, secrets: bool = False, value
     """
     messages = part.messages
     kind, asked = Kind(int(messages.kind[message])), int(messages.asked[message])
-    if kind is Kind.GAP:
+    if kind in (Kind.GAP, Kind.REPLY_GAP):
         return f"{units.count_of(int(messages.gap_bytes[message]), 'byte')} missing"
     if kind is Kind.CUT:
         return _CUT.get(Outcome(int(messages.outcome[message])), "cut: bytes are missing")
@@ -120,6 +122,7 @@ def message_words(part: VisuBatch, message: int, *, secrets: bool = False, value
         miscounted = f" or more, declares {declared}, ambiguous"
     verb = "write" if request.writes else "read"
     counted = f"{units.count_of(len(request.entries), 'variable')}{miscounted}{_indexes(request)}"
+    counted += _flaws(part.data[int(messages.start[message]) : int(messages.stop[message])])
     return f"{verb} {counted}{f': {told}' if told else ''}"
 
 
@@ -129,6 +132,13 @@ def _indexes(request: Request) -> str:
     if request.query or numbers == list(range(len(numbers))):
         return ""
     return f", {'index' if len(numbers) == 1 else 'indexes'} {first_few(list(map(str, numbers)), _MOST_INDEXES)}"
+
+
+def _flaws(body: bytes) -> str:
+    """Return what is odd about the body of a request, and tolerated: line breaks at its ends are not."""
+    tidy = body.strip(b"\r\n")
+    flaws = (", no | at its end" if tidy and not tidy.endswith(b"|") else "", ", line breaks in it")
+    return "".join(flaws if _BREAKS.search(tidy) else flaws[:1])
 
 
 def _declared(request: Request) -> str:

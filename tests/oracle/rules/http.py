@@ -173,7 +173,7 @@ class Reader:
             self.happened["hole between messages" if self.in_step else "hole while searching"] += 1
         self.next_message(b"")
         in_step, self.in_step = self.in_step, False
-        yield Lost(dropped, in_step, missing=True, told=told)
+        yield Lost(dropped, in_step, missing=True, told=told, size=size, behind=behind)
 
     def end(self, reset: bool, time: int) -> Iterator[Message | Lost]:
         """End the direction: a message may end with it; what is not whole is told of a request, or where it is cut."""

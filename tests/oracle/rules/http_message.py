@@ -53,3 +53,6 @@ class Lost:
     in_step: bool = False
     missing: bool = False
     told: int | None = None
+    size: int = 0
+    """How many bytes are missing, in front of the sequence number ``behind``."""
+    behind: int = 0

@@ -167,7 +167,9 @@ BOOL_STRING_BYTE = b"|0|3|0|4|0|1|0|1|4|6|9|8|2|4|7|1|2|"
     ],
 )
 def test_replies_to_reads(request_body: bytes, reply: bytes, expected: Answered) -> None:
-    assert answered(posted(request_body), 200, reply) == expected
+    said = answered(posted(request_body), 200, reply)
+    assert said._replace(seen=()) == expected
+    assert len(said.seen) == len(posted(request_body).entries if said.ambiguous else said.values)
     assert answered(posted(request_body), 404, reply) == Answered()
 
 

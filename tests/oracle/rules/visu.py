@@ -15,12 +15,9 @@ Readings, where the rules leave a choice:
 - a request that does not say where it ends is whole where something comes that answers a request, and none waits: with
   the frame of that, and the time at which the latest of it came. A response that is whole or cut is such a thing, a
   hole in the server's direction while that is in step, and the end of that in order
-- a request that does not say where it ends is whole, too, where the connection is reset, or another one begins, if as
-  many variables come as it declares, unambiguously, and a bar behind the last; else it is a part of one
 - a response that comes while none waits, and the head of a request is there that says where it ends, answers that: with
   the frame with which it is whole, as far as it ever is; what came first has no latency
 - requests that become whole behind the server's end are unanswered if RST or a new connection made that, else nothing
-- the same body is the same decoded bytes; a poll runs from the last read with this body, whatever came between
 - events of a finding are in order of what happened: first and last are times, the first ten are told by their frames
 """
 
@@ -32,7 +29,7 @@ from typing import Any
 
 from tests.oracle.frame import Address as Node
 from tests.oracle.frame import Frame
-from tests.oracle.rules import visu_body, visu_lists, visu_others
+from tests.oracle.rules import visu_body, visu_lists, visu_others, visu_unseen
 from tests.oracle.rules.http_message import Lost, Message
 from tests.oracle.rules.keys import node_order
 from tests.oracle.rules.streams import Connection, Delivery, Ending, Event, Others, Streams
@@ -40,9 +37,10 @@ from tests.oracle.rules.visu_body import Answered, Asked
 from tests.oracle.rules.visu_figures import Row, lacks_many, percentiles
 from tests.oracle.rules.visu_late import doubt
 from tests.oracle.rules.visu_leaving import given_up
+from tests.oracle.rules.visu_old import Values
 from tests.oracle.rules.visu_one_way import OneWay
 from tests.oracle.rules.visu_part import ask_in_part, settle, writes
-from tests.oracle.rules.visu_talk import Home, Pair, Talk, Told, Waiting, Written, known_value
+from tests.oracle.rules.visu_talk import Home, Pair, Talk, Told, Waiting, Written
 from tests.oracle.rules.visu_turns import begin_servers, has_early, keep, lose_client, wait
 
 SECOND = 1_000_000_000
@@ -65,10 +63,8 @@ class Visu:
         self.lists: dict[Home, list[visu_body.Listed]] = defaultdict(list)
         self.names: dict[Home, dict[visu_body.Address, str]] = defaultdict(dict)
         self.writes: list[Written] = []
-        self.read: dict[tuple[Home, Asked], tuple[int, tuple[bytes | None, ...]]] = {}
-        """The last reply to each request of each server: when, by count, and its values."""
-        self.confirmed: dict[tuple[Home, visu_body.Address], tuple[int, str | None]] = {}
-        self.replies = self.number = self.now = 0
+        self.values = Values()
+        self.number = self.now = 0
 
     def observe(self, frame: Frame) -> None:
         self.number += 1
@@ -82,7 +78,7 @@ class Visu:
         for talk in list(self.talks.values()):
             if talk.connection in self.streams.connections.values() and (size := self.one_way.reply_bytes(talk)):
                 self.happened["reply of a server that nobody heard"] += 1
-                talk.gap_bytes += size
+                talk.gap_bytes[False] += size
                 self.lost(talk, False, Lost(in_step=True))
         for event in self.delivered(frame):
             if event.connection not in self.talks:
@@ -95,7 +91,9 @@ class Visu:
             reader = talk.reader(event.from_client)
             talk.broken_off = isinstance(event, Ending) and event.reset and event.by_client
             if isinstance(event, Delivery):
-                talk.gap_bytes += event.missing
+                talk.gap_bytes[event.from_client] += event.missing
+                if event.missing and event.from_client and visu_unseen.is_of_page(self.talks.values(), talk.pair):
+                    self.values.miss(talk.home)
                 heard = reader.take(event)
             else:
                 heard = reader.end(event.reset, event.time)
@@ -128,9 +126,11 @@ class Visu:
         self.happened["client lost step" if from_client else "server lost step"] += 1
         self.happened["waiting forgotten"] += len(talk.waiting)
         if from_client:
-            if what.dropped:
-                self.cut_request(talk, what.dropped)
+            is_known = what.dropped is not None and self.cut_request(talk, what.dropped)
+            is_known |= bool(talk.waiting)
             lose_client(talk, what)
+            for _ in range(visu_unseen.answered_before(talk, what, is_known=is_known)):
+                self.unseen_request(talk)
             talk.forgotten = False in talk.readers and talk.readers[False].receiving
         else:
             if what.in_step:
@@ -141,15 +141,24 @@ class Visu:
             talk.turns.doubtful |= what.missing and not talk.early
         talk.waiting.clear()
 
-    def cut_request(self, talk: Talk, message: Message) -> None:
-        if message.method == b"POST" and visu_body.may_be_asked(
-            message.seen, message.target, had_request=talk.had_request
-        ):  # fmt: skip
+    def cut_request(self, talk: Talk, message: Message) -> bool:
+        """Count a cut request, if it is one of a page; return whether it is."""
+        is_asked = visu_body.may_be_asked(message.seen, message.target, had_request=talk.had_request)
+        if of_page := message.method == b"POST" and is_asked:
             self.happened["cut request"] += 1
-            talk.had_request = True
-            self.cut(talk, message)
+            self.miss_request(talk, message)
             if message.malformed:
                 self.note_unbounded(talk, message)
+        return of_page
+
+    def unseen_request(self, talk: Talk) -> None:
+        self.happened["request that was not seen"] += 1
+        self.miss_request(talk, Message())
+
+    def miss_request(self, talk: Talk, message: Message) -> None:
+        talk.had_request = True
+        self.values.miss(talk.home)
+        self.cut(talk, message)
 
     def cut(self, talk: Talk, message: Message) -> None:
         self.known[talk.pair].counts["cut"] += 1
@@ -160,6 +169,7 @@ class Visu:
     def request(self, talk: Talk, message: Message) -> None:
         """Take a request that is whole, or dropped as cut; it may have been answered before."""
         settle(message)
+        talk.unseen = None
         if message.part:
             if ask_in_part(talk, message, self.number, self.one_way.told_by(talk.connection, client=True)):
                 self.known[talk.pair].counts["part"] += 1
@@ -180,7 +190,9 @@ class Visu:
             message.body = message.body or b""
             asked = visu_body.asked(message.method, message.target, message.body)
         had = self.one_way.told_by(talk.connection, client=True)
-        wait(talk, Waiting(asked, message, self.number, self.written(talk, asked), acknowledged=had))
+        written = self.written(talk, asked)
+        at = self.values.ask(talk.home, asked) if asked is not None and asked.write else 0
+        wait(talk, Waiting(asked, message, self.number, written, acknowledged=had, asked_at=at))
         self.happened["several wait"] += len(talk.waiting) > 1
         if asked is None or message.body is None:
             self.happened["other request"] += 1
@@ -219,7 +231,7 @@ class Visu:
         found = [
             Written(
                 self.now, self.number, talk.pair, self.called(talk.home, entry.address),
-                known_value(self.confirmed, self.read, talk.home, entry.address), asked.text(entry),
+                self.values.known(talk.home, entry.address), asked.text(entry),
             )
             for entry in asked.entries
         ]  # fmt: skip
@@ -227,18 +239,15 @@ class Visu:
         return found
 
     def learn(self, talk: Talk, waiting: Waiting, asked: Asked, status: int, answer: Answered) -> None:
-        """Note what a reply says of values."""
-        self.replies += 1
         if asked.write:
-            is_done = not answer.refused
             for one in waiting.writes:
-                one.outcome, one.answer, one.status = "confirmed" if is_done else "refused", self.number, status
-            if is_done:
-                self.confirmed |= {
-                    (talk.home, entry.address): (self.replies, asked.text(entry)) for entry in asked.entries
-                }
+                one.outcome, one.answer, one.status = "refused" if answer.refused else "confirmed", self.number, status
+            if not answer.refused:
+                self.values.confirm(talk.home, asked)
+            elif status == 200:
+                self.values.refuse(talk.home, asked, waiting.asked_at)
         elif not asked.query and not answer.ambiguous and status == 200:
-            self.read[talk.home, asked] = self.replies, answer.values
+            self.values.read(talk.home, asked, answer.values)
 
     def response(self, talk: Talk, message: Message) -> None:
         """Take a response that is whole, or dropped as cut; one of 1xx answers nothing."""
@@ -256,9 +265,10 @@ class Visu:
             return
         if not forgotten and (size := self.one_way.request_bytes(talk, message)):
             self.happened["request of a client that nobody heard"] += 1
-            talk.gap_bytes += size
-            talk.had_request = True
-            self.cut(talk, message)
+            talk.gap_bytes[True] += size
+            self.miss_request(talk, message)
+        if not (forgotten or talk.waiting) and visu_unseen.is_answered(talk, message):
+            self.unseen_request(talk)
         if not (forgotten or talk.waiting) and keep(talk, message):
             return
         if forgotten or not talk.waiting:
@@ -319,8 +329,8 @@ class Visu:
         if answer.miscounted or answer.ambiguous:
             self.find("NV804", talk)
         self.happened["no value"] += None in answer.values
-        for entry, value in zip(asked.entries, answer.values, strict=False):
-            if value is not None and self.is_password(talk, entry.address):
+        for entry, seen in zip(asked.entries, answer.seen, strict=False):
+            if seen and self.is_password(talk, entry.address):
                 self.happened["password read"] += 1
                 self.find("NV803", talk, entry.address)
 
@@ -368,7 +378,7 @@ class Visu:
             rows.append({
                 "client": str(pair[0]), "server": str(pair[1]), "port": pair[2], "connections": len(own),
                 **{name: known.counts[name] for name in COUNTED},
-                "variables": len(known.variables), "gap_bytes": sum(talk.gap_bytes for talk in own),
+                "variables": len(known.variables), "gap_bytes": visu_unseen.gap_bytes(self.talks.values(), pair),
                 "other_bytes": visu_others.other_bytes(self.talks.values(), pair),
                 "latency_ns": {"count": len(latencies), **percentiles(latencies),
                                "max": latencies[-1] if latencies else None},

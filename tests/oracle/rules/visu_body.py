@@ -13,14 +13,15 @@ Readings, where the rules leave a choice:
 - a variable is a password where it has a byte in common with one that a list calls so, whatever its own name and type
 - a cut body that was compressed is looked at as it came
 - names are known by the server's address alone, its ports aside; an ADR has no name
-- values written are seen, whatever they are; an empty value read is one
+- values written are seen, whatever they are; an empty value read is one. Of an ambiguous reply, those are seen that are
+  no `???` however the fields are shared out to the texts
 """
 
 from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 from urllib.parse import unquote_to_bytes
 from xml.etree import ElementTree
@@ -69,9 +70,10 @@ class Asked(NamedTuple):
 
 
 class Answered(NamedTuple):
-    """What a reply says: one value for each of the first entries, None where there is none."""
+    """What a reply says: one value for each of the first entries, None where there is none, and which ones it shows."""
 
     values: tuple[bytes | None, ...] = ()
+    seen: tuple[bool, ...] = ()
     refused: bool = False
     miscounted: bool = False
     ambiguous: bool = False
@@ -161,13 +163,27 @@ def answered(request: Asked, status: int, body: bytes) -> Answered:
     strings = [place for place, entry in enumerate(request.entries) if entry.address[3] == STRING]
     surplus = len(fields) - len(request.entries)
     if surplus > 0 and len(strings) > 1:
-        return Answered(ambiguous=True)
+        return Answered((), tuple(seen_anyway(fields, strings, len(request.entries))), ambiguous=True)
     if surplus > 0 and strings:
         at = strings[0]
         fields[at : at + surplus + 1] = [b"|".join(fields[at : at + surplus + 1])]
         surplus = 0
     values = tuple(None if field == b"???" else field for field in fields[: len(request.entries)])
-    return Answered(values, miscounted=surplus != 0)
+    return Answered(values, tuple(value is not None for value in values), miscounted=surplus != 0)
+
+
+def seen_anyway(fields: Sequence[bytes], strings: Sequence[int], entries: int) -> Iterator[bool]:
+    """Yield of each entry whether it is no `???`, however many fields each text has."""
+
+    def may_share(count: int, first: int, behind: int) -> bool:
+        more = count - (behind - first)
+        return more == 0 or (more > 0 and any(first <= place < behind for place in strings))
+
+    for place in range(entries):
+        yield not any(
+            field == b"???" and may_share(at, 0, place) and may_share(len(fields) - at - 1, place + 1, entries)
+            for at, field in enumerate(fields)
+        )
 
 
 def is_password(name: str | None) -> bool:

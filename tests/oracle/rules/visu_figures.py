@@ -1,4 +1,9 @@
-"""Figures of WebVisu: percentiles, and whether the capture lacks so much that they are no picture of the whole."""
+"""Figures of WebVisu: percentiles, and whether the capture lacks so much that they are no picture of the whole.
+
+Readings, where the rules leave a choice:
+
+- the same body is the same decoded bytes; a poll runs from the last read with this body, whatever came between
+"""
 
 from __future__ import annotations
 

@@ -7,8 +7,9 @@ Readings, where the rules leave a choice:
 - it waits for its reply unless its client broke the connection off and nothing answered it: one of another status than
   200 refuses it (NV802, without a variable, and `refused` where its body begins as that of a write); any other is none
 - one that touches missing bytes is cut
-- one of which nobody knows where it ends is a part unless what it asks for is whole where it is taken to end; so is one
-  that does not say where it ends, and that a reset breaks off
+- one of which nobody knows where it ends is a part unless what it asks for is whole where it is taken to end: as many
+  variables as it declares, unambiguously, and a bar behind the last. So is one that does not say where it ends, and is
+  broken off by a reset or another connection
 """
 
 from __future__ import annotations

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -11,7 +10,7 @@ from tests.oracle.frame import Address as Node
 from tests.oracle.rules.http import Reader
 from tests.oracle.rules.http_message import Message
 from tests.oracle.rules.streams import Connection, End
-from tests.oracle.rules.visu_body import Address, Asked
+from tests.oracle.rules.visu_body import Asked
 from tests.oracle.rules.visu_turns import Turns
 
 Pair = tuple[Node, Node, int]
@@ -57,6 +56,8 @@ class Waiting:
     """Whether it is one of a page of which the client sent no more than a part."""
     acknowledged: int | None = None
     """Up to where the client had acknowledged then, if it says so in the frame with which the request was whole."""
+    asked_at: int = 0
+    """Which one it is of all that happened to values."""
 
 
 class Talk:
@@ -69,7 +70,8 @@ class Talk:
         self.connection = connection
         self.waiting: list[Waiting] = []
         self.had_request = False
-        self.gap_bytes = 0
+        self.gap_bytes: Counter[bool] = Counter()  # by whether they are the client's
+        self.unseen: int | None = None  # where bytes are missing that may be a request which is not answered yet
         self.forgotten = False
         """Whether the response that is being received answers nobody."""
         self.broken_off = False
@@ -98,17 +100,3 @@ class Talk:
         if asks is None or asks.head is None or (self.early and self.early[0].told is None):
             return False
         return asks.head.message.method == b"HEAD"
-
-
-def known_value(
-    confirmed: Mapping[tuple[Home, Address], tuple[int, str | None]],
-    read: Mapping[tuple[Home, Asked], tuple[int, tuple[bytes | None, ...]]], home: Home, address: Address,
-) -> str | None:  # fmt: skip
-    """Return the value that a variable was read, or written, as last."""
-    since, value = confirmed.get((home, address), (0, None))
-    found: str | None = value
-    for (node, asked), (at, values) in read.items():
-        for entry, one in zip(asked.entries, values, strict=False):
-            if node == home and entry.address == address and at >= since:
-                since, found = at, None if one is None else one.decode("latin-1")
-    return found

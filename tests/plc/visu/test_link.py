@@ -163,6 +163,8 @@ def test_what_is_no_whole_reply_is_told(reply: bytes, ending: Ending) -> None:
     found = answered(reply)
     assert (found.ending, found.body, found.latency_ns) == (ending, b"", None), found.why
     assert found.why
+    assert "(b'" not in found.why
+    assert "Read(" not in found.why
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,8 @@ def test_time_tells_whatever_tells_the_time(after_ns: int, unanswered: int) -> N
 
 
 def test_it_is_told_where_the_client_leaves() -> None:
-    assert said(left().frames) == ["read 1 variable: 4,0,4,6", "client closes its side, frame 4 waits for a reply"]
+    read = "read 1 variable, no | at its end: 4,0,4,6"
+    assert said(left().frames) == [read, "client closes its side, frame 4 waits for a reply"]
     assert said(left().answer(REPLY).frames)[-1] == "reply (1.0 s): 4,0,4,6 = 12.5"
 
 

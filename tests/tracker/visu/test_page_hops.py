@@ -33,11 +33,13 @@ def layouts(tmp_path_factory: pytest.TempPathFactory) -> Layouts:
     return Layouts(load_definitions([str(file)]))
 
 
-def compared(batches: Iterable[PacketBatch], layouts: Layouts) -> list[dict[str, Any]]:
+def compared(
+    batches: Iterable[PacketBatch], layouts: Layouts, end_ns: int | None = None
+) -> list[dict[str, Any]]:  # fmt: skip
     hops = ReadHops(layouts, PageLikeness())
     for _ in run(Batches(batches), reading(), [hops]):
         pass
-    return read_hop_rows(hops, None)
+    return read_hop_rows(hops, end_ns)
 
 
 def rows_of(frames: Sequence[Frame], layouts: Layouts) -> list[dict[str, Any]]:
@@ -77,6 +79,20 @@ def test_what_a_page_shows_of_before_differs_for_so_long(layouts: Layouts) -> No
     frames = plant(range(0, 1000, 10), range(1, 1000, 10), late=20)
     (row,) = [one for one in rows_of(frames, layouts) if one["variable"] == ".ncount"]
     assert 0.3 < row["differed_ns"] / row["observed_ns"] < 0.6
+
+
+@pytest.mark.parametrize("packets", [1, 7, 1000])
+@pytest.mark.parametrize(("again", "known_ms", "equal"), [((), 525, False), (range(905, 1000, 50), 609, True)])
+def test_what_a_page_shows_counts_until_it_should_have_asked_again(
+    layouts: Layouts, packets: int, again: Sequence[int], known_ms: int, equal: bool
+) -> None:
+    # It asks each 50 ms, and has the last reply at 406 ms: that counts for 125 ms, and the list went on.
+    frames = plant(range(0, 1000, 10), [*range(5, 430, 50), *again])
+    rows = compared(cut(batch_of(frames), packets), layouts, end_ns=frames[-1].ts_ns)
+    (row,) = [one for one in rows if one["variable"] == ".ncount"]
+    assert abs(row["observed_ns"] - known_ms * MILLISECOND) < 10 * MILLISECOND
+    assert row["differed_ns"] / row["observed_ns"] < 0.3
+    assert row["equal"] is equal
 
 
 @examples(25)

@@ -49,6 +49,19 @@ def test_every_form_is_found(place: str) -> None:
     assert [one.is_secret for one in state.known.writes.kept] == [True]
 
 
+@pytest.mark.parametrize(
+    ("values", "shown"),
+    [("|geh|eim|a|", 1), ("|???|a|b|", 0), ("|geheim|???|b|", 1), ("|geheim|a|", 1), ("|???|a|", 0), ("||a|b|", 1)],
+)
+def test_a_password_is_seen_whatever_belongs_to_it(values: str, shown: int) -> None:
+    line = Line((PANEL, 50_000), (PRESS, 80), now=START).open()
+    line.ask(b"GET /plc/visu_ini.xml HTTP/1.1\r\n\r\n").answer(reply(NAMES))
+    line.ask(post("|0|2|0|4|10|21|8|1|4|60|21|8|")).answer(reply(values))
+    findings = seen(line.frames)[1]
+    assert findings == by_the_rules(line.frames).findings()
+    assert [one["count"] for one in findings if one["code"] == "NV803"] == [1] * shown
+
+
 @pytest.mark.parametrize("place", FORMS[1:4:2])
 def test_no_face_shows_it(place: str, tmp_path: Path) -> None:
     path = str(tmp_path / "c.pcap")

@@ -138,11 +138,14 @@ def test_what_comes_in_place_of_a_list_is_called_what_it_is(
 
 def test_counts_are_told_as_they_came_and_nothing_stands_behind_a_colon(tmp_path: Path) -> None:
     line = Line().open().ask(post(b"|1|1|x|4|0|4|6|1|")).answer(DONE).ask(post(b"|0|%d|" % 10**30)).answer(DONE)
+    line.ask(post(b"|0|1|\r\n0|4|0|4|6")).answer(DONE).ask(post(b"|0|1|0|4|0|4|6|\r\n")).answer(DONE)
     write_pcap(line.frames, tmp_path / "c.pcap")
     told = run_text("packets", str(tmp_path / "c.pcap")).stdout
     assert "visu  write 0 variables, declares 1\n" in told
     assert "visu  read 0 variables, declares 1000000000000000000 or more\n" in told
     assert "visu  1 value for 0 (" in told
+    assert "visu  read 1 variable, no | at its end, line breaks in it: 4,0,4,6\n" in told
+    assert "visu  read 1 variable: 4,0,4,6\n" in told
 
 
 def test_who_may_have_written_what_nobody_reads_is_not_known(tmp_path: Path) -> None:
