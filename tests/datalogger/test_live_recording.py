@@ -42,7 +42,7 @@ def recording(folder: Path) -> Iterator[subprocess.Popen[bytes]]:
     session = Session({"VarA": (1, "VarA")}, 10 * MS, 10 * MS, write_interval=BLOCK)
     Plant([AXIS], [], session).write(folder)
     with subprocess.Popen(
-        [*COMMAND, "datalog", "-", "--config", "log.xml", "--project", "nvscope.toml"],
+        [*COMMAND, "datalog", "-", "--follow", "--config", "log.xml", "--project", "nvscope.toml"],
         stdin=subprocess.PIPE, stderr=subprocess.PIPE, cwd=folder,
         env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
     ) as process:  # fmt: skip

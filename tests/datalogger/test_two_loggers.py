@@ -39,7 +39,7 @@ def recording(folder: Path, *, rolls: bool = False) -> Iterator[subprocess.Popen
     ]
     (folder / "again.pcap").write_bytes(Plant([AXIS], packets, session).write(folder)[0].read_bytes())
     with subprocess.Popen(
-        [*COMMAND, "datalog", "-", "--config", "log.xml", "--project", "nvscope.toml"],
+        [*COMMAND, "datalog", "-", "--follow", "--config", "log.xml", "--project", "nvscope.toml"],
         stdin=subprocess.PIPE, stderr=subprocess.PIPE, cwd=folder,
         env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
     ) as process:  # fmt: skip
