@@ -109,6 +109,10 @@ class ReadRows:
             stretch = stretch + (apart - len(at) + np.searchsorted(at, rows, "right")) * _APART
         return rows, stretch
 
+    def unbroken(self, stretch: I64) -> I64:
+        """Return stretches that end only where rows may be missing, not where a variable alone is unknown."""
+        return stretch % _APART
+
     def _table_rows(self, told: Told, part: RowBatch, table: RowTable, rows: I64, records: Records) -> _TableRows:
         restarts = _restarts(table, records)
         find = self._unknown.get(table)
