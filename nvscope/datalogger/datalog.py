@@ -62,6 +62,8 @@ class DataLog:
         self._latest = LatestTime()
         self._standing = {session: self._standing_of(session) for session in sessions}
         self._last_ns = _NEVER
+        self._passed_ns = _NEVER
+        """Up to when it is known, live, that nothing more has come."""
         self._drops: int | None = None
         self._number = np.array([place.number for place in telegrams.places], np.int64)
         self._came = np.zeros(len(telegrams.places), np.int64)
@@ -77,7 +79,7 @@ class DataLog:
         left_out = {key: sum(found.values()) for key, found in self._telegrams.left_out.items()}
         copies = dict(zip(keys, self._copied.tolist(), strict=True))
         begin_ns = self._end_ns if self._begin_ns is None else self._begin_ns
-        silent_ns = self._stops.silent_ns(self._last_ns)
+        silent_ns = self._stops.silent_ns(max(self._last_ns, self._passed_ns))
         return Heard(self._telegrams.frames, self._end_ns - begin_ns, came, left_out, copies, self._unseen(), silent_ns)
 
     def _unseen(self) -> dict[ListKey, dict[str, frozenset[int]]]:
@@ -121,7 +123,7 @@ class DataLog:
         self._each(lambda session: session.take(told, once, losses[session]))
         if told.is_deaf:
             self._stops.forget()
-            self._last_ns = _NEVER
+            self._last_ns = self._passed_ns = _NEVER
             for session in self.sessions:
                 session.lose()
 
@@ -145,7 +147,9 @@ class DataLog:
     def _hear(self, told: Told, rows: DefinedRows) -> None:
         self._came += np.bincount(rows.place, minlength=len(self._came))
         times_ns = [*told.packets.ts_ns[[0, -1]].tolist()] if len(told.packets.ts_ns) else []
-        times_ns += [] if told.until_ns is None else [told.until_ns]
+        if told.until_ns is not None:
+            self._passed_ns = told.until_ns
+            times_ns.append(told.until_ns)
         if times_ns:
             self._begin_ns = min([*times_ns, *([] if self._begin_ns is None else [self._begin_ns])])
             self._end_ns = max(self._end_ns, *times_ns)

@@ -40,9 +40,7 @@ class AcrossMoment:
         """Take what was read of a batch, of which so many packets count; there are so many variables."""
         if until:
             self.count_all()
-        parts = [
-            (one.variable, one.row, one.stretch) for one in batch if one.stretch is not None and len(one.variable)
-        ]
+        parts = [(one.variable, one.row, one.stretch) for one in batch if one.stretch is not None and len(one.variable)]
         for number in range(numbers):
             row, stretch = self._read.rows_of(number)
             # The first row behind the moment, and the last one before it, are all that is asked for.
