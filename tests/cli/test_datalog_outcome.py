@@ -13,6 +13,8 @@ from nvscope.cli.datalog import _logged
 from nvscope.datalogger.configuration_file import read_configuration
 from nvscope.datalogger.plan import Targets, plan
 from nvscope.definition.project_file import read_project
+from tests.datalogger.drawn_plants import START_NS, frame_of, write_pcap
+from tests.datalogger.oracle_losses import Packet
 from tests.datalogger.plants import configuration, gvl, plant, rows_of, simulated
 from tests.packets import Batches
 from tests.program import run_text
@@ -298,6 +300,19 @@ def test_what_is_lost_in_front_of_the_first_row_is_told_by_it(
 ) -> None:
     run_over(tmp_path, plant(scenario), general)
     assert [row[2] for row in rows_of(tmp_path / "log.db")][:2] == consistent
+
+
+def test_senders_of_one_list_are_named(here: Path) -> None:
+    sent = [
+        Packet(START_NS + at * 10**7, f"10.0.0.{1 + at % 3}", 1, 0, 1, at, bytes([at, 0, 0, 0])) for at in range(30)
+    ]
+    (here / "plant.pcap").write_bytes(write_pcap([frame_of(one) for one in sent], [0] * len(sent)))
+    (here / "c.xml").write_text(configuration(["a/dwFirst"], CYCLES, ""), encoding="utf-8")
+    done = run_text("datalog", "plant.pcap", "--config", "c.xml", "--gvl", ".", cwd=here)
+    assert (
+        "nvscope: session: telegrams of udp/1202/1 came from 3 senders, 10.0.0.1, 10.0.0.2 and 10.0.0.3: they are in "
+        "one table, and no row says whose it is; `nvscope report` tells of each."
+    ) in done.stderr.splitlines()
 
 
 def test_what_a_capture_says_that_it_dropped_is_told(tmp_path: Path) -> None:
