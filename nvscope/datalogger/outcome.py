@@ -72,8 +72,8 @@ def _missing(log: SessionLog, heard: Heard) -> Iterator[str]:
                 many = "at least " if len(senders) == MOST_SENDERS else ""
                 named = joined([visible(one) for one in senders])
                 yield (
-                    f"telegrams of {key} came from {many}{len(senders)} senders, {named}: they are in one table, and no "
-                    "row says whose it is; `nvscope report` tells of each"
+                    f"telegrams of {key} came from {many}{len(senders)} senders, {named}: they are in one table, and "
+                    "no row says whose it is; `nvscope report` tells of each"
                 )
             if key in heard.silent_ns:
                 silent = duration(heard.silent_ns[key])
