@@ -79,7 +79,8 @@ class ReadRows:
     def of(self, told: Told, part: RowBatch) -> Iterator[Readings]:
         """Yield the readings of a batch, in stretches of so many that memory stays bounded."""
         self.holes, self.told_ns = [], []
-        tables = [self._table_rows(told, part, *one) for one in part.by_table()]
+        in_turn = sorted(part.by_table(), key=lambda one: int(one[1][0]))
+        tables = [self._table_rows(told, part, *one) for one in in_turn]
         self._apart_at.clear()
         self._came = [(one.numbers, part.row[one.rows], one.stretch) for one in tables if one.table.log.only_changes]
         chosen = None if told.chosen is None else told.chosen[part.row]

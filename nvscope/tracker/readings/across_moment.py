@@ -17,9 +17,11 @@ from nvscope.tracker.readings.readings import Readings
 
 
 class _Stood(NamedTuple):
-    """The last row of a variable that counts: its frame, its time, and the number of its stretch."""
+    """When the last row of a variable came that counts, and the highest number of a stretch up to then.
 
-    frame: int
+    Numbers rise. Where several tables have rows by turns, each has its own: what goes on has a number that was there.
+    """
+
     time_ns: int
     stretch: int
 
@@ -57,13 +59,16 @@ class AcrossMoment:
     def _note(self, told: Told, variable: I64, row: I64, stretch: I64, until: int) -> None:
         first = int(np.searchsorted(row, until))
         last = dict(zip(variable[:first].tolist(), range(first), strict=True))
+        highest = np.full(int(variable.max()) + 1, -1)
+        np.maximum.at(highest, variable[:first], stretch[:first])
         for number, place in last.items():
-            frame, time_ns = int(row[place]) + told.first_frame, int(told.packets.ts_ns[row[place]])
-            self._stood[number] = _Stood(frame, time_ns, int(stretch[place]))
+            before = self._stood.get(number)
+            most = max(int(highest[number]), -1 if before is None else before.stretch)
+            self._stood[number] = _Stood(int(told.packets.ts_ns[row[place]]), most)
         for number, own in zip(variable[first:].tolist(), stretch[first:].tolist(), strict=True):
             self._next.setdefault(number, own)
 
     def is_lost(self, number: int, time_ns: int) -> bool:
         """Tell whether nobody knows what a variable was at a time, which is that of the moment."""
         stood, behind = self._stood.get(number), self._next.get(number)
-        return stood is not None and behind is not None and behind != stood.stretch and stood.time_ns < time_ns
+        return stood is not None and behind is not None and behind > stood.stretch and stood.time_ns < time_ns
