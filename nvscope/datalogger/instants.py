@@ -29,6 +29,8 @@ SET_BACK_NS = 1_000_000_000
 
 MOST_AT_ONCE = 1 << 14
 _NEVER = -(1 << 63)
+_MOST_SENDERS = 1_000
+"""Of more senders of a list, nothing is remembered but cycles that may go on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,6 +166,8 @@ class Cycles:
         # Packets that are out of order are late by no more than that.
         latest_ns = self._now_ns - self._apart_ns - SET_BACK_NS
         yield from self._closed([one for one in self._senders.values() if one.open and one.open.last_ns < latest_ns])
+        if len(self._senders) > _MOST_SENDERS:
+            self._senders = {number: one for number, one in self._senders.items() if one.open}
         if told.is_deaf:
             yield from self.end()
 
