@@ -9,7 +9,9 @@ import tempfile
 from collections.abc import Callable, Iterable
 from typing import IO
 
+from nvscope.capture.capture_file import CaptureFile
 from nvscope.capture.content import STDIN
+from nvscope.capture.formats import TEXT_HEAD_BYTES, NoCapture, is_enough
 from nvscope.capture.pieces import PipePieces, Stopped
 from nvscope.capture.source import SourceInfo
 from nvscope.errors import CaptureError, UnreadableInput
@@ -82,10 +84,15 @@ class KeptStreams:
                 return
             copy = self._made()
             self._files.append(copy)
+            head: bytes | None = b""
             try:
                 for piece in PipePieces(descriptor, lambda: self._stopped):
                     self._write(copy, piece, word)
                     self._waiting(word)
+                    head = None if head is None else (head + piece)[:TEXT_HEAD_BYTES]
+                    if head and is_enough(head):
+                        head = None
+                        self._recognise(copy, word)
             except Stopped:
                 pass
             self._write(copy, b"", word)
@@ -109,6 +116,18 @@ class KeptStreams:
                 copy.flush()
         except OSError as error:
             raise _not_kept(error) from error
+
+    def _recognise(self, copy: IO[bytes], word: str) -> None:
+        """Raise NoCapture where a stream begins as no capture does: it may have no end."""
+        self._write(copy, b"", word)
+        os.lseek(copy.fileno(), 0, os.SEEK_SET)
+        try:
+            CaptureFile(word, copy=copy.fileno())
+        except NoCapture:
+            raise
+        except UnreadableInput:
+            pass  # it may be readable when there is more of it
+        os.lseek(copy.fileno(), 0, os.SEEK_END)
 
     @staticmethod
     def _made() -> IO[bytes]:
