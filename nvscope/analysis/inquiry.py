@@ -6,7 +6,7 @@ captures, project and filter to an answer.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -21,6 +21,7 @@ from nvscope.capture.content import STDIN
 from nvscope.capture.last_time import latest_ns
 from nvscope.capture.open import open_source
 from nvscope.capture.source import Source, SourceInfo, any_live
+from nvscope.capture.streams import is_stream
 from nvscope.definition.defined_pdos import pdos_of
 from nvscope.definition.project import Project
 from nvscope.engine.events import Listeners
@@ -101,6 +102,7 @@ class Inquiry:
     time; or a source of any kind, of which one thing can be asked. ``timeout_ns`` is how long an answer may take, None
     for what the project says. ``asked`` is the part of the captures that is read, None for all: frames are counted, and
     times told, from its first frame, as if nothing else had been captured. ``protocols`` are those that are looked for.
+    ``copies`` are those of streams, which are read once.
     """
 
     captures: Sequence[str] | Source
@@ -110,6 +112,7 @@ class Inquiry:
     watch: Watch = _nobody
     asked: AskedRange | None = None
     protocols: Sequence[Protocol] = PROTOCOLS
+    copies: Mapping[str, int] = field(default_factory=dict)
 
     @cached_property
     def layouts(self) -> Layouts | None:
@@ -173,7 +176,7 @@ class Inquiry:
     def _whole(self) -> Source:
         if not isinstance(self.captures, Sequence):
             return self.captures
-        return open_source(self.captures, renamed=self.project.channels)
+        return open_source(self.captures, renamed=self.project.channels, copies=self.copies)
 
     def latest_ns(self, told: str) -> int | None:
         """Return the latest time of the captures, None where they hold no packet; nothing else of them is looked at.
@@ -389,6 +392,7 @@ class Inquiry:
     @property
     def read_once(self) -> str:
         """What of the captures can be read only once, as told to a person; "" where all can be read again."""
-        if STDIN in self.paths:
-            return "stdin"
+        once = next((path for path in self.paths if is_stream(path) and path not in self.copies), "")
+        if once:
+            return "stdin" if once == STDIN else "a pipe"
         return "" if isinstance(self.captures, Sequence) else "what is no file"

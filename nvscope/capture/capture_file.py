@@ -47,7 +47,8 @@ class CaptureFile:
 
     The file is told by its first bytes at once, and read when iterated; a regular file can be iterated again.
     Raises UnreadableInput where it cannot be opened or is no capture file. ``place`` is the one that it has in a
-    series, to be set before it is read. ``small_file_bytes`` and ``chunk_bytes`` are those of MappedWindow and
+    series, to be set before it is read. ``copy`` is open, and a copy to be read in place of what can be read only once
+    (``nvscope.capture.streams``). ``small_file_bytes`` and ``chunk_bytes`` are those of MappedWindow and
     StreamWindow.
     """
 
@@ -56,11 +57,13 @@ class CaptureFile:
         path: str,
         *,
         sizes: ReadingSizes | None = None,
+        copy: int | None = None,
         small_file_bytes: int = SMALL_FILE_BYTES,
         chunk_bytes: int = CHUNK_BYTES,
     ) -> None:
         self.path = path
         self.place = Place()
+        self._copy = copy
         self._sizes = sizes or ReadingSizes()
         self._content_sizes = ContentSizes(small_file_bytes, chunk_bytes)
         self._position = 0
@@ -141,13 +144,17 @@ class CaptureFile:
         if self._once is not None:
             first = self._once.peek()
         else:
-            few = CaptureFile(self.path, sizes=_PEEK_SIZES, small_file_bytes=0, chunk_bytes=_PEEK_BYTES)
+            few = CaptureFile(
+                self.path, sizes=_PEEK_SIZES, copy=self._copy, small_file_bytes=0, chunk_bytes=_PEEK_BYTES
+            )
             first = next(iter(few), None)
         return None if first is None else int(first.ts_ns[0])
 
     def first_batches(self) -> Iterator[PacketBatch]:
         """Yield what the file begins with, if anything; it is read again later."""
-        first = next(iter(CaptureFile(self.path)), None) if self._once is None else self._once.peek()
+        first = (
+            self._once.peek() if self._once is not None else next(iter(CaptureFile(self.path, copy=self._copy)), None)
+        )
         if first is not None:
             yield first
 
@@ -203,10 +210,14 @@ class CaptureFile:
         try:
             if self.path == STDIN and sys.stdin is None:
                 raise UnreadableInput("stdin is closed", where=self.path, next_step="name a file instead")
-            descriptor = sys.stdin.fileno() if self.path == STDIN else os.open(self.path, _READ_ONLY)
-            return self._tell(descriptor, share, span or TimeSpan())
+            return self._tell(self._descriptor(), share, span or TimeSpan())
         except OSError as error:
             raise self._unreadable(error) from error
+
+    def _descriptor(self) -> int:
+        if self._copy is not None:
+            return os.dup(self._copy)
+        return sys.stdin.fileno() if self.path == STDIN else os.open(self.path, _READ_ONLY)
 
     def _unreadable(self, error: OSError) -> NvscopeError:
         if error.errno in NO_DESCRIPTORS:

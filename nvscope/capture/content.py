@@ -119,7 +119,9 @@ class Content:
     @property
     def disk_path(self) -> str:
         """The path of a file on disk that is this content, '' where it is compressed, or comes from a pipe."""
-        return self.path if self.regular and self.path != STDIN and not self.compression else ""
+        is_there = self.regular and self.path != STDIN and not self.compression
+        # What is read may be a copy of what came from a pipe of this name.
+        return self.path if is_there and os.path.isfile(self.path) else ""
 
     @property
     def begin(self) -> str:

@@ -19,11 +19,13 @@ from nvscope.whole_files import is_stdout
 
 
 def open_source(
-    paths: Sequence[str], *, batch_packets: int = 131_072, renamed: Mapping[str, str] = MappingProxyType({})
-) -> FileSource:
+    paths: Sequence[str], *, batch_packets: int = 131_072, renamed: Mapping[str, str] = MappingProxyType({}),
+    copies: Mapping[str, int] = MappingProxyType({}),
+) -> FileSource:  # fmt: skip
     """Return the packets of capture files as one timeline.
 
     "-" is stdin, a directory all capture files in it. ``renamed`` are names of channels by those that files tell.
+    ``copies`` are read in place of streams of these names (``nvscope.capture.streams``).
     Raises UnreadableInput, also later when a file changes or goes.
     """
     if not paths:
@@ -38,7 +40,7 @@ def open_source(
         if path != STDIN and os.path.isdir(path):
             files += _open_directory(path, sizes)
         else:
-            files.append(CaptureFile(path, sizes=sizes))
+            files.append(CaptureFile(path, sizes=sizes, copy=copies.get(path)))
     _place(files)
     if len(files) == 1 and not renamed:
         return files[0]

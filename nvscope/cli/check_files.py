@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, NamedTuple
 
-from nvscope.capture.content import STDIN
 from nvscope.cli.terminal import echo
 from nvscope.errors import CaptureError, UsageError
 
@@ -120,7 +119,7 @@ def _frames(
 
     Of files, they are read again; of what can be read only once, those that were kept.
     """
-    if not inquiry.paths or STDIN in inquiry.paths:
+    if inquiry.read_once:
         for chunk in found.scene.recent.pieces():
             yield chunk.first_frame, chunk.packets, found.scene.channels
         return

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
     from nvscope.datalogger.plan import Planned
 
 _LOG = "log"
+_PATIENCE_S = 3.0
 _DATABASES = frozenset({"sqlite", "datalogger"})
 
 
@@ -159,6 +162,7 @@ def datalog(
     plant, ports = plant_of(project, gvl, paths, channel_map, decode)
 
     from nvscope.analysis.inquiry import Inquiry
+    from nvscope.capture.streams import KeptStreams, is_stream
     from nvscope.cli.progress import watching
     from nvscope.datalogger.claims import Claims
     from nvscope.datalogger.plan import Targets, check_leave, check_names, near_tasks, plan, set_aside
@@ -175,7 +179,8 @@ def datalog(
     _tell_of_plan(planned, append=append)
     infos: Sequence[SourceInfo] = ()
     source = None
-    if not dry_run or not inquiry.read_once:
+    streams = [path for path in inquiry.paths if is_stream(path)]
+    if not streams and not (dry_run and inquiry.read_once):
         source = inquiry.open()
         _refuse_databases(source)
         infos = source.infos
@@ -199,14 +204,20 @@ def datalog(
         for line in forecast(planned, plant.definition.nominal_intervals_ns(), refused, append=append):
             echo(line)
         return
-    assert source is not None
     check_names(planned, is_input)
     _check_ending(write)
-    with Claims([one.path for one in planned if one.path]) as claims:
+    with Claims([one.path for one in planned if one.path]) as claims, KeptStreams(streams, _patience(quiet)) as kept:
         for path in claims.unguarded:
             what = "its file system knows no locks: take care that nothing else logs there at the same time"
             echo(f"nvscope: {visible(path)}: {what}.", err=True)
         check_leave(planned, append=append, force=force)
+        if source is None:
+            # What is known of senders in the end says what telegrams were in the beginning.
+            with LiveRun(kept, quiet=True):
+                kept.keep()
+            inquiry = replace(inquiry, copies=kept.copies)
+            source = inquiry.open()
+            _refuse_databases(source)
         aside = set_aside(planned if force else ())
         try:
             log = _logged(inquiry, source, planned, quiet=quiet, append=append, document_style=document_style)
@@ -223,6 +234,23 @@ def datalog(
     code = max(tell_of_losses(source.infos), ExitCode.DATA_LOSS if lost else ExitCode.GOOD)
     if code:
         raise typer.Exit(code)
+
+
+def _patience(quiet: bool) -> Callable[[str], None]:
+    """Return what says, once, that nothing is logged before a stream has ended, where that takes a while."""
+    from nvscope.view.escape import visible
+
+    due_s = time.monotonic() + _PATIENCE_S
+    told = quiet
+
+    def wait(word: str) -> None:
+        nonlocal told
+        if not told and time.monotonic() > due_s:
+            told = True
+            what = "read like a file, to its end, before the first row is written; --follow logs what comes at once"
+            echo(f"nvscope: {visible(word)}: {what}.", err=True)
+
+    return wait
 
 
 def _check_ending(write: str | None) -> None:

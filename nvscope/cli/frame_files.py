@@ -114,9 +114,7 @@ def tell_of_one_file(infos: Sequence[SourceInfo], path: str) -> None:
 
 def remarks_on(inquiry: Inquiry) -> list[Comment]:
     """Return the findings of captures as comments to the frames that show them; none where they are read once."""
-    from nvscope.capture.content import STDIN
-
-    if not inquiry.paths or STDIN in inquiry.paths:
+    if inquiry.read_once:
         return []
     found = inquiry.analyze(causes=False)
     return [

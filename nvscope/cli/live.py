@@ -172,7 +172,8 @@ def captured(
     UnreadableInput for a word that names nothing, UsageError where live sources and files are mixed, or options given
     that mean nothing without one.
     """
-    from nvscope.capture.live.open import is_live, is_stream
+    from nvscope.capture.live.open import is_live
+    from nvscope.capture.streams import is_stream
 
     if live.follow:
         return _followed(paths, live, plant)

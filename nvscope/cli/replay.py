@@ -11,6 +11,7 @@ import typer
 
 from nvscope.capture.content import STDIN
 from nvscope.capture.player import LEAST_RATE, MOST_RATE
+from nvscope.capture.streams import is_stream
 from nvscope.cli.decode_as import DecodeOption, port_rules
 from nvscope.cli.definitions import GvlOption, NoNamesOption, ProjectOption, flaws_told_first
 from nvscope.cli.named_files import named_files
@@ -123,6 +124,8 @@ def send(captures: Sequence[str], how: How, target: Target, ports: PortRules | N
     from nvscope.plc.pace import Pace
 
     inquiry = Inquiry(captures, Project(), ports, asked=asked_range(how.start, how.until, utc=False, options=_RANGE))
+    if how.loops and (once := inquiry.read_once):
+        raise UsageError(f"--loop: {once} cannot be sent again", next_step="name a file instead")
     pace, source = Pace(how.rate, skips_gaps=how.skips_gaps), inquiry.open()
     stop = Stop(source)
     with LiveRun(stop, quiet=True), target.sender(pace, ports, lambda: stop.asked) as sender:
@@ -149,8 +152,9 @@ def show(
             "there is no terminal to show it on",
             next_step="`nvscope watch --plain FILE` tells what happened, line by line; --to udp://127.0.0.1 sends it",
         )
-    if STDIN in captures:
-        raise UsageError("stdin cannot be played: it is read once", next_step="name a file")
+    for path in filter(is_stream, captures):
+        told = "stdin" if path == STDIN else "a pipe"
+        raise UsageError(f"{told} cannot be played: it is read once", next_step="name a file")
     asked = asked_range(how.start, how.until, utc=utc, options=_RANGE)
     from dataclasses import replace
 

@@ -6,7 +6,6 @@ import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from nvscope.capture.content import STDIN
 from nvscope.cli.live import LiveRun
 
 if TYPE_CHECKING:
@@ -50,5 +49,5 @@ def scenes(
 
 
 def are_read_whole(inquiry: Inquiry) -> bool:
-    """Tell whether captures are files, which have an end already."""
-    return bool(inquiry.paths) and STDIN not in inquiry.paths
+    """Tell whether captures are files, which have an end already and can be read again."""
+    return not inquiry.read_once

@@ -146,8 +146,8 @@ def _of_lists(asked: Asked) -> Served:
 
 def _listening(asked: Asked, inquiry: Inquiry, lists: ServedLists) -> Listening:
     """Open the source and begin to listen to it; a capture is played as it happened."""
-    from nvscope.capture.live.open import is_stream
     from nvscope.capture.source import any_live
+    from nvscope.capture.streams import is_stream
     from nvscope.engine.session import Session
 
     # --for is of what is served, the source included.

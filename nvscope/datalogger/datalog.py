@@ -20,6 +20,9 @@ from nvscope.errors import CaptureError
 from nvscope.list_key import ListKey
 from nvscope.view.rows.defined import DefinedRows, DefinedTelegrams
 
+MOST_SENDERS = 8
+"""So many senders of a list are named."""
+
 _NEVER, _LONGEST = -(1 << 63), (1 << 63) - 1
 
 
@@ -29,7 +32,8 @@ class Heard:
 
     ``copies`` are those of the former that came again, and make no row where each cycle makes one. ``unseen`` are, by
     list, the elements that no telegram had, each with the SubIndexes of those that have it by the definition.
-    ``silent_ns`` is for how long lists have sent nothing in the end that have stopped.
+    ``silent_ns`` is for how long lists have sent nothing in the end that have stopped. ``senders`` are the first
+    addresses that lists came from, which are not on CAN.
     """
 
     frames: int
@@ -39,6 +43,7 @@ class Heard:
     copies: Mapping[ListKey, int]
     unseen: Mapping[ListKey, Mapping[str, frozenset[int]]]
     silent_ns: Mapping[ListKey, int]
+    senders: Mapping[ListKey, Sequence[str]]
 
 
 class DataLog:
@@ -62,9 +67,12 @@ class DataLog:
         self._latest = LatestTime()
         self._standing = {session: self._standing_of(session) for session in sessions}
         self._last_ns = _NEVER
+        self._passed_ns = _NEVER
+        """Up to when it is known, live, that nothing more has come."""
         self._drops: int | None = None
         self._number = np.array([place.number for place in telegrams.places], np.int64)
         self._came = np.zeros(len(telegrams.places), np.int64)
+        self._senders: dict[ListKey, set[int]] = {}
         self._begin_ns: int | None = None
         self._end_ns = 0
 
@@ -77,8 +85,12 @@ class DataLog:
         left_out = {key: sum(found.values()) for key, found in self._telegrams.left_out.items()}
         copies = dict(zip(keys, self._copied.tolist(), strict=True))
         begin_ns = self._end_ns if self._begin_ns is None else self._begin_ns
-        silent_ns = self._stops.silent_ns(self._last_ns)
-        return Heard(self._telegrams.frames, self._end_ns - begin_ns, came, left_out, copies, self._unseen(), silent_ns)
+        silent_ns = self._stops.silent_ns(max(self._last_ns, self._passed_ns))
+        names = self._telegrams.senders
+        return Heard(
+            self._telegrams.frames, self._end_ns - begin_ns, came, left_out, copies, self._unseen(), silent_ns,
+            {key: [names[sender] for sender in sorted(own)] for key, own in self._senders.items()},
+        )  # fmt: skip
 
     def _unseen(self) -> dict[ListKey, dict[str, frozenset[int]]]:
         found: dict[ListKey, dict[str, frozenset[int]]] = {key: {} for key in self._telegrams.keys}
@@ -121,7 +133,7 @@ class DataLog:
         self._each(lambda session: session.take(told, once, losses[session]))
         if told.is_deaf:
             self._stops.forget()
-            self._last_ns = _NEVER
+            self._last_ns = self._passed_ns = _NEVER
             for session in self.sessions:
                 session.lose()
 
@@ -144,11 +156,25 @@ class DataLog:
 
     def _hear(self, told: Told, rows: DefinedRows) -> None:
         self._came += np.bincount(rows.place, minlength=len(self._came))
+        self._name_senders(rows)
         times_ns = [*told.packets.ts_ns[[0, -1]].tolist()] if len(told.packets.ts_ns) else []
-        times_ns += [] if told.until_ns is None else [told.until_ns]
+        if told.until_ns is not None:
+            self._passed_ns = told.until_ns
+            times_ns.append(told.until_ns)
         if times_ns:
             self._begin_ns = min([*times_ns, *([] if self._begin_ns is None else [self._begin_ns])])
             self._end_ns = max(self._end_ns, *times_ns)
+
+    def _name_senders(self, rows: DefinedRows) -> None:
+        if not len(rows):
+            return
+        bound = int(rows.sender.max()) + 1
+        pair = self._number[rows.place] * bound + rows.sender
+        for one in np.unique(pair[:1] if (pair == pair[0]).all() else pair).tolist():
+            number, sender = divmod(one, bound)
+            own = self._senders.setdefault(self._telegrams.keys[number], set())
+            if isinstance(self._telegrams.keys[number].port, int) and len(own) < MOST_SENDERS:
+                own.add(sender)
 
     def _without_copies(self, told: Told, rows: DefinedRows) -> DefinedRows:
         copies = self._judge.copies_in(told)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from nvscope.datalogger.configuration import Session
 from nvscope.datalogger.database import IN_MEMORY
-from nvscope.datalogger.datalog import Heard
+from nvscope.datalogger.datalog import MOST_SENDERS, Heard
 from nvscope.datalogger.oldest_rows import Deleted
 from nvscope.datalogger.session_log import Counted, SessionLog
 from nvscope.enumeration import first_few, joined
@@ -68,6 +68,13 @@ def _missing(log: SessionLog, heard: Heard) -> Iterator[str]:
     for key in sorted(log.keys, key=str):
         if heard.came.get(key):
             yield from _unseen(log, heard, key, since)
+            if len(senders := heard.senders.get(key, ())) > 1:
+                many = "at least " if len(senders) == MOST_SENDERS else ""
+                named = joined([visible(one) for one in senders])
+                yield (
+                    f"telegrams of {key} came from {many}{len(senders)} senders, {named}: they are in one table, and "
+                    "no row says whose it is; `nvscope report` tells of each"
+                )
             if key in heard.silent_ns:
                 silent = duration(heard.silent_ns[key])
                 yield (

@@ -71,6 +71,12 @@ class Samples:
             self._own.append(np.sort(np.concatenate(own)) if len(own) > 1 else own[0] if own else np.empty(0, np.int64))
         self._frames = [rows.frame[own] for own in self._own]
 
+    def first_frame(self, columns: Bool) -> int | None:
+        """Return the first frame of the batch that tells something of some columns, None without any."""
+        groups = zip(self._groups, self._frames, strict=True)
+        first = [int(frames[0]) for group, frames in groups if len(frames) and columns[group.columns].any()]
+        return min(first, default=None)
+
     def at(self, frame: I64) -> tuple[Numbers, Bool | None]:
         """Return the values behind rising frames, (n, v), and which of them are known; None where all are.
 

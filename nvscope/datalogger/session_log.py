@@ -123,6 +123,7 @@ class SessionLog:
         self._waiting: list[Rows] = []
         self._losses = [np.empty(0, np.int64)] * len(schedules)
         self._lost = np.zeros(len(schedules), np.bool_)
+        self._since: list[int | None] = [None] * len(schedules)
         self._text_columns = [place for place, one in enumerate(logged) if one.content is Content.TEXT]
 
     def take(self, told: Told, rows: DefinedRows, losses: Sequence[I64]) -> None:
@@ -130,6 +131,7 @@ class SessionLog:
         late = self._turns.begin(told, rows)
         if len(late):
             losses = self._with_late(late, losses)
+        losses = [self._behind_first(number, own) for number, own in enumerate(losses)]
         self._losses = [np.concatenate(both) for both in zip(self._losses, losses, strict=True)]
         for taken in self._turns.take():
             self._sample(taken)
@@ -139,6 +141,13 @@ class SessionLog:
             self._publish(self._ring.take(Rows.none(), now_ns))
         if len(self._texts) > MOST_KEPT:
             self._forget_texts()
+
+    def _behind_first(self, number: int, losses: I64) -> I64:
+        """Return the losses behind the first telegram that tells something to a schedule: before, nobody recorded."""
+        if self._since[number] is None:
+            self._since[number] = self._samples.first_frame(self._taken[number])
+        since = self._since[number]
+        return losses[:0] if since is None else losses[losses > since]
 
     def _with_late(self, late: DefinedRows, losses: Sequence[I64]) -> list[I64]:
         """Return losses with those that telegrams are of which came when the row of their cycle was made."""
@@ -155,8 +164,8 @@ class SessionLog:
         return other_table(self._database.found, self._database.table)
 
     def lose(self) -> None:
-        """Let the next row of each task say that something was lost in front of it."""
-        self._lost[:] = True
+        """Let the next row of each task that has had a telegram say that something was lost in front of it."""
+        self._lost |= np.array([since is not None for since in self._since], np.bool_)
 
     def end(self) -> None:
         """Write all that is left, and close the files."""
@@ -194,7 +203,6 @@ class SessionLog:
         if known is not None and not (any_known := known.any(axis=1)).all():
             if not any_known.any():
                 return
-            # What was lost before anything is known, is lost in front of nothing.
             time_ns, consistent, schedule = time_ns[any_known], consistent[any_known], schedule[any_known]
             cells, known = cells[any_known], known[any_known]
         self.counted.samples += len(cells)
@@ -229,8 +237,8 @@ class SessionLog:
         if rows is None or not len(rows):
             return
         if not self._begun:
-            # Of what was before the first row, nobody recorded anything: nothing is lost in front of it.
-            rows.consistent[0], self._begun = not self._document_style, True
+            rows.consistent[0] &= not self._document_style
+            self._begun = True
         self._tell_interruption(rows)
         if self._changed is not None:
             rows = self._changed.take(rows)

@@ -78,14 +78,28 @@ def read_xml(source: Source, *, mend: str = _EXPORT) -> Element:
     except ParseError as error:
         line, column = error.position
         start = source.line_starts[min(line, len(source.line_starts)) - 1]
+        at = min(start + column, len(source.text))
         what = f"this is no well-formed XML: {str(error).partition(':')[0]}"
-        raise source.error(what, min(start + column, len(source.text)), mend) from None
+        if (dashes := _dashes_within_comment(source.text, at)) is not None:
+            at, what = dashes, "this is no well-formed XML: '--' stands within a comment, where XML allows none"
+        raise source.error(what, at, mend) from None
     except (DefusedXmlException, ValueError) as error:
         kind = "document type or entities" if isinstance(error, DefusedXmlException) else "characters"
         next_step = f"Remove what stands before the first element. {mend}"
         raise source.error(f"the XML has {kind} that no definition needs", tree.offset(), next_step) from None
     assert tree.root is not None
     return tree.root
+
+
+def _dashes_within_comment(text: str, at: int) -> int | None:
+    """Return where two dashes stand that end no comment, in one that reaches to a place; None without any."""
+    begin = text.rfind("<!--", 0, at)
+    end = text.find("-->", begin + len("<!--"))
+    if begin < 0 or end < at - 1:
+        return None
+    # The last dash may belong to those that end it: --->.
+    found = text.find("--", begin + len("<!--"), end + 1)
+    return None if found < 0 else found
 
 
 class _Tree:

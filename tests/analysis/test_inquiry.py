@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
@@ -242,6 +243,13 @@ def test_variables_are_fields() -> None:
 def test_stdin_is_not_read_twice() -> None:
     with pytest.raises(UsageError, match="stdin cannot be read twice"):
         Inquiry(["-"]).analyze("list.lost > 0")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
+def test_a_pipe_that_has_a_name_is_not_read_twice(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(UsageError, match="a pipe cannot be read twice"):
+        Inquiry([str(tmp_path / "pipe")]).analyze("list.lost > 0")
 
 
 def with_another_axis(folder: Path) -> Project:

@@ -6,7 +6,17 @@ from pathlib import Path
 
 import pytest
 
+from dissectors.batch import PacketBatch
+from nvscope.analysis.inquiry import Inquiry
+from nvscope.capture.open import open_source
+from nvscope.cli.datalog import _logged
+from nvscope.datalogger.configuration_file import read_configuration
+from nvscope.datalogger.plan import Targets, plan
+from nvscope.definition.project_file import read_project
+from tests.datalogger.drawn_plants import START_NS, frame_of, write_pcap
+from tests.datalogger.oracle_losses import Packet
 from tests.datalogger.plants import configuration, gvl, plant, rows_of, simulated
+from tests.packets import Batches
 from tests.program import run_text
 
 CYCLES = 'taskContext="list1"'
@@ -237,6 +247,7 @@ def test_of_a_capture_without_a_frame_no_list_is_blamed(here: Path) -> None:
 
 STOPPED = '[[pause]]\nlist = "list1"\nat = "2s"\nby = "4s"\n'
 LOST = '[[capture_loss]]\nat = ["2s"]\nlasting = "120ms"\ndrops = 3\n'
+LOST_EARLY = '[[loss]]\nlist = "list1"\ntelegrams = [10]\n'
 BACK = '[[clock_step]]\nat = "2s"\nby = "-{}"\n'
 SAMPLES = 'samplingInterval="50ms" publishInterval="1s" bufferCapacity="20"'
 
@@ -258,6 +269,50 @@ def test_a_list_that_has_stopped_for_good_is_told(tmp_path: Path, general: str) 
     assert len(told) == 2
     assert told[1].startswith("nvscope: session: udp/1202/1 sent nothing any more for the last 3.0 s: it has stopped")
     assert len(run_over(tmp_path / "other", plant(lists=2), general)) == 1
+
+
+def test_the_only_list_that_stops_live_is_told(here: Path) -> None:
+    """Nothing else comes that would show how long it has been silent; only that time passes does."""
+    (here / "c.xml").write_text(configuration(["a/dwFirst"], SAMPLES, ""), encoding="utf-8")
+    batches = list(open_source([str(here / "plant.pcap")]))
+    last_ns = int(batches[-1].ts_ns[-1])
+    source = Batches([*batches, *(PacketBatch.nothing(last_ns + silent * 10**9) for silent in (1, 7))])
+    inquiry = Inquiry(source, read_project(None, [str(here / "list1.gvl")]))
+    session = read_configuration(str(here / "c.xml")).session
+    targets = Targets(str(here / "log.db"), None)
+    planned = plan([session], inquiry.defined_layouts(), inquiry.project.datalogger, targets, partly=False)
+    log = _logged(inquiry, source, planned, quiet=True, append=False, document_style=False)
+    (silent_ns,) = log.heard.silent_ns.values()
+    assert silent_ns == 7 * 10**9
+
+
+@pytest.mark.parametrize(
+    ("scenario", "general", "consistent"),
+    [
+        ("", 'samplingInterval="10ms" publishInterval="7h" bufferCapacity="2"', [0, 1]),
+        ("", 'samplingInterval="10ms" publishInterval="7h" bufferCapacity="2000"', [1, 1]),
+        (LOST_EARLY, 'samplingInterval="1700ms" publishInterval="1700ms"', [0, 1]),
+        ("", 'samplingInterval="1700ms" publishInterval="1700ms"', [1, 1]),
+    ],
+)
+def test_what_is_lost_in_front_of_the_first_row_is_told_by_it(
+    scenario: str, general: str, consistent: list[int], tmp_path: Path
+) -> None:
+    run_over(tmp_path, plant(scenario), general)
+    assert [row[2] for row in rows_of(tmp_path / "log.db")][:2] == consistent
+
+
+def test_senders_of_one_list_are_named(here: Path) -> None:
+    sent = [
+        Packet(START_NS + at * 10**7, f"10.0.0.{1 + at % 3}", 1, 0, 1, at, bytes([at, 0, 0, 0])) for at in range(30)
+    ]
+    (here / "plant.pcap").write_bytes(write_pcap([frame_of(one) for one in sent], [0] * len(sent)))
+    (here / "c.xml").write_text(configuration(["a/dwFirst"], CYCLES, ""), encoding="utf-8")
+    done = run_text("datalog", "plant.pcap", "--config", "c.xml", "--gvl", ".", cwd=here)
+    assert (
+        "nvscope: session: telegrams of udp/1202/1 came from 3 senders, 10.0.0.1, 10.0.0.2 and 10.0.0.3: they are in "
+        "one table, and no row says whose it is; `nvscope report` tells of each."
+    ) in done.stderr.splitlines()
 
 
 def test_what_a_capture_says_that_it_dropped_is_told(tmp_path: Path) -> None:

@@ -102,3 +102,50 @@ def test_what_the_reference_repeats_beside_null_is_as_it_was(tmp_path: Path) -> 
         database.commit()
     told = as_json("vars", path, "--history", "r")
     assert [one["new_text"] for one in told["logged_changes"]] == ["1.5", "unknown", "inf", "1.5"]
+
+
+HOURS_2 = 2 * 3_600_000
+
+
+def logged_before_and_behind(folder: Path, *, only_changes: bool, jumps: bool) -> str:
+    """Write rows of four seconds, and of four more two hours later: in another table, or where a counter ``jumps``."""
+    times = [1000 * at + late for late in (0, HOURS_2) for at in range(4)]
+    rows = [Row(at, (number, 7, 0)) for number, at in enumerate(times)]
+    path = str(folder / "x.db")
+    three = [("Plc/n", "INT"), ("Plc/same", "INT"), ("Plc/more", "INT")]
+    if jumps:
+        write_log(folder / "x.db", three, rows, table="log_1", only_changes=True)
+        further = 'UPDATE log_1 SET "Plc/n_change_count" = "Plc/n_change_count" + 900 WHERE rowid > 4'
+    else:
+        first = [Row(row.at, row.values[:2]) for row in rows[:4]]
+        write_log(folder / "x.db", three[:2], first, table="log_1", only_changes=only_changes)
+        write_log(folder / "x.db", three, rows[4:], table="log_2", only_changes=only_changes)
+        # The oldest rows of the second table are gone, with the last values of what is as it was.
+        further = (
+            'UPDATE log_2 SET "Plc/n_change_count" = "Plc/n_change_count" + 900, "Plc/same" = NULL, '
+            '"Plc/same_change_count" = NULL, "Plc/more_change_count" = "Plc/more_change_count" + 900'
+        )
+    if only_changes:
+        with closing(sqlite3.connect(path)) as database:
+            database.execute(further)
+            database.commit()
+    return path
+
+
+@pytest.mark.parametrize(("only_changes", "jumps"), [(False, False), (True, False), (True, True)])
+def test_nothing_lasts_to_another_table_nor_over_a_jump_of_a_counter(
+    only_changes: bool, jumps: bool, tmp_path: Path
+) -> None:
+    path = logged_before_and_behind(tmp_path, only_changes=only_changes, jumps=jumps)
+    (track,) = as_json("vars", path, "--history", "Plc/n")["logged_variables"]
+    assert (track["changes"], track["longest_ns"]) == (7, 10**9)
+    found = {}
+    for at in ("2s", "2.5s", "3.5s", "1h", f"{HOURS_2}ms", f"{HOURS_2 + 1500}ms"):
+        rows = as_json("vars", path, "--at", at)["logged_variables"]
+        found[at] = tuple(row["text"] for row in rows if row["name"] in ("Plc/n", "Plc/same"))
+    unknown = ("unknown", "unknown")
+    same = "unknown" if only_changes and not jumps else "7"
+    assert list(found.values()) == [("2", "7"), ("2", "7"), unknown, unknown, ("4", same), ("5", same)]
+    rules = tmp_path / "x.rules.toml"
+    rules.write_text('[[rule]]\nid = "frozen"\ncheck = "frozen"\nvariable = "db/x.db/Plc/n"\nmax = "1.5s"\n')
+    assert run_text("check", path, "--rules", str(rules)).returncode == 0

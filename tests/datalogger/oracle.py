@@ -111,7 +111,8 @@ class Sample:
     """What is known at one time: values and counters by variable; ``seen``: packets that had come until then.
 
     ``names`` are the variables of its row; of cycles of one list among others, not all of them. ``lists`` are those
-    without whose telegrams it is not what it should be: of its variables, and of its task.
+    without whose telegrams it is not what it should be: of its variables, and of its task. ``since`` is the place of
+    the first packet of all that told something of its names.
     """
 
     time_ns: int
@@ -123,6 +124,7 @@ class Sample:
     known: dict[str, Value] = field(default_factory=dict)
     lossy: bool = False
     lists: frozenset[int] = frozenset()
+    since: int = 0
 
 
 def size_of(kind: str) -> int:
@@ -167,9 +169,14 @@ def samples(packets: Sequence[Packet], lists: Mapping[int, DefinedList], session
         for time_ns, seen in instants([packet.time_ns for packet in packets], session.sampling_ns):
             found.append(Sample(time_ns, seen, sampled, {}, ring=-(-time_ns // session.publish_ns)))
     found.sort(key=lambda one: (one.seen, one.ring is not None))
+    since = {
+        names: next((place for place, now in enumerate(known[1:]) if now.keys() & names), 0)
+        for names in {one.names for one in found}
+    }
     for one in found:
         one.lists = frozenset(session.variables[name][0] for name in one.names)
         one.lists |= {task for name, task in in_cycles.items() if name in one.names and task is not None}
+        one.since = since[one.names]
         one.values = {name: value for name, value in known[one.seen].items() if name in one.names}
     return [one for one in found if one.values]
 
@@ -359,13 +366,14 @@ def count_changes(found: Iterable[Sample]) -> None:
 def mark_losses(found: Sequence[Sample], places: Mapping[int, set[int] | None]) -> None:
     """Mark, of each task, the first sample at or behind each packet before which something was lost that it needs.
 
+    What was lost before anything was known of it, is lost in front of nothing.
     ``places`` are such packets, with the lists that lost something, None for all.
     """
     for names in {sample.names for sample in found}:
         own = [sample for sample in found if sample.names == names]
         for place, lists in places.items():
             behind = next((sample for sample in own if place < sample.seen), None)
-            if behind is not None and (lists is None or lists & behind.lists):
+            if behind is not None and place > behind.since and (lists is None or lists & behind.lists):
                 behind.lossy = True
 
 

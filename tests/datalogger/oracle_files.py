@@ -141,11 +141,11 @@ class Files:
         if self.is_first_of_run and session.document_style:
             return False
         if not self.goes_on:
-            return self.is_first_of_run or not lossy
+            return not lossy
         if not session.changes_only:
             return sample.names in self.begun and not lossy
         # A restart with all values says it by itself, but not where a file begins, which may only go on.
-        return every and self.had_rows if self.is_first_of_run else not lossy
+        return not lossy and (not self.is_first_of_run or (every and self.had_rows))
 
     def store(self, block: Sequence[tuple[Value, ...]]) -> None:
         """Write a block as one transaction, and make room where the file is full."""

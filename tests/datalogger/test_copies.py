@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import struct
+import subprocess
+import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -14,7 +18,7 @@ from tests.datalogger.plants import configuration, gvl, plant, rows_of, simulate
 from tests.definition.lists import telegram
 from tests.oracle.builders import MILLISECOND, START
 from tests.packets import batch_of
-from tests.program import run_text
+from tests.program import COMMAND, run_text
 
 MIRRORED = "[[mirrored]]\n"
 URI = "Arp.Plc.Eclr/dwValue1"
@@ -141,3 +145,31 @@ def test_the_same_value_with_another_counter_is_a_cycle(tmp_path: Path) -> None:
     write(tmp_path, [(at, at, 7) for at in range(40)])
     assert "came again" not in logged(tmp_path, "plant.pcap")
     assert len(rows_of(tmp_path / "log.db")) == 40
+
+
+@pytest.mark.parametrize("named", ["-", "pipe"])
+def test_of_what_comes_by_a_pipe_the_rest_tells_too(named: str, tmp_path: Path) -> None:
+    """What the last telegram of a piece is shows in what comes behind it."""
+    fcntl, termios = pytest.importorskip("fcntl"), pytest.importorskip("termios")
+    sent = [(50 * at, 1 + at, at) for at in range(100)]
+    write(tmp_path, sorted([*sent, (50 * 10 + 30, 1 + 10, 10)]))
+    told = logged(tmp_path, "plant.pcap")
+    content = (tmp_path / "plant.pcap").read_bytes()
+    piece = 24 + 12 * (len(content) - 24) // 101
+    os.mkfifo(tmp_path / "pipe")
+
+    def send() -> None:
+        with (tmp_path / "pipe").open("wb", 0) as pipe:
+            pipe.write(content[:piece])
+            while any(fcntl.ioctl(pipe, termios.FIONREAD, bytes(4))):
+                time.sleep(0.01)
+            time.sleep(0.4)  # as long as no reader waits for more
+            pipe.write(content[piece:])
+
+    with ThreadPoolExecutor(1) as other:
+        other.submit(send)
+        words = [*COMMAND, "datalog", named, "--config", "c.xml", "--gvl", ".", "--force"]
+        stdin = (tmp_path / "pipe").open("rb") if named == "-" else subprocess.DEVNULL
+        done = subprocess.run(words, cwd=tmp_path, stdin=stdin, capture_output=True, check=False, timeout=60, text=True)
+    assert (done.returncode, done.stderr) == (0, told)
+    assert [row[3] for row in rows_of(tmp_path / "log.db")] == list(range(100))

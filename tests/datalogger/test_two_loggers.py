@@ -32,14 +32,14 @@ BLOCK = 10
 def recording(folder: Path, *, rolls: bool = False) -> Iterator[subprocess.Popen[bytes]]:
     """Record what is written to a pipe, once the database is there; where it ``rolls``, each block fills a file."""
     full = {"max_files": -1, "max_file_size": 1} if rolls else {}
-    session = Session({"VarA": (1, "VarA")}, 10 * MS, 10 * MS, write_interval=BLOCK, rollover=rolls, **full)
+    session = Session({"VarA": (1, "VarA")}, 10 * MS, 10 * MS, task=1, write_interval=BLOCK, rollover=rolls, **full)
     packets = [
         Packet(START_NS + 10 * MS * number, "10.0.0.1", 1, 0, 1, number, number.to_bytes(2, "little"))
         for number in range(1000, 1100)
     ]
     (folder / "again.pcap").write_bytes(Plant([AXIS], packets, session).write(folder)[0].read_bytes())
     with subprocess.Popen(
-        [*COMMAND, "datalog", "-", "--config", "log.xml", "--project", "nvscope.toml"],
+        [*COMMAND, "datalog", "-", "--follow", "--config", "log.xml", "--project", "nvscope.toml"],
         stdin=subprocess.PIPE, stderr=subprocess.PIPE, cwd=folder,
         env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
     ) as process:  # fmt: skip

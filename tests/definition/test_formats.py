@@ -306,6 +306,17 @@ def test_constants_of_one_name_in_two_lists(tmp_path: Path) -> None:
     ("text", "message", "place"),
     [
         ("<GVL>\n <Declarations></GVL>", "this is no well-formed XML: mismatched tag", (2, 18)),
+        (
+            "<GVL>\n<!------ x -->",
+            "this is no well-formed XML: '--' stands within a comment, where XML allows none",
+            (2, 5),
+        ),
+        (
+            "<GVL>\n<!-- x ---></GVL>",
+            "this is no well-formed XML: '--' stands within a comment, where XML allows none",
+            (2, 8),
+        ),
+        ("<GVL>\n<!-- x --></GVX>", "this is no well-formed XML: mismatched tag", (2, 13)),
         ("\n<page/>", "no format of definitions has the root element 'page'", (2, 1)),
         ("<GVL/>", "the element Declarations is missing", (1, 1)),
         ("<project/>", "the file declares neither types nor variables", (1, 1)),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import stat
 import sys
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
@@ -70,17 +69,6 @@ def open_live(words: Sequence[str], settings: LiveSettings) -> Source:
     if len(sources) == 1 and not settings.renamed:
         return sources[0]
     return Timeline(sources, renamed=settings.renamed)
-
-
-def is_stream(word: str) -> bool:
-    """Return whether a word names what can be read only once, as it comes: stdin, or a named pipe."""
-    if word == STDIN:
-        return True
-    try:
-        mode = os.stat(word).st_mode
-    except OSError:
-        return False
-    return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
 
 
 def open_stream(word: str, settings: LiveSettings) -> Source:

@@ -79,7 +79,8 @@ class ReadRows:
     def of(self, told: Told, part: RowBatch) -> Iterator[Readings]:
         """Yield the readings of a batch, in stretches of so many that memory stays bounded."""
         self.holes, self.told_ns = [], []
-        tables = [self._table_rows(told, part, *one) for one in part.by_table()]
+        in_turn = sorted(part.by_table(), key=lambda one: int(one[1][0]))
+        tables = [self._table_rows(told, part, *one) for one in in_turn]
         self._apart_at.clear()
         self._came = [(one.numbers, part.row[one.rows], one.stretch) for one in tables if one.table.log.only_changes]
         chosen = None if told.chosen is None else told.chosen[part.row]
@@ -109,6 +110,10 @@ class ReadRows:
             stretch = stretch + (apart - len(at) + np.searchsorted(at, rows, "right")) * _APART
         return rows, stretch
 
+    def unbroken(self, stretch: I64) -> I64:
+        """Return stretches that end only where rows may be missing, not where a variable alone is unknown."""
+        return stretch % _APART
+
     def _table_rows(self, told: Told, part: RowBatch, table: RowTable, rows: I64, records: Records) -> _TableRows:
         restarts = _restarts(table, records)
         find = self._unknown.get(table)
@@ -126,9 +131,17 @@ class ReadRows:
         if len(holes.row):
             self.holes.append(holes._replace(variables=wanted, row=packet[holes.row]))
         unread[holes.row] = True
+        follows_another = table.series in self._stretch and (table.series, table.log) not in self._begun
+        others = restarts | unread
+        others[0] |= follows_another
+        if counted is not None:
+            others |= counted.jumps(records)
         begins = restarts if counted is not None else self._begins(table, lost, unread)
         unknown = find.of(records, begins)
-        stretch = self._stretches(table, lost, restarts | unread)
+        if follows_another and counted is not None:
+            # Nobody stored what changed between a table and the next one.
+            unknown = _unknown_at_first(table.log, records, unknown)
+        stretch = self._stretches(table, lost, others)
         return _TableRows(table, rows, records, numbers, stretch, unknown)
 
     def _begins(self, table: RowTable, lost: Bool, unread: Bool) -> Bool:
@@ -271,6 +284,15 @@ class _TableRows:
                     number, self.rows[there], self.records.cells(logged.column, there), self.stretch[there],
                     self.records.data, self.table.encoding,
                 )  # fmt: skip
+
+
+def _unknown_at_first(table: LogTable, records: Records, unknown: Unknown) -> Unknown:
+    """Return where variables are unknown, those with it that have no value in the first row."""
+    found = dict(unknown)
+    for place, logged in enumerate(table.variables):
+        if records.cells(logged.column, np.zeros(1, np.int64)).form[0] == Stored.NULL:
+            found[place] = np.union1d(found.get(place, np.empty(0, np.int64)), 0)
+    return found
 
 
 def _restarts(table: RowTable, records: Records) -> Bool:

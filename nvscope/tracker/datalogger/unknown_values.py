@@ -68,6 +68,22 @@ class CountedUnknown:
                 step = max(step, int(counts[-1]) - known)
         return step
 
+    def jumps(self, records: Records) -> Bool:
+        """Return in which rows a counter goes on by more than a change, or back; asked before ``of`` takes them."""
+        found = np.zeros(len(records), np.bool_)
+        for variable, before in zip(self._variables, self._counts, strict=True):
+            assert variable.counter is not None
+            if records.is_empty(variable.counter):
+                continue
+            rows = np.flatnonzero(records.filled(variable.counter))
+            cells = records.cells(variable.counter, rows)
+            whole = cells.form == Form.INTEGER
+            rows, counts = rows[whole], cells.integers[whole]
+            step = np.diff(counts, prepend=counts[:1] if before is None else before)
+            # Beside NULL, and in a row that is as the one before, as the reference shows them, it stands still.
+            found[rows[(step < 0) | (step > 1)]] = True
+        return found
+
     def _rows(self, place: int, records: Records, counted: Bool, half: Bool, restarts: Bool) -> I64:
         rows, counts = self._take(place, records, np.flatnonzero(counted))
         if not len(rows):

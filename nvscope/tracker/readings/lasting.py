@@ -18,6 +18,10 @@ class RowsRead(Protocol):
         """Return the packets of such rows of a variable in the batch read last, and their stretches."""
         ...
 
+    def unbroken(self, stretch: I64) -> I64:
+        """Return stretches that end only where rows may be missing, not where a variable alone is unknown."""
+        ...
+
 
 class Lasted(NamedTuple):
     """Values by the row of their packet, rising; columns of shape (n,), as those of ``Readings``."""

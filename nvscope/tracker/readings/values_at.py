@@ -9,7 +9,9 @@ import numpy as np
 
 from dissectors.batch import Bool
 from nvscope.engine.told import Told
-from nvscope.tracker.readings.form import Form, cut_text
+from nvscope.tracker.readings.across_moment import AcrossMoment
+from nvscope.tracker.readings.form import UNKNOWN_TEXT, Form, cut_text
+from nvscope.tracker.readings.lasting import RowsRead
 from nvscope.tracker.readings.readings import Readings, ReadValues
 from nvscope.tracker.readings.value_history import Reading
 
@@ -26,7 +28,8 @@ class ValuesAt:
     """The last values up to the frames that count, ``then``, by number of ``read.known``.
 
     Also those that came behind: a clock that steps
-    back passes a moment again. ``unreadable`` are those that could not be read at some time.
+    back passes a moment again. ``unreadable`` are those that could not be read at some time. ``at`` returns those of a
+    time, which is that of the moment: of what was lost around it, nobody knows what it was.
     """
 
     def __init__(self, read: ReadValues) -> None:
@@ -34,6 +37,7 @@ class ValuesAt:
         self.then: dict[int, LastReading] = {}
         self._now: dict[int, LastReading] = {}
         self.unreadable: set[int] = set()
+        self._across = AcrossMoment(read) if isinstance(read, RowsRead) else None
 
     @property
     def readable(self) -> Collection[int]:
@@ -43,7 +47,9 @@ class ValuesAt:
     def take(self, told: Told, part: Any, until: int) -> None:
         """Take a batch, of which so many packets count, and all before them."""
         is_open = until > 0
+        came = []
         for readings in self.read.of(told, part):
+            came.append(readings)
             counts = readings.row < until
             self._take(told, readings, counts)
             if counts.all():
@@ -54,10 +60,21 @@ class ValuesAt:
             self._take(told, readings, ~counts)
         if is_open:
             self.count_all()
+        if self._across is not None:
+            self._across.take(told, came, until, len(self.read.known))
 
     def count_all(self) -> None:
         """Let all that came so far count."""
         self.then = dict(self._now)
+        if self._across is not None:
+            self._across.count_all()
+
+    def at(self, number: int, time_ns: int) -> LastReading | None:
+        """Return what a variable was at the moment, None where it had no value before."""
+        last = self.then.get(number)
+        if last is None or self._across is None or not self._across.is_lost(number, time_ns):
+            return last
+        return last._replace(reading=Reading(Form.UNKNOWN, 0, UNKNOWN_TEXT, last.reading.is_secret))
 
     def _take(self, told: Told, readings: Readings, which: Bool) -> None:
         nothing = readings.form == Form.NOTHING

@@ -89,7 +89,7 @@ def rows_at(values: ValuesAt, time_ns: int, shape: RowShape, *, secrets: bool = 
     """Return a row a variable: its last value up to a moment and how old that is, or why there is none."""
     rows = []
     for number, variable in _meant(values.read):
-        last = values.then.get(number)
+        last = values.at(number, time_ns)
         hidden = last is not None and (last.reading.is_secret or variable.is_secret) and not secrets
         rows.append(
             {

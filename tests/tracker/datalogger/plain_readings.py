@@ -33,10 +33,11 @@ class Reading:
 
 @dataclass
 class Variable:
-    """The values of one variable, in their order."""
+    """The values of one variable, in their order; ``rows`` are those that say what it is: frame, time and stretch."""
 
     name: str
     every: list[Reading] = field(default_factory=list)
+    rows: list[tuple[int, int, int]] = field(default_factory=list)
 
     @property
     def readings(self) -> list[Reading]:
@@ -49,6 +50,12 @@ class Variable:
             return
         gone = sum(one.value is None for one in self.every) + (value is None)
         self.every.append(Reading(frame, time_ns, (stretch, gone), value))
+
+    def is_lost(self, frame: int, time_ns: int) -> bool:
+        """Tell whether something may be missing between the rows up to a frame and the next one, at a time."""
+        stood = [one for one in self.rows if one[0] <= frame]
+        behind = next((one for one in self.rows if one[0] > frame), None)
+        return bool(stood and behind and behind[2] > stood[-1][2] and stood[-1][1] < time_ns)
 
     @property
     def changes(self) -> list[tuple[Reading, Reading]]:
@@ -168,6 +175,8 @@ def read(paths: Sequence[Path], reals: Collection[str] = ()) -> list[Variable]:
                 counts[name] = count
         for name in counted:
             variable = found.setdefault(name, Variable(name))
+            if counters or values[name] is not None or name in unknown:
+                variable.rows.append((frame, when, stretch))
             if values[name] is not None or name in unknown:
                 variable.take(frame, when, stretch, values[name])
     return list(found.values())

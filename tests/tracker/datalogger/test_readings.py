@@ -118,7 +118,9 @@ def test_values_at_a_time_are_the_last_ones_up_to_it(
         last = found.moment.last_frame
         for row, one in zip(told_rows, known, strict=True):
             before = [reading for reading in one.every if reading.frame <= last]
-            assert row["value"] == (plain(before[-1].value) if before else None)
+            is_lost = one.is_lost(last, found.time_ns)
+            assert row["value"] == (plain(before[-1].value) if before and not is_lost else None)
+            assert not before or not is_lost or row["text"] == "unknown"
             assert row["frame"] == (before[-1].frame if before else None)
             later = "later" if one.readings else "no value"
             assert row["missing"] == (None if before else later)
