@@ -118,7 +118,7 @@ def _next_step(problem: Problem, text: str) -> str:
     """Return what to do about a type that is none; a name that nobody declares may be meant for an elementary one."""
     name = text.upper().rpartition(" OF ")[2].partition("(")[0].strip()
     near = get_close_matches(name, [*elementary_names(), *_TEXTS], 1, _NEAR)
-    if not near:
+    if not near or near[0] == name:
         return problem.next_step
     return f"Perhaps {near[0]} is meant; else: {problem.next_step[:1].lower()}{problem.next_step[1:]}"
 
