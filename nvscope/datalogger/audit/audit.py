@@ -53,9 +53,11 @@ class AuditedFile:
     last_ns: int | None = None
 
     @property
-    def span_ns(self) -> int:
-        """The time from its first row to its last."""
-        return 0 if self.first_ns is None or self.last_ns is None else self.last_ns - self.first_ns
+    def lasts_ns(self) -> tuple[int, int]:
+        """The time from its first row to that of the next file, and the mean time from a row to the next."""
+        span_ns = 0 if self.first_ns is None or self.last_ns is None else self.last_ns - self.first_ns
+        step_ns = span_ns // max(self.rows - 1, 1)
+        return span_ns + step_ns, step_ns
 
     def take_times(self, time_ns: I64) -> None:
         """Take the times of some rows."""
@@ -211,9 +213,9 @@ class _Reading:
         newest, end_ns = told[last.path], closed[-1].last_ns
         if newest.first_ns is None or end_ns is None or any(one.status != "read" for one in (closed[-1], newest)):
             return 0
-        usual_ns = median_low([one.span_ns for one in closed])
+        usual_ns, step_ns = median_low([one.lasts_ns for one in closed])
         length_ns = newest.first_ns - end_ns
-        if not usual_ns or length_ns * 10 < usual_ns * 9:
+        if not usual_ns or (length_ns - step_ns) * 10 < usual_ns * 9:
             return 0
         return length_ns if any(one.audit.lacks_in_front_of(last.path) for one in self.tables.values()) else 0
 
