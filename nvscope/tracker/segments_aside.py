@@ -7,7 +7,7 @@ connection has begun: in no other can both be.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from dissectors.batch import U8
@@ -115,3 +115,13 @@ def is_in_front(sequence: int, first: int, at: int, most: int) -> bool:
     Where it has gone on for more than ``most``, nobody knows.
     """
     return first >= 0 and (at - first) % WRAP <= most and (sequence - first + HALF) % WRAP - HALF < -NEAR
+
+
+def missing_behind(at: int, known: Iterable[int]) -> int:
+    """Return how many bytes are missing behind a stream that is over, which is ``at`` there.
+
+    ``known`` are sequence numbers up to which it was sent, -1 for none. What lies far ahead is garbage, and a single
+    place may be that of a FIN.
+    """
+    ahead = ((one - at + HALF) % WRAP - HALF for one in known if one >= 0)
+    return max((one for one in ahead if 1 < one <= NEAR), default=0)
