@@ -18,6 +18,9 @@ NEAR = 1 << 20
 """What is that near to where a stream has begun, or has ended, may be of it all the same."""
 
 MOST_ASIDE_BYTES = 1 << 16
+MOST_ASIDE_SEGMENTS = 1 << 8
+"""So many of a connection: a FIN that comes again has no bytes, and others may have one."""
+
 MOST_ASIDE_IN_ALL = 1 << 8
 
 
@@ -50,7 +53,8 @@ class Aside:
     def goes_on_with(self, side: int, segment: Segment) -> bool:
         """Tell whether a segment follows on these, and keep it with them then."""
         size = self._size + segment.payload_bytes
-        if side != self.side or (segment.sequence - self._end) % WRAP or size > MOST_ASIDE_BYTES:
+        is_room = size <= MOST_ASIDE_BYTES and len(self.segments) < MOST_ASIDE_SEGMENTS
+        if side != self.side or (segment.sequence - self._end) % WRAP or not is_room:
             return False
         self.segments.append(segment)
         self._size = size
