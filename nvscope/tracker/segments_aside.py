@@ -7,7 +7,7 @@ connection has begun: in no other can both be.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from dissectors.batch import U8
@@ -18,6 +18,9 @@ NEAR = 1 << 20
 """What is that near to where a stream has begun, or has ended, may be of it all the same."""
 
 MOST_ASIDE_BYTES = 1 << 16
+MOST_ASIDE_SEGMENTS = 1 << 8
+"""So many of a connection: a FIN that comes again has no bytes, and others may have one."""
+
 MOST_ASIDE_IN_ALL = 1 << 8
 
 
@@ -50,7 +53,8 @@ class Aside:
     def goes_on_with(self, side: int, segment: Segment) -> bool:
         """Tell whether a segment follows on these, and keep it with them then."""
         size = self._size + segment.payload_bytes
-        if side != self.side or (segment.sequence - self._end) % WRAP or size > MOST_ASIDE_BYTES:
+        is_room = size <= MOST_ASIDE_BYTES and len(self.segments) < MOST_ASIDE_SEGMENTS
+        if side != self.side or (segment.sequence - self._end) % WRAP or not is_room:
             return False
         self.segments.append(segment)
         self._size = size
@@ -115,3 +119,13 @@ def is_in_front(sequence: int, first: int, at: int, most: int) -> bool:
     Where it has gone on for more than ``most``, nobody knows.
     """
     return first >= 0 and (at - first) % WRAP <= most and (sequence - first + HALF) % WRAP - HALF < -NEAR
+
+
+def missing_behind(at: int, known: Iterable[int]) -> int:
+    """Return how many bytes are missing behind a stream that is over, which is ``at`` there.
+
+    ``known`` are sequence numbers up to which it was sent, -1 for none. What lies far ahead is garbage, and a single
+    place may be that of a FIN.
+    """
+    ahead = ((one - at + HALF) % WRAP - HALF for one in known if one >= 0)
+    return max((one for one in ahead if 1 < one <= NEAR), default=0)

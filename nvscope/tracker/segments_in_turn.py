@@ -34,7 +34,7 @@ from nvscope.tracker.pieces import (
     Pieces,
 )
 from nvscope.tracker.segments import FAR, HALF, WRAP, Segments, StreamColumns
-from nvscope.tracker.segments_aside import NEAR, Aside, Segment, SegmentsAside, is_in_front
+from nvscope.tracker.segments_aside import NEAR, Aside, Segment, SegmentsAside, is_in_front, missing_behind
 
 MOST_KEPT_BYTES = 1 << 18
 MOST_KEPT_IN_ALL_BYTES = 1 << 26
@@ -245,7 +245,7 @@ class SegmentsInTurn:
         if flags & RST:
             by_client = 0 if side else BY_CLIENT
             self._aside.drop(connection)
-            self._break_off(ends, frame, time_ns, (Order.END_CLIENT, Order.END_SERVER), by_client)
+            self._break_off(ends, frame, time_ns, (Order.END_CLIENT, Order.END_SERVER), by_client, (side, sequence))
             return
         if not (payload_bytes or flags & (SYN | FIN)):
             return
@@ -337,12 +337,8 @@ class SegmentsInTurn:
     def _give_up_hole(self, stream: _Stream, frame: int, order: Order) -> None:
         """Take the bytes in front of what is kept for missing."""
         first = stream.kept[0]
-        self._pass_on(
-            stream,
-            Kept(stream.at, first.begin - stream.at, PieceKind.HOLE, None, frame, stream.latest_ns),
-            frame,
-            order,
-        )
+        hole = Kept(stream.at, first.begin - stream.at, PieceKind.HOLE, None, frame, stream.latest_ns)
+        self._pass_on(stream, hole, frame, order)
         self._pass_on_kept(stream, frame, order)
 
     def _pass_on(self, stream: _Stream, part: Kept, frame: int, order: Order) -> None:
@@ -374,14 +370,19 @@ class SegmentsInTurn:
         self._made.append((stream.number, int(kind), *data, at, stream.latest_ns, behind, stream.told))
 
     def _break_off(
-        self, ends: tuple[_Stream, _Stream], frame: int, time_ns: int, orders: tuple[Order, Order], by_client: int
+        self, ends: tuple[_Stream, _Stream], frame: int, time_ns: int, orders: tuple[Order, Order], by_client: int,
+        reset_at: tuple[int, int] | None = None,
     ) -> None:  # fmt: skip
-        """End both directions; what is kept is passed on before."""
+        """End both directions behind what is kept, and known to be missing; ``reset_at``: side and number of an RST."""
         if not (ends[0].begun or ends[1].begun):
             return
-        for stream, order in zip(ends, orders, strict=True):
+        for side, (stream, order) in enumerate(zip(ends, orders, strict=True)):
             while stream.kept:
                 self._give_up_hole(stream, frame, order)
+            known = stream.acknowledged, reset_at[1] if reset_at and reset_at[0] == side else -1
+            if stream.begun and not stream.ended and (size := missing_behind(stream.next, known)):
+                hole = Kept(stream.at, size, PieceKind.HOLE, None, frame, stream.latest_ns)
+                self._pass_on(stream, hole, frame, order)
             stream.begun = stream.ended = True
             stream.latest_ns = max(stream.latest_ns, time_ns)
             self._tell(stream, PieceKind.END, (0, BROKEN_OFF | by_client), frame, order, stream.next)

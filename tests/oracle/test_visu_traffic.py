@@ -27,8 +27,8 @@ HAPPENINGS = {
     # TCP
     "began before the capture", "began with SYN", "both ports claimed", "cut by the snap length", "elsewhere",
     "hole final by acknowledgement", "hole final by reset", "hole final by time", "hole final by what is kept",
-    "in part late", "kept behind a hole", "late", "new connection in place of another",
-    "new connection whose SYN is missing", "other bytes", "wrapped",
+    "in part late", "kept behind a hole", "late", "missing behind all that is there",
+    "new connection in place of another", "new connection whose SYN is missing", "other bytes", "wrapped",
     # HTTP
     "1xx", "body decoded", "body not known", "body to the end", "chunked", "foreign", "found by searching",
     "hole between messages", "hole in a body chunked", "hole in a body of known length", "hole in a body to the end",

@@ -25,7 +25,7 @@ from tests.oracle.capture_faults import Faults, captured
 from tests.oracle.frame import Frame
 from tests.oracle.rules.streams import Delivery, Others
 from tests.oracle.rules.streams import Streams as Rules
-from tests.oracle.tcp import ACK, RST, SYN, peel_tcp
+from tests.oracle.tcp import ACK, FIN, RST, SYN, peel_tcp
 from tests.oracle.tcp_line import Line, tcp_frame
 from tests.oracle.visu_traffic import initial, visu_traffic
 from tests.packets import batch_of, cut
@@ -191,6 +191,21 @@ def test_where_both_ends_speak_of_another_connection_it_has_begun(
     assert found == by_the_rules(frames)
     asked = b"".join(one[1] for one in found["10.0.0.1", 50_000, "10.0.0.5", 80, True] if isinstance(one[1], bytes))
     assert asked == b"askonetwothree"
+
+
+@pytest.mark.parametrize(("data", "flags"), [(b"x", ACK), (b"", FIN | ACK)])
+@pytest.mark.parametrize("count", [256, 257])
+def test_no_more_than_some_segments_are_kept_aside_however_short(data: bytes, flags: int, count: int) -> None:
+    line = Line().open().ask(b"ask").answer(b"answer")
+    far, told = line.sent[True] + 2**31, line.sent[False] + 2**31
+    for number in range(count):
+        line.segment(True, data, flags, seq=far + number * len(data), ack=told)
+    line.segment(False, b"answer", seq=told, ack=far + len(data) * count + (not data))
+    frames = [*(frame for port in range(50_001, 50_060) for frame in opened_and_closed(port)), *line.frames]
+    found = delivered(cut(batch_of(frames), 100))
+    assert found == by_the_rules(frames)
+    said = b"".join(one[1] for one in found["10.0.0.1", 50_000, "10.0.0.5", 80, True] if isinstance(one[1], bytes))
+    assert said == b"ask" + data * (count if count == 256 else 1)
 
 
 @pytest.mark.parametrize("packets", [1, 3, 1000])

@@ -261,5 +261,6 @@ class _Values:
                 values = read_reply(request, reply[1]).values
                 if position < len(values):
                     at, found = reply[0], values[position]
-        doubted = self._doubts.get((controller, place), {}).values()
-        return None if max(doubted, default=_NEVER) > at else found
+        # They are asked for in the order of time, so that the last one is the latest.
+        doubted = reversed(self._doubts.get((controller, place), {}).values())
+        return None if next(doubted, _NEVER) > at else found

@@ -19,6 +19,8 @@ Readings, where the rules leave a choice:
 - what the snap length cut counts where it is kept (256 KiB), and in `gap_bytes` when it is delivered
 - what was kept first is what came first by frame; its time is that of its frame
 - bytes in an RST are no data; its acknowledgement counts, before it ends the connection
+- of a connection that is reset, or that another one takes the place of, what was acknowledged behind all that is there,
+  and what lies in front of the RST, is missing: up to 1 MiB, and more than one place, which may be that of a FIN
 - who was the server of two ends is that of all connections between them
 - what has ended stays so until another connection begins between these ends, or for 240 s; then it is forgotten: what
   comes later is of another connection, which began before the capture where there is no SYN
@@ -229,7 +231,7 @@ class Streams:
             yield from self.waited(connection, speaker, frame.ts_ns)
         if segment.flags & RST:
             connection.aside = None
-            yield from self.reset(connection, frame.ts_ns, by_client=from_client)
+            yield from self.reset(connection, frame.ts_ns, by_client=from_client, seq=segment.seq)
             return
         if segment.flags & (SYN | FIN) or segment.length:
             if own.is_elsewhere(segment):
@@ -356,10 +358,22 @@ class Streams:
 
         yield from self.holes(connection, from_client, final, "time")
 
-    def reset(self, connection: Connection, now: int, *, by_client: bool) -> Iterator[Event]:
-        """End a connection out of order: what is kept first, the client's direction first."""
+    def reset(
+        self, connection: Connection, now: int, *, by_client: bool, seq: int | None = None
+    ) -> Iterator[Event]:  # fmt: skip
+        """End a connection out of order: what is kept first, the client's direction first; ``seq``: that of an RST."""
         for from_client in (True, False):
             yield from self.holes(connection, from_client, lambda _: True, "reset")
+            own = connection.directions[from_client]
+            if own.begin is None or own.ended:
+                continue
+            known = [own.acknowledged] + [seq] * (from_client == by_client)
+            ahead = [distance(one, own.begin + own.next) for one in known if one is not None]
+            if missing := max((one for one in ahead if 1 < one <= NEAR), default=0):
+                self.happened["missing behind all that is there"] += 1
+                own.next += missing
+                own.delivered.clear()
+                yield Delivery(connection, from_client, b"", missing, 0, own.sequence, own.told)
         for from_client in (True, False):
             self.end(connection.directions[from_client], now)
             yield Ending(connection, from_client, True, now, by_client)

@@ -3,7 +3,7 @@
 Readings, where the rules leave a choice:
 
 - segments that are elsewhere may be those of another connection, whose SYN was not captured. One that acknowledges
-  something is kept aside, those that follow on it with it, up to 64 KiB; another one takes its place
+  something is kept aside, those that follow on it with it, up to 64 KiB and 256 of them; another one takes its place
 - if a segment of the other direction begins where the last of these acknowledges, and acknowledges some of them, the
   other connection has begun with them, in the frame that shows that
 - data, FIN or SYN that are not elsewhere, and an RST, make that what is aside is ignored: the connection goes on
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 from tests.oracle.tcp import ACK, FIN, RST, SYN, Segment
 
-MOST_ASIDE = 2**16
+MOST_ASIDE, MOST_SEGMENTS = 2**16, 256
 
 
 def told(segment: Segment) -> int | None:
@@ -37,7 +37,7 @@ class Aside:
     def goes_on_with(self, segment: Segment, from_client: bool) -> bool:
         end = self.segments[0][0].seq + self.size
         follows = from_client == self.from_client and (segment.seq - end) % 2**32 == 0
-        return follows and self.size + segment.length <= MOST_ASIDE
+        return follows and self.size + segment.length <= MOST_ASIDE and len(self.segments) < MOST_SEGMENTS
 
     def is_proven_by(self, segment: Segment, from_client: bool) -> bool:
         first, last = self.segments[0][0], self.segments[-1][0]

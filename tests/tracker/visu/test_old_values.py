@@ -28,6 +28,7 @@ BROKEN_OFF = poll().ask(write(2)).close(True).close(False)
 FAILED = poll().ask(write(2)).answer(reply(b"", status=500))
 CUT = poll().ask(write(2)[:-9]).lose(True, 9).answer(DONE).ask(post(b"|0|1|0|4|8|2|1|")).answer(reply(b"|1|"))
 MISSING = poll().lose(True, len(write(2))).answer(DONE).close(True).close(False)
+RESET_BEHIND = poll().lose(True, len(write(2))).lose(False, len(DONE)).reset(True)
 UNANSWERED_SO_FAR = poll().ask(write(2))
 REFUSED = poll().ask(write(2)).answer(reply(b"|-1|"))
 CONFIRMED = poll().ask(write(2)).answer(DONE)
@@ -40,6 +41,7 @@ OTHER_FAILED = poll().ask(post(b"|1|1|0|4|8|2|1|2|")).answer(reply(b"", status=5
     [
         (BROKEN_OFF, None), (FAILED, None), (CUT, None), (MISSING, None), (UNANSWERED_SO_FAR, None), (REFUSED, "1"),
         (CONFIRMED, "2"), (READ_SINCE, "5"), (OTHER_FAILED, "1"),
+        (RESET_BEHIND, None),
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("packets", [1, 1000])
