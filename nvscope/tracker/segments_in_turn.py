@@ -376,13 +376,15 @@ class SegmentsInTurn:
         """End both directions behind what is kept, and known to be missing; ``reset_at``: side and number of an RST."""
         if not (ends[0].begun or ends[1].begun):
             return
-        for side, (stream, order) in enumerate(zip(ends, orders, strict=True)):
+        # What both sent came before either end: a server's missing reply is not one to what its client left unfinished.
+        before = Order.OLD_CLIENT, Order.OLD_SERVER
+        for side, (stream, order, sent) in enumerate(zip(ends, orders, before, strict=True)):
             while stream.kept:
-                self._give_up_hole(stream, frame, order)
+                self._give_up_hole(stream, frame, sent)
             known = stream.acknowledged, reset_at[1] if reset_at and reset_at[0] == side else -1
             if stream.begun and not stream.ended and (size := missing_behind(stream.next, known)):
                 hole = Kept(stream.at, size, PieceKind.HOLE, None, frame, stream.latest_ns)
-                self._pass_on(stream, hole, frame, order)
+                self._pass_on(stream, hole, frame, sent)
             stream.begun = stream.ended = True
             stream.latest_ns = max(stream.latest_ns, time_ns)
             self._tell(stream, PieceKind.END, (0, BROKEN_OFF | by_client), frame, order, stream.next)
