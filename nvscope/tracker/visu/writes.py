@@ -88,13 +88,14 @@ class Writes:
         done, beyond = 0, []
         reads = self._read(part, messages)
         for step, before in zip(steps.tolist(), np.searchsorted(reads, steps).tolist(), strict=True):
-            self._learn(part, messages, reads[done:before], frames)
-            done = before
             if kind[step] in (Kind.CUT, Kind.GAP):
                 self._values.lose(controller_of(part.pairs, int(messages.pair[step])), int(frames[step]), step)
                 continue
             request, key = part.requests[int(messages.asked[step])], int(pair[step])
             if kind[step] == Kind.WRITE:
+                # Writes alone ask for what is known, and of all else it is noted when it was.
+                self._learn(part, messages, reads[done:before], frames)
+                done = before
                 kept = self._write(part, step, key, int(times_ns[step]), int(frames[step]))
                 beyond += [step] * (len(request.entries) - kept)
             elif request.writes:
@@ -215,7 +216,7 @@ class _Values:
         before = self._replies.get(key)
         kept_bytes = self._bytes - (len(before[1]) if before else 0) + len(body)
         if len(body) > _MOST_BODY_BYTES or kept_bytes > _MOST_KEPT_BYTES or not (before or self._has_room(key)):
-            self._lost[controller] = frame, row
+            self.lose(controller, frame, row)
             return
         if before is None:
             self._entries += len(request.entries)
@@ -225,8 +226,8 @@ class _Values:
         self._replies[key] = (frame, row), body
 
     def lose(self, controller: Controller, frame: int, row: int) -> None:
-        """Note that any variable may have been written."""
-        self._lost[controller] = frame, row
+        """Note that any variable may have been written since; what is told may be of before what is known."""
+        self._lost[controller] = max(self._lost.get(controller, _NEVER), (frame, row))
 
     def doubt(self, controller: Controller, place: Where, write: int, at: _When) -> None:
         """Note that a variable may have been written, by which write; no more of these are kept than of writes."""
@@ -247,7 +248,7 @@ class _Values:
         if len(self._written) < MOST_WRITES or (controller, place) in self._written:
             self._written[controller, place] = (frame, row), value
         else:
-            self._lost[controller] = frame, row
+            self.lose(controller, frame, row)
 
     def known(self, controller: Controller, place: Where) -> str | None:
         """Return what a variable was read or written as last, None where nobody knows."""
