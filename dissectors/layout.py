@@ -107,7 +107,12 @@ class Layout:
 
 
 def take_rows(rows: Records, which: I64 | Bool) -> Records:
-    """Return some rows of a structured array; numpy alone would copy them field by field, which is much slower."""
+    """Return some rows of a structured array; numpy alone would copy them field by field, which is much slower.
+
+    All of them, by a mask, are not copied.
+    """
+    if which.dtype == np.bool_ and which.all():
+        return rows
     return rows.view(np.dtype((np.void, rows.itemsize)))[which].view(rows.dtype)
 
 

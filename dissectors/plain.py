@@ -166,9 +166,14 @@ def _is_simple(ip: Records) -> Bool:
 
 def are_claimed(head: Records, claims: Claims) -> Bool:
     """Tell which frames, taken as if of the plain shape, are of ports that somebody asks for."""
-    protocol, ports = head["ip"]["protocol"], (head["udp"]["source_port"], head["udp"]["destination_port"])
-    claimed = (protocol == PROTOCOL_UDP) & claims.claim_udp(*ports)
-    claimed |= (protocol == PROTOCOL_TCP) & claims.claim_tcp(*ports)  # TCP has its ports where UDP has them
+    protocol, udp = head["ip"]["protocol"], head["udp"]
+    # In the order of bytes of this machine: they are compared with many ports.
+    ports = udp["source_port"].astype(np.uint16), udp["destination_port"].astype(np.uint16)
+    claimed = np.zeros(len(head), np.bool_)
+    if claims.udp:
+        claimed |= (protocol == PROTOCOL_UDP) & claims.claim_udp(*ports)
+    if claims.tcp:
+        claimed |= (protocol == PROTOCOL_TCP) & claims.claim_tcp(*ports)  # TCP has its ports where UDP has them
     told: Bool = claimed & (head["eth"]["type"] == TYPE_IPV4) & _is_simple(head["ip"])
     return told
 

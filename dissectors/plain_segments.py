@@ -8,9 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from dissectors.batch import I64, Bool, PacketBatch, Records
-from dissectors.claims import Claims
 from dissectors.headers import ETHERNET, IPV4, IPV4_HIGH, IPV4_LOW, PROTOCOL_TCP, TCP
-from dissectors.plain import LEAD_BYTES, are_claimed
+from dissectors.plain import LEAD_BYTES
 from dissectors.transport import NO_SEGMENTS, SegmentBatch
 
 _AT = ETHERNET.size_bytes + IPV4.size_bytes
@@ -19,13 +18,13 @@ _OFFSET_SHIFT = 4
 _TCP_WORD_BYTES = 4
 
 
-def take_segments(packets: PacketBatch, rows: I64, head: Records, claims: Claims) -> tuple[SegmentBatch, Bool]:
+def take_segments(packets: PacketBatch, rows: I64, head: Records, claimed: Bool) -> tuple[SegmentBatch, Bool]:
     """Return the plain segments of claimed ports among some packets (rising), and which of these packets they are.
 
-    ``head`` are the headers of the packets (``dissectors.plain.heads_of``). What is left out here may be a segment all
-    the same.
+    ``head`` are the headers of the packets (``dissectors.plain.heads_of``), ``claimed`` which of them are of such ports
+    (``dissectors.plain.are_claimed``). What is left out here may be a segment all the same.
     """
-    own: Bool = (head["ip"]["protocol"] == PROTOCOL_TCP) & are_claimed(head, claims)
+    own: Bool = (head["ip"]["protocol"] == PROTOCOL_TCP) & claimed
     own &= packets.captured[rows] >= _WITH_TCP_BYTES
     if not own.any():
         return NO_SEGMENTS, own

@@ -131,7 +131,8 @@ class Sorter:
             header[rest] = NO_TELEGRAM
             variety[rest] = NO_TELEGRAM
             counter[rest] = 0
-            head = heads_of(packets, rest) if head is None else take_rows(head, rest)
+            if head is None or len(rest) < len(packets):
+                head = heads_of(packets, rest) if head is None else take_rows(head, rest)
             told = tell_sender(head, packets.captured[rest])
             sent, senders = rest[told], take_rows(head, told)
             rest, plain = self._to_take_apart(packets, rest, head)
@@ -192,13 +193,14 @@ class Sorter:
 
         Those are told by their headers alone.
         """
-        wanted = may_hold_telegrams(head)
-        if self._claims:
-            wanted |= are_claimed(head, self._claims)
-        if not self._claims.tcp:
-            return rest[wanted], NO_SEGMENTS
-        segments, own = take_segments(packets, rest, head, self._claims)
-        return rest[wanted & ~own], segments
+        claimed = are_claimed(head, self._claims) if self._claims else np.zeros(len(rest), np.bool_)
+        segments = NO_SEGMENTS
+        if self._claims.tcp:
+            segments, own = take_segments(packets, rest, head, claimed)
+            if own.any():
+                others = ~own
+                rest, head, claimed = rest[others], take_rows(head, others), claimed[others]
+        return rest[may_hold_telegrams(head) | claimed], segments
 
     def _claimed(self, dissection: Dissection, variety: I64) -> DatagramBatch:
         """Return the datagrams of claimed ports that are no telegrams."""
