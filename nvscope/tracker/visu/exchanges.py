@@ -155,7 +155,10 @@ class Exchanges:
         asking, forms, data = self._asking, http.forms, http.data
         asked = np.zeros(len(http), np.int64)
         last, last_place, number = b"", -1, 0
-        rows = np.flatnonzero((http.stream & 1) == int(Side.CLIENT))
+        is_new = (http.stream & 1) == int(Side.CLIENT)
+        for row, count in http.repeats.items():
+            is_new[row + 1 : row + 1 + count] = False
+        rows = np.flatnonzero(is_new)
         numbers = []
         for place, start in zip(http.form[rows].tolist(), http.start[rows].tolist(), strict=True):
             # Of one form, bodies are of one length; to compare them where they lie is faster than to cut them out.
@@ -181,6 +184,8 @@ class Exchanges:
             last_place = -1 if form.is_coded else place
             numbers.append(number)
         asked[rows] = numbers
+        for row, count in http.repeats.items():
+            asked[row + 1 : row + 1 + count] = asked[row]
         return asked
 
     def _told(

@@ -90,7 +90,8 @@ class Forms:
     which nothing more is to be known to read a message. ``late`` is up to where one had to read to find some, by place
     in ``at``: those that lie in what was taken for another message at first. ``arrived_ns`` is when some had
     come that ended only later, by place in ``at``, too; ``head_at`` is where the heads end of those of which ``at``
-    does not say it, below 0 where that was in an earlier batch.
+    does not say it, below 0 where that was in an earlier batch. ``repeats`` is how often the message at a place comes
+    again behind it, byte for byte, as far as that is known.
     """
 
     BEGIN, END, ANEW, BROKEN_BY_CLIENT, BROKEN_BY_SERVER = range(5)
@@ -101,6 +102,7 @@ class Forms:
         self.late: dict[int, int] = {}
         self.arrived_ns: dict[int, int] = {}
         self.head_at: dict[int, int] = {}
+        self.repeats: dict[int, int] = {}
         self._clear()
 
     def _clear(self) -> None:
@@ -119,7 +121,7 @@ class Forms:
 
     def renew(self) -> None:
         """Forget what was found, and all forms where there are too many."""
-        self.at, self.form, self.late, self.arrived_ns, self.head_at = [], [], {}, {}, {}
+        self.at, self.form, self.late, self.arrived_ns, self.head_at, self.repeats = [], [], {}, {}, {}, {}
         if len(self.forms) > _MOST_FORMS:
             self._clear()
 
@@ -142,9 +144,17 @@ class Forms:
         order = [*first, *(place for place in range(begin, len(self.at)) if place not in moves)]
         self.at[begin:] = [self.at[place] for place in order]
         self.form[begin:] = [self.form[place] for place in order]
+        self.repeats = {place: count for place, count in self.repeats.items() if place < begin}
         now = {old: new for new, old in enumerate(order, begin)}
         for column in (self.late, self.arrived_ns, self.head_at):
             column.update([(now[place], column.pop(place)) for place in order if place in column])
+
+    def repeat(self, length: int, count: int) -> None:
+        """Note that the last message that was found, of so many bytes in all, comes again so often behind it."""
+        self.repeats[len(self.at) - 1] = count
+        at = self.at[-1]
+        self.at.extend(range(at + length, at + count * length + 1, length))
+        self.form.extend([self.form[-1]] * count)
 
     def tell(self, at: int, form: Form) -> None:
         """Note that something was found."""

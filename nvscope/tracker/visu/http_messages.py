@@ -36,8 +36,8 @@ class HttpMessages:
     A request that ends where it is answered, since it does not say how long it is, stands in front of what answers it.
     ``form`` is a place in ``forms``. Of a message whose content is as it came, that begins at ``start`` in ``data``.
     ``order`` and ``arrival_ns`` are those of the piece that made it whole (``nvscope.tracker.pieces``). ``clients``
-    know since when requests had begun, ``reach`` is where messages lie in streams, ``given_up`` how many had begun for
-    which there was no room.
+    know since when requests had begun, ``reach`` is where messages lie in streams. ``repeats`` tells by row how many
+    behind it are the same message, ``given_up`` how many had begun for which there was no room.
     """
 
     data: bytes
@@ -49,6 +49,7 @@ class HttpMessages:
     arrival_ns: I64
     clients: ClientRows
     reach: Reaches
+    repeats: Mapping[int, int]
     given_up: int = 0
 
     def __len__(self) -> int:
@@ -394,6 +395,6 @@ class HttpStreams:
             is_here = is_here and pieces.stream[last] == pieces.stream[last + 1]
             arrival_ns[place] = pieces.arrival_ns[last] if is_here else arrived_ns
         clients = ClientRows(self._heads(pieces, ends), found, stream, form, order)
-        size = np.array(found.body_bytes, np.int64)[form]
-        reach = Reaches.of(pieces, ends, piece, stream, at, size)
-        return HttpMessages(data, found.forms, stream, form, at, order, arrival_ns, clients, reach, given_up)
+        reach = Reaches.of(pieces, ends, piece, stream, at, np.array(found.body_bytes, np.int64)[form])
+        columns = stream, form, at, order, arrival_ns
+        return HttpMessages(data, found.forms, *columns, clients, reach, found.repeats, given_up)

@@ -23,14 +23,12 @@ from nvscope.tracker.visu.part_requests import (
     head_in,
     part_form,
 )  # fmt: skip
-from nvscope.tracker.visu.same_messages import count_same
+from nvscope.tracker.visu.same_messages import DIFFERING, take_known, take_same
 from nvscope.tracker.visu.unread_requests import passed_form, unread_form, unread_response
 
 _MOST_CHUNKED_BYTES = 2 * MOST_BODY_BYTES
 _ENDLESS = 1 << 62
 END_OF_HEAD = b"\r\n\r\n"
-_DIFFERING = 4
-"""So many messages that differ from those before them, and more, are followed by others that differ, too."""
 
 
 class HttpReader(Answering):
@@ -84,13 +82,14 @@ class HttpReader(Answering):
             begin += self._passes
             self._tell_passed(begin, found)
         self.begun_at = NOT_BEGUN
-        known, body_bytes, find = found.known[self.side], found.body_bytes, data.find
+        known, body_bytes, find = found.known[self.side].get, found.body_bytes, data.find
         tell_at, tell_form = found.at.append, found.form.append
         plain = self.requests is None and not self._answers_nobody
-        self.known_at = known_at
-        self._found_before = len(found.at)
+        self.known_at, self._found_before = known_at, len(found.at)
         # Pages poll with the same request again and again; replies seldom are the same.
-        differing = 0 if self.side is Side.CLIENT else _DIFFERING
+        differing = 0 if self.side is Side.CLIENT else DIFFERING
+        # Most heads are as long as the one before.
+        head_bytes = 0
         while begin < end:
             if self._seeks:
                 start = http.start_of_message(data, begin, end, self.side)
@@ -98,8 +97,11 @@ class HttpReader(Answering):
                     self.rest = data[http.keep_from(data, begin, end, self.side) : end]
                     return
                 self._seeks, begin = False, start
-            head_end = find(END_OF_HEAD, begin, end) + len(END_OF_HEAD)
-            number = known.get(data[begin:head_end]) if plain else None
+            head_end = begin + head_bytes
+            number = known(data[begin:head_end]) if plain and head_end <= end else None
+            if number is None and plain:
+                head_end = find(END_OF_HEAD, begin, end) + len(END_OF_HEAD)
+                number, head_bytes = known(data[begin:head_end]), max(head_end - begin, 0)
             if number is None or self.is_late:
                 begin = http.behind_blank_lines(data, begin, end)
                 first = len(found.at)
@@ -109,8 +111,7 @@ class HttpReader(Answering):
                 known_at = self.known_at
                 if behind < 0:
                     break
-                begin = behind
-                plain = self.requests is None and not self._answers_nobody
+                begin, plain = behind, self.requests is None and not self._answers_nobody
                 continue
             behind = head_end + body_bytes[number]
             if behind > end:
@@ -121,14 +122,13 @@ class HttpReader(Answering):
             tell_at(head_end)
             tell_form(number)
             self._answers_head = None
-            if differing < _DIFFERING and behind >= known_at:
-                length = behind - begin
-                count = count_same(data, begin, behind, end)
-                found.at.extend(range(head_end + length, head_end + count * length + 1, length))
-                found.form.extend([number] * count)
+            if differing < DIFFERING and behind >= known_at:
+                count = take_same(data, begin, behind, end, found)
                 differing = 0 if count else differing + 1
-                behind += count * length
+                behind += count * (behind - begin)
             begin = behind
+            if differing >= DIFFERING and begin >= known_at:
+                begin = take_known(data, begin, end, head_bytes, self.side, found)
         self.rest = data[begin:end] if not self._passes else b""
         self._is_first = self._is_first and len(found.at) == self._found_before and not self._passes
 

@@ -2,10 +2,44 @@
 
 from __future__ import annotations
 
+from dissectors.http import Side
+from nvscope.tracker.visu.http_forms import Forms
+
+DIFFERING = 4
+"""So many messages that differ from those before them, and more, are followed by others that differ, too."""
+
 _AT_A_TIME = 16
 
 
-def count_same(data: bytes, begin: int, behind: int, end: int) -> int:
+def take_same(data: bytes, begin: int, behind: int, end: int, found: Forms) -> int:
+    """Take the messages, up to ``end``, that follow the last one found and are the same; return how many these are.
+
+    That one lies from ``begin`` to ``behind``.
+    """
+    count = _count_same(data, begin, behind, end)
+    if count:
+        found.repeat(behind - begin, count)
+    return count
+
+
+def take_known(data: bytes, begin: int, end: int, head_bytes: int, side: Side, found: Forms) -> int:
+    """Take messages from ``begin`` on that have known heads of so many bytes, as far as they are whole up to ``end``.
+
+    Return where the first other one begins.
+    """
+    known, body_bytes = found.known[side].get, found.body_bytes
+    tell_at, tell_form = found.at.append, found.form.append
+    while True:
+        head_end = begin + head_bytes
+        number = known(data[begin:head_end])
+        if number is None or (behind := head_end + body_bytes[number]) > end:
+            return begin
+        tell_at(head_end)
+        tell_form(number)
+        begin = behind
+
+
+def _count_same(data: bytes, begin: int, behind: int, end: int) -> int:
     """Return how many messages follow one, up to ``end``, that are the same; it lies from ``begin`` to ``behind``."""
     length = behind - begin
     most = (end - behind) // length
