@@ -117,6 +117,14 @@ class Request:
     rest: int = 0
     is_part: bool = False
 
+    def __hash__(self) -> int:
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:
+        """Pages ask the same again and again, and what is kept by request is looked up each time."""
+        return hash((self.writes, self.declared, self.entries, self.query, self.ambiguous, self.rest, self.is_part))
+
     @property
     def is_miscounted(self) -> bool:
         """Whether it says another number of entries than it has."""

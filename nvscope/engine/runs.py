@@ -78,7 +78,7 @@ def runs_of_lengths(length: I64) -> tuple[I64, I64, I64]:
 
 def rows_by(columns: Sequence[I64]) -> Iterator[tuple[tuple[int, ...], I64]]:
     """Yield each row of numbers that some columns hold, rising, and where they hold it, rising."""
-    order = _rising(columns)
+    order = rising_order(columns)
     changes = np.zeros(len(order), np.bool_)
     for column in columns:
         ordered = column[order]
@@ -91,7 +91,7 @@ def rows_by(columns: Sequence[I64]) -> Iterator[tuple[tuple[int, ...], I64]]:
         yield place, order[begin:end]
 
 
-def _rising(columns: Sequence[I64]) -> I64:
+def rising_order(columns: Sequence[I64]) -> I64:
     """Return the order that sorts rows by the first column, then the second …, equal ones as they came."""
     order = np.arange(len(columns[0]))
     for column in columns[::-1]:
@@ -100,3 +100,13 @@ def _rising(columns: Sequence[I64]) -> I64:
         if bound > 1:
             order = order[stable_order((column - least)[order], bound)]
     return order
+
+
+def first_of_each(columns: Sequence[I64]) -> I64:
+    """Return where each different row of numbers that some columns hold stands first, rising."""
+    order = rising_order(columns)
+    first = np.ones(len(order), np.bool_)
+    if len(order):
+        ordered = [column[order] for column in columns]
+        first[1:] = np.logical_or.reduce([column[1:] != column[:-1] for column in ordered])
+    return np.sort(order[first])

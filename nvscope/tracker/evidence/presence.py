@@ -254,7 +254,9 @@ class Presence:
         row, place = seen.rows(seen.other)
         parts = [seen.numbers(name)[place] for name in ("hardware", "ip")]
         row, number = np.tile(row, len(parts)), np.concatenate(parts)
-        row, number = row[number >= 0], number[number >= 0]
+        known = number >= 0
+        if not known.all():
+            row, number = row[known], number[known]
         order = stable_order(number, len(columns))
         row, number = row[order], number[order]
         start, stop = runs_of(number)
@@ -330,10 +332,12 @@ class _Seen:
         own = np.flatnonzero(chosen[kinds:])
         row, told = self._alone[own], kinds + own
         if chosen[:kinds].any():
-            of_header = np.zeros(len(self._heard.count), np.bool_)
-            of_header[self._kind[chosen[:kinds]]] = True
-            known, header = self._heard.of_headers(of_header)
-            row, told = np.append(row, known), np.append(told, np.searchsorted(self._kind, header))
+            place_of = np.full(len(self._heard.count), NOBODY)
+            place_of[self._kind[chosen[:kinds]]] = np.flatnonzero(chosen[:kinds])
+            known, header = self._heard.of_headers(place_of >= 0)
+            if not len(own):
+                return known, place_of[header]
+            row, told = np.append(row, known), np.append(told, place_of[header])
             order = np.argsort(row)
             row, told = row[order], told[order]
         return row, told

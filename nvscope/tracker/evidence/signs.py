@@ -59,22 +59,25 @@ class SignsOfLife:
         Where none was before, or nobody has listened since, its time is the least there is.
         """
         self._open.resize(addresses)
+        if not len(address):
+            return
         columns = self.columns
-        begins = (before_ns == _NEVER) | (time_ns < before_ns) | (before_ns < time_ns - self._close_ns)
+        # Times that fall, and all behind the least there is, are as far apart as unsigned numbers can be.
+        begins = (time_ns - before_ns).view(np.uint64) > np.uint64(self._close_ns)
         fresh = np.flatnonzero(begins)
         first = len(columns)
         columns.resize(first + len(fresh))
         columns.address[first : len(columns)] = address[fresh]
         columns.since_ns[first : len(columns)] = time_ns[fresh]
         # Each frame belongs to the last span of its address that began up to it, here or before.
-        span = self._open.span[address]
-        span[fresh] = np.arange(first, len(columns))
-        start, stop = runs_of(address)
-        place = np.arange(len(address))
-        here = np.maximum.accumulate(np.where(begins, place, -1))
-        span = np.where(here >= np.repeat(start, stop - start), span[here], span)
-        self._open.span[address[start]] = span[stop - 1]
-        columns.until_ns[span] = time_ns  # of several frames, the last one is what stays
+        parts = begins.copy()
+        parts[runs_of(address)[0]] = True
+        start = np.flatnonzero(parts)
+        owner = address[start]
+        span = self._open.span[owner]
+        span[begins[start]] = np.arange(first, len(columns))
+        self._open.span[owner] = span  # of several spans, the last one is what stays
+        columns.until_ns[span] = time_ns[np.append(start[1:], len(address)) - 1]
         if self._room.is_full(len(columns)):
             self.throw_away()
 

@@ -24,6 +24,9 @@ MOST_PACKETS = 1 << 18
 MOST_LOOKED_AT = 1 << 16
 """The same of those whose headers are kept."""
 
+_FEW = 8
+"""Of so many packets, one is picked faster by its batch, and two from all batches put together."""
+
 HEAD_BYTES = 160
 """So much of a packet is kept: link, tags and network header."""
 
@@ -86,6 +89,8 @@ class Heard:
         return np.concatenate(rows), np.concatenate(headers)
 
     def _picked(self, row: I64, columns: Sequence[I64]) -> I64:
+        if len(row) >= sum(map(len, columns)) // _FEW:
+            return np.concatenate(columns)[row]
         own = np.searchsorted(self._begin, row, "right") - 1
         picked = np.empty(len(row), np.int64)
         for number, column in enumerate(columns):

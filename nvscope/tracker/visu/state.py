@@ -12,7 +12,7 @@ from dissectors import address
 from dissectors.batch import I64, U64
 from dissectors.keys import KeyTable
 from dissectors.webvisu import Request, seen_in_reply
-from nvscope.engine.keyed_columns import KeyedColumns
+from nvscope.engine.runs import first_of_each
 from nvscope.engine.told import Told
 from nvscope.tracker.events import EventLog, LeftOutLog
 from nvscope.tracker.latency import Latencies
@@ -21,6 +21,7 @@ from nvscope.tracker.visu.leaving import LeavingClients
 from nvscope.tracker.visu.limits import MOST_ENTRIES, Beyond
 from nvscope.tracker.visu.messages import UNMEASURED_NS, Kind, Outcome, VisuBatch, VisuMessages
 from nvscope.tracker.visu.names import Naming, OtherNames, UnreadList, has_password, name_of
+from nvscope.tracker.visu.pair_columns import PairColumns
 from nvscope.tracker.visu.unchanging import Unchanging
 from nvscope.tracker.visu.writes import Writes
 
@@ -33,6 +34,8 @@ SLOW_NS = 10**9
 _WRONG: Mapping[int, VisuEvent] = {Outcome.MISCOUNTED: VisuEvent.MISCOUNTED, Outcome.AMBIGUOUS: VisuEvent.AMBIGUOUS}
 _LATE = (VisuEvent.SLOW, VisuEvent.UNANSWERED, VisuEvent.GIVEN_UP, VisuEvent.RESET)
 _WITH_STATUS = (VisuEvent.REFUSED, VisuEvent.STATUS, VisuEvent.PART_STATUS)
+_ARE_WANTED = np.array([one in (Kind.UNANSWERED, Kind.WRITE, Kind.CUT, Kind.UNBOUNDED) for one in Kind])
+_SAY_NOTHING = np.array([one in (Kind.LEFT, Kind.UNCLEAR, Kind.PART) for one in Kind])
 _MOST_REMEMBERED, _MINUTE_NS = 1 << 14, 60 * 10**9
 
 
@@ -55,31 +58,6 @@ class _Message(NamedTuple):
     polled_ns: int
     naming: int
     spoken: int
-
-
-class PairColumns(KeyedColumns):
-    """One row a client, server and port: what became of its requests."""
-
-    connections: I64
-    reads: I64
-    writes: I64
-    entries: I64
-    variables: I64
-    replies: I64
-    refused: I64
-    unanswered: I64
-    cut: I64
-    gap_bytes: I64
-    miscounted: I64
-    ambiguous: I64
-    other_bytes: I64
-    COLUMNS: ClassVar = {
-        name: (np.int64(0), 1)
-        for name in (
-            "connections", "reads", "writes", "entries", "variables", "replies", "refused", "unanswered", "cut",
-            "gap_bytes", "miscounted", "ambiguous", "other_bytes",
-        )
-    }  # fmt: skip
 
 
 class Spoken(NamedTuple):
@@ -125,6 +103,7 @@ class VisuCounts:
         self.given_up: dict[Subject, tuple[int, int]] = {}
         self.unread_lists: dict[Subject, UnreadList] = {}
         self.leaving = LeavingClients()
+        self._ends: dict[int, tuple[str, str]] = {}
         self._minutes: set[tuple[int, int]] = set()
         self._statuses: set[tuple[int, int]] = set()
         self._variables: set[tuple[int, str]] = set()
@@ -148,7 +127,11 @@ class VisuCounts:
         self.columns.resize(len(self.pairs))
         for what, count in part.left_out.items():
             self._leave_out(what, told, part.messages.take(np.full(count, len(part.messages) - 1)))
-        self._count(pair, messages, part.requests)
+        self.columns.count(pair, messages, part.requests)
+        measured = (messages.kind == Kind.REPLY) & (messages.latency_ns != UNMEASURED_NS)
+        self.latencies.observe(pair[measured], messages.latency_ns[measured], len(self.pairs))
+        polled = messages.polled_ns >= 0
+        self.pollings.observe(pair[polled], messages.polled_ns[polled], len(self.pairs))
         self._note_others(told, pair, messages)
         self._note_names(told, part, own)
         self._note(told, part, pair, messages, known_ns)
@@ -158,33 +141,6 @@ class VisuCounts:
         self.leaving.observe(told, [one for one in leaving if one.pair >= 0])
         for log in (self.events, self.write_minutes, self.left_out):
             log.settle()
-
-    def _count(self, pair: I64, messages: VisuMessages, requests: Sequence[Request]) -> None:
-        columns, kind, outcome = self.columns, messages.kind, messages.outcome
-        entries = np.array([len(one.entries) for one in requests], np.int64)
-        miscounted = np.array([one.is_miscounted for one in requests], np.bool_)
-        ambiguous = np.array([one.ambiguous for one in requests], np.bool_)
-        writes = np.array([one.writes for one in requests], np.bool_)
-        asks, replies = (kind == Kind.READ) | (kind == Kind.WRITE), kind == Kind.REPLY
-        for name, where in (
-            ("connections", messages.opens), ("reads", kind == Kind.READ), ("writes", kind == Kind.WRITE),
-            ("unanswered", kind == Kind.UNANSWERED), ("cut", kind == Kind.CUT), ("replies", replies),
-            ("miscounted", outcome == Outcome.MISCOUNTED),
-            ("ambiguous", (outcome == Outcome.AMBIGUOUS) | (kind == Kind.UNBOUNDED)),
-        ):  # fmt: skip
-            np.add.at(getattr(columns, name), pair[where], 1)
-        asked, others = messages.asked, (kind == Kind.OTHER_BYTES) | (kind == Kind.OTHER_REPLY_BYTES)
-        np.add.at(columns.entries, pair[asks], entries[asked[asks]])
-        np.add.at(columns.miscounted, pair[asks], miscounted[asked[asks]])
-        np.add.at(columns.ambiguous, pair[asks], ambiguous[asked[asks]])
-        np.add.at(columns.gap_bytes, pair, messages.gap_bytes)
-        np.add.at(columns.other_bytes, pair[others], messages.fields[others])
-        not_done = (outcome == Outcome.REFUSED) | (outcome == Outcome.STATUS)
-        refused = np.flatnonzero((replies | (kind == Kind.REFUSED)) & not_done)
-        np.add.at(columns.refused, pair[refused], writes[asked[refused]])
-        measured, polled = replies & (messages.latency_ns != UNMEASURED_NS), messages.polled_ns >= 0
-        self.latencies.observe(pair[measured], messages.latency_ns[measured], len(self.pairs))
-        self.pollings.observe(pair[polled], messages.polled_ns[polled], len(self.pairs))
 
     def _note_others(self, told: Told, pair: I64, messages: VisuMessages) -> None:
         """Note what is spoken beside."""
@@ -287,16 +243,15 @@ class VisuCounts:
         """Return the messages of which something may be said beside that they are there."""
         kind, asked, outcome = messages.kind, messages.asked, messages.outcome
         peculiar = np.array([one.writes or one.is_miscounted for one in part.requests], np.bool_)
-        wanted = np.isin(kind, (Kind.UNANSWERED, Kind.WRITE, Kind.CUT, Kind.UNBOUNDED))
-        wanted |= (messages.latency_ns > SLOW_NS) | ~np.isin(outcome, (Outcome.NONE, Outcome.DONE))
-        wanted &= ~np.isin(kind, (Kind.LEFT, Kind.UNCLEAR, Kind.PART))
+        wanted = _ARE_WANTED[kind] | (messages.latency_ns > SLOW_NS) | (outcome > Outcome.DONE)
+        wanted &= ~_SAY_NOTHING[kind]
         wanted &= (kind != Kind.CUT) | (outcome == Outcome.NONE)  # NV906 and NV804 tell of the others
         reads, replies = np.flatnonzero(kind == Kind.READ), np.flatnonzero(kind == Kind.REPLY)
         wanted[reads] |= peculiar[asked[reads]]
         # What was asked before says nothing new.
-        wanted[reads[first_of_each(pair[reads], asked[reads])]] = True
+        wanted[reads[first_of_each([pair[reads], asked[reads]])]] = True
         naming = messages.naming[replies]
-        for place in replies[first_of_each(asked[replies], naming)].tolist():
+        for place in replies[first_of_each([asked[replies], naming])].tolist():
             request, version = part.requests[int(asked[place])], int(messages.naming[place])
             if self._secret(request, version, part.namings[version]):
                 wanted[replies[(asked[replies] == asked[place]) & (naming == version)]] = True
@@ -371,8 +326,11 @@ class VisuCounts:
 
     def ends(self, pair: int) -> tuple[str, str]:
         """Return the addresses of client and server of a pair, as text."""
-        client_hi, client_lo, server_hi, server_lo, _ = (int(word[pair]) for word in self.pairs.words)
-        return address.text(client_hi, client_lo), address.text(server_hi, server_lo)
+        found = self._ends.get(pair)
+        if found is None:
+            client_hi, client_lo, server_hi, server_lo, _ = (int(word[pair]) for word in self.pairs.words)
+            found = self._ends[pair] = address.text(client_hi, client_lo), address.text(server_hi, server_lo)
+        return found
 
     def messages(self) -> Mapping[tuple[str, str], int]:
         """Return how many requests and replies there were, whole or not, by client and server."""
@@ -386,14 +344,6 @@ class VisuCounts:
     def clients(self) -> Iterator[tuple[int, int]]:
         """Yield the halves of the addresses of those who ask."""
         return zip(self.pairs.words[0].tolist(), self.pairs.words[1].tolist(), strict=True)
-
-
-def first_of_each(left: I64, right: I64) -> I64:
-    """Return where each different pair of numbers of two columns stands first."""
-    order = np.lexsort((right, left))
-    first = np.ones(len(order), np.bool_)
-    first[1:] = (np.diff(left[order]) != 0) | (np.diff(right[order]) != 0)
-    return np.sort(order[first])
 
 
 def _one(time_ns: int, frame: int, key: int) -> tuple[I64, I64, U64]:

@@ -11,7 +11,8 @@ import numpy as np
 from dissectors import address
 from dissectors.web_protocols import WebProtocol
 from nvscope.tracker.latency import LatencyFigures
-from nvscope.tracker.visu.state import PairColumns, VisuCounts
+from nvscope.tracker.visu.pair_columns import PairColumns
+from nvscope.tracker.visu.state import VisuCounts
 
 
 @dataclass(frozen=True, slots=True)

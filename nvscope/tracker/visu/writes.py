@@ -87,12 +87,13 @@ class Writes:
         steps = np.flatnonzero(is_step | _may_be_written(messages))
         done, beyond = 0, []
         reads = self._read(part, messages)
-        for step, before in zip(steps.tolist(), np.searchsorted(reads, steps).tolist(), strict=True):
-            if kind[step] in (Kind.CUT, Kind.GAP):
+        columns = steps, kind[steps], np.searchsorted(reads, steps)
+        for step, what, before in zip(*(column.tolist() for column in columns), strict=True):
+            if what in (Kind.CUT, Kind.GAP):
                 self._values.lose(controller_of(part.pairs, int(messages.pair[step])), int(frames[step]), step)
                 continue
             request, key = part.requests[int(messages.asked[step])], int(pair[step])
-            if kind[step] == Kind.WRITE:
+            if what == Kind.WRITE:
                 # Writes alone ask for what is known, and of all else it is noted when it was.
                 self._learn(part, messages, reads[done:before], frames)
                 done = before
