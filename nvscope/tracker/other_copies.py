@@ -17,6 +17,9 @@ from nvscope.tracker.pieces import ORDER_BITS, Again, Brought, Order, OtherBytes
 
 REACH_BYTES = 1 << 12
 
+_AT_A_TIME = 16
+"""So many pieces are as many as mostly reach so far."""
+
 MOST_LAST_BYTES = 1 << 25
 """So much is kept of all streams together. Of more, what comes again to those that are silent for longest is compared
 with nothing."""
@@ -101,15 +104,18 @@ class OtherCopies:
         """Return the last bytes of a stream up to a piece, behind the last hole; no more than within reach."""
         parts: list[bytes] = []
         size = 0
-        place = stop
         pieces = brought.pieces
-        while place > start and size < REACH_BYTES:
-            place -= 1
-            if pieces.kind[place] != int(PieceKind.DATA):
-                return b"".join(reversed(parts))
-            part = _data(buffer, brought, place)
-            parts.append(part)
-            size += len(part)
+        while stop > start and size < REACH_BYTES:
+            own = slice(max(stop - _AT_A_TIME, start), stop)
+            stop = own.start
+            kinds, begins, sizes = (column[own].tolist() for column in (pieces.kind, pieces.start, pieces.size))
+            for kind, begin, length in zip(reversed(kinds), reversed(begins), reversed(sizes), strict=True):
+                if kind != PieceKind.DATA:
+                    return b"".join(reversed(parts))
+                parts.append(_data(buffer, brought, begin, length))
+                size += length
+                if size >= REACH_BYTES:
+                    break
         if size < REACH_BYTES:
             parts.append(self._last.get(stream, b""))
         return b"".join(reversed(parts))[-REACH_BYTES:]
@@ -127,7 +133,7 @@ class _Run:
         self._ends, self._known_from = [at], [known_from]
         for place in range(start, stop):
             if pieces.kind[place] == int(PieceKind.DATA):
-                parts.append(_data(buffer, brought, place))
+                parts.append(_data(buffer, brought, int(pieces.start[place]), int(pieces.size[place])))
                 at += len(parts[-1])
             else:
                 known_from = at
@@ -145,8 +151,7 @@ class _Run:
         return self._data[begin + skipped : begin + again.size], skipped
 
 
-def _data(buffer: U8, brought: Brought, place: int) -> bytes:
-    begin, size = int(brought.pieces.start[place]), int(brought.pieces.size[place])
+def _data(buffer: U8, brought: Brought, begin: int, size: int) -> bytes:
     return brought.kept[~begin][:size] if begin < 0 else buffer[begin : begin + size].tobytes()
 
 

@@ -208,7 +208,7 @@ class Exchanges:
         unread &= (status == OK) & ~np.array([one.query for one in requests], np.bool_)[said.asked]
         outcome[unread], fields[unread] = int(Outcome.UNREAD), -1
         cut = np.flatnonzero((kind == Kind.CUT) & (said.message >= 0))
-        outcome[cut] = np.array([_outcome_of_cut(one) for one in http.forms], np.int64)[http.form[said.message[cut]]]
+        outcome[cut] = [_outcome_of_cut(http.forms[one]) for one in http.form[said.message[cut]].tolist()]
         self._left_out[Beyond.UNREAD] += int((outcome[cut] == Outcome.UNREAD).sum())
         other = (kind == Kind.OTHER_BYTES) | (kind == Kind.OTHER_REPLY_BYTES)
         fields[other] = said.gap_bytes[other]

@@ -14,7 +14,8 @@ from nvscope.tracker.pieces import BROKEN_OFF, BY_CLIENT
 NOT_BEGUN = -2
 """Stands for a place in data: of no request, the head is there and the body is not."""
 
-_MOST_FORMS = 4096
+_MOST_FORMS = 512
+"""Each batch looks at all of them: heads that are gone are read anew sooner than many are looked at."""
 
 
 class What(IntEnum):

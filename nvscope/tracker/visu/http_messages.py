@@ -368,16 +368,13 @@ class HttpStreams:
     def _places(self, ends: I64, which: Sequence[int]) -> I64:
         """Return the pieces with which some of what was found was there."""
         found = self._found
-        if isinstance(which, range):
-            at, form = found.at[which.start : which.stop], found.form[which.start : which.stop]
-        else:
-            at, form = [found.at[place] for place in which], [found.form[place] for place in which]
-        begin = np.array(at, np.int64)
-        body_bytes = found.body_bytes
-        # What a batch holds of a stream is little beside all forms that it has, where there are many holes.
-        few = len(form) < len(body_bytes)
-        size = [body_bytes[one] for one in form] if few else np.array(body_bytes, np.int64)[np.array(form, np.int64)]
-        reached = begin + np.array(size, np.int64)
+        begin = np.array([found.at[place] for place in which], np.int64)
+        size = np.array([found.body_bytes[found.form[place]] for place in which], np.int64)
+        return self._places_of(ends, begin, size, which)
+
+    def _places_of(self, ends: I64, begin: I64, size: I64, which: Sequence[int]) -> I64:
+        """Return the same, given where in the data the messages begin, and how long they are."""
+        found, reached = self._found, begin + size
         if found.late:
             reached = np.maximum(reached, [found.late.get(place, 0) for place in which])
         places: I64 = np.where(begin >= 0, np.searchsorted(ends, reached), ~begin)
@@ -386,7 +383,8 @@ class HttpStreams:
     def _told(self, data: bytes, brought: Brought, ends: I64, stream: I64, given_up: int) -> HttpMessages:
         found, pieces = self._found, brought.pieces
         at, form = np.array(found.at, np.int64), np.array(found.form, np.int64)
-        piece = self._places(ends, range(len(at)))
+        size = np.array(found.body_bytes, np.int64)[form]
+        piece = self._places_of(ends, at, size, range(len(at)))
         order, arrival_ns = pieces.order[piece], pieces.arrival_ns[piece]
         for place, arrived_ns in found.arrived_ns.items():
             last = int(piece[place]) - 1
@@ -395,6 +393,6 @@ class HttpStreams:
             is_here = is_here and pieces.stream[last] == pieces.stream[last + 1]
             arrival_ns[place] = pieces.arrival_ns[last] if is_here else arrived_ns
         clients = ClientRows(self._heads(pieces, ends), found, stream, form, order)
-        reach = Reaches.of(pieces, ends, piece, stream, at, np.array(found.body_bytes, np.int64)[form])
+        reach = Reaches.of(pieces, ends, piece, stream, at, size)
         columns = stream, form, at, order, arrival_ns
         return HttpMessages(data, found.forms, *columns, clients, reach, found.repeats, given_up)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
@@ -120,11 +121,11 @@ class VisuMessages(Columns):
     spoken: I64
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class VisuBatch:
     """The frames of a packet batch with which messages were whole, rising; a part of what is told.
 
-    The messages of frame ``i`` are ``count[i]``, from ``first[i]`` on; ``segment`` is what came with it. ``data`` are
+    The messages of frame ``i`` are ``count[i]``, from ``first[i]`` on; ``segments`` are those of the batch. ``data`` are
     the contents of bodies, ``requests`` what was asked for, by number; ``pairs`` are halves of the addresses of client
     and server, and its port, by number of the pair, five columns of uint64; ``namings`` are what variables were called,
     ``list_flaws`` what there is to say of lists, by message.
@@ -137,7 +138,7 @@ class VisuBatch:
     first: I64
     count: I64
     messages: VisuMessages
-    segment: SegmentBatch
+    segments: SegmentBatch
     data: bytes
     requests: Sequence[Request]
     pairs: Sequence[U64]
@@ -150,12 +151,19 @@ class VisuBatch:
     def __len__(self) -> int:
         return len(self.row)
 
+    @cached_property
+    def segment(self) -> SegmentBatch:
+        """What came with each frame; few are ever asked for."""
+        return self.segments.take(np.searchsorted(self.segments.row, self.row))
+
     def is_reset_by_server(self, row: int, pair: int) -> bool:
         """Tell whether the server of a pair broke a connection off with the packet in a row."""
         place = int(np.searchsorted(self.row, row))
-        if place == len(self.row) or self.row[place] != row or not self.segment.flags[place] & RST:
+        if place == len(self.row) or self.row[place] != row:
             return False
-        return bool(self.segment.source_port[place] == self.pairs[_PORT][pair])
+        own = int(np.searchsorted(self.segments.row, row))
+        is_reset = bool(self.segments.flags[own] & RST)
+        return is_reset and bool(self.segments.source_port[own] == self.pairs[_PORT][pair])
 
     def known_ns(self, times_ns: I64) -> I64:
         """Return when each message was known; ``times_ns`` are those of the packets of the batch."""
@@ -166,9 +174,7 @@ class VisuBatch:
 
     def take(self, rows: I64 | Bool) -> VisuBatch:
         """Return the frames at the given positions or where the mask is set."""
-        return replace(
-            self, row=self.row[rows], first=self.first[rows], count=self.count[rows], segment=self.segment.take(rows)
-        )
+        return replace(self, row=self.row[rows], first=self.first[rows], count=self.count[rows])
 
     @staticmethod
     def of(
@@ -178,11 +184,9 @@ class VisuBatch:
     ) -> VisuBatch:  # fmt: skip
         """Return the frames of some messages that stand in their order; ``segments`` are those of the batch."""
         start, stop = runs_of(messages.row)
-        row = messages.row[start]
-        own = segments.take(np.searchsorted(segments.row, row))
         return VisuBatch(
-            row, start, stop - start, messages, own, data, requests, pairs, namings, list_flaws, left_out, leaving,
-            over,
+            messages.row[start], start, stop - start, messages, segments, data, requests, pairs, namings, list_flaws,
+            left_out, leaving, over,
         )  # fmt: skip
 
 

@@ -110,9 +110,10 @@ def paired(
     acknowledges = _acknowledges(http.reach.acknowledged[answers], body_at[:replies], conversation.acknowledges)
     if acknowledges is None:
         return None
-    answered = np.searchsorted(http.order[answers], order) if len(order) > MOST_WAITING else 0
-    if (np.arange(1, len(order) + 1) - answered > MOST_WAITING).any():
-        return None
+    if len(order) > MOST_WAITING:
+        answered = np.searchsorted(http.order[answers], order)
+        if (np.arange(1, len(order) + 1) - answered > MOST_WAITING).any():
+            return None
     conversation.acknowledges = acknowledges
     conversation.turns.answer_all(had[:replies], http.reach.behind[answers], http.reach.acknowledged[asks])
     waiting.clear()

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dissectors.batch import I64
+from nvscope.tracker.segments import HALF
 from nvscope.tracker.visu.reach import UNKNOWN, Reach, distance, distances, latest, latest_of
 
 
@@ -62,6 +63,9 @@ class Turns:
         """Tell whether a client asked one of several before it had all of what answered the one before, but more."""
         before, end = np.empty_like(had), np.empty_like(behind)
         (before[0], end[0]), before[1:], end[1:] = self.pair, had[:-1], behind[:-1]
+        ahead = end - had
+        if int(ahead.max()) <= 0 and int(ahead.min()) >= -HALF:
+            return False  # each had all of it, as nearly all have
         late = distances(end, had) > 0
         return bool(late.any() and (late & (distances(had, before) > 0)).any())
 
