@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -64,11 +64,11 @@ class Connections:
         known = len(self._keys)
         rest = np.flatnonzero(~carrying)
         if not len(rest):
-            number = self._keys.numbers(*words)
+            number = _by_runs(self._keys.numbers, words)
         else:
             number = np.empty(len(segments), np.int64)
-            number[carrying] = self._keys.numbers(*(word[carrying] for word in words))
-            number[rest] = self._keys.find(*(word[rest] for word in words))
+            number[carrying] = _by_runs(self._keys.numbers, [word[carrying] for word in words])
+            number[rest] = _by_runs(self._keys.find, [word[rest] for word in words])
         self._name_servers(segments, is_low, carrying, number, known)
         stream = np.full(len(segments), -1)
         own = np.flatnonzero(number >= 0)
@@ -108,3 +108,12 @@ class Connections:
         keys = KeyTable(5)
         keys.numbers(*(word[kept] for word in self._keys.words))
         self._keys, self._servers = keys, self._servers.rows(kept)
+
+
+def _by_runs(look_up: Callable[..., I64], words: Sequence[U64]) -> I64:
+    """Look up keys; those of segments that follow each other often are the same, and looked up once."""
+    first = np.ones(len(words[0]), np.bool_)
+    first[1:] = np.logical_or.reduce([word[1:] != word[:-1] for word in words])
+    start = np.flatnonzero(first)
+    number: I64 = np.repeat(look_up(*(word[start] for word in words)), np.diff(start, append=len(first)))
+    return number

@@ -146,7 +146,10 @@ class Streams:
 
         Return those, rising, of connections that have to be looked at anew behind ``least`` segments or more.
         """
-        rest = rest[np.lexsort((segments.frame[rest], segments.stream[rest] >> 1))]
+        frame = segments.frame[rest]
+        first = int(frame.min())
+        by_connection = (segments.stream[rest] >> 1) * (int(frame.max()) + 1 - first) + (frame - first)
+        rest = rest[np.argsort(by_connection, kind="stable")]
         rows = segments.take(rest)
         start, stop = runs_of(rows.stream >> 1)
         peculiar = np.flatnonzero(at_once.is_peculiar[rest])

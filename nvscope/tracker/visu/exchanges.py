@@ -15,7 +15,7 @@ from dissectors.keys import KeyTable
 from dissectors.transport import SegmentBatch
 from dissectors.web_protocols import protocol_of_request
 from dissectors.webvisu import Request
-from nvscope.engine.runs import distinct
+from nvscope.engine.runs import distinct, first_of_each
 from nvscope.tracker.connections import Connections
 from nvscope.tracker.pieces import ORDER_BITS, OtherBytes
 from nvscope.tracker.visu.asking import NOTHING, Ask, Asking, part_of
@@ -284,15 +284,15 @@ class Exchanges:
 
     def _with_pairs(self, said: Said) -> tuple[Said, I64]:
         """Return what is told of what is said, and the pair of each."""
-        is_hidden, words = said.kind == Kind.HIDDEN, self._words(said.connection)
+        is_hidden = said.kind == Kind.HIDDEN
         if is_hidden.any():
             pair = np.empty(len(said), np.int64)
-            pair[~is_hidden] = self.pairs.numbers_within(MOST_PAIRS, *(word[~is_hidden] for word in words))
+            pair[~is_hidden] = self._pairs(said.connection[~is_hidden])
             # What may be no page's is numbered with none.
-            pair[is_hidden] = self.pairs.find(*(word[is_hidden] for word in words))
+            pair[is_hidden] = self.pairs.find(*self._words(said.connection[is_hidden]))
         else:
-            pair = self.pairs.numbers_within(MOST_PAIRS, *words)
-        shown = self._hidden.told(said, pair, words)
+            pair = self._pairs(said.connection)
+        shown = self._hidden.told(said, pair, self._words)
         self._left_out[Beyond.PAIR] += self._hidden.left_out + int((shown.stays & (pair < 0)).sum())
         self._hidden.left_out = 0
         said, stays = replace(said, kind=shown.kind, gap_bytes=shown.gap_bytes), shown.stays & (pair >= 0)
@@ -303,7 +303,10 @@ class Exchanges:
         return *ends.client, *ends.server, ends.server_port
 
     def _pairs(self, connection: I64) -> I64:
-        return self.pairs.numbers_within(MOST_PAIRS, *self._words(connection))
+        first = connection[first_of_each([connection])]
+        pair_of = np.empty(int(connection.max(initial=0)) + 1, np.int64)
+        pair_of[first] = self.pairs.numbers_within(MOST_PAIRS, *self._words(first))
+        return pair_of[connection]
 
 
 def _in_order(said: Said, over: Mapping[tuple[int, int], Over]) -> I64:

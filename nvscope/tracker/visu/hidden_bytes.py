@@ -7,7 +7,7 @@ anything that would make them a page's.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -34,11 +34,11 @@ class HiddenBytes:
         self._is_page = np.zeros(0, np.bool_)
         self.left_out = 0
 
-    def told(self, said: Said, pair: I64, words: Sequence[U64]) -> Shown:
+    def told(self, said: Said, pair: I64, words_of: Callable[[I64], Sequence[U64]]) -> Shown:
         """Return what is told of what is ``said``, in its order.
 
-        ``pair`` are the numbers of client, server and port, -1 of those that show nothing; ``words`` are these
-        themselves.
+        ``pair`` are the numbers of client, server and port, -1 of those that show nothing; ``words_of`` returns these
+        themselves of connections.
         """
         stays, kind, gap_bytes = np.ones(len(said), np.bool_), said.kind, said.gap_bytes
         known = len(self._is_page)
@@ -50,7 +50,7 @@ class HiddenBytes:
         if not (len(hidden) or self._held):
             self._is_page[pair[opens]] = True
             return Shown(stays, kind, gap_bytes)
-        kind, gap_bytes = kind.copy(), gap_bytes.copy()
+        kind, gap_bytes, words = kind.copy(), gap_bytes.copy(), words_of(said.connection)
         new = opens[~self._is_page[pair[opens]]]
         for place in np.sort(np.append(new, hidden)).tolist():
             number, key = int(pair[place]), tuple(int(word[place]) for word in words)
