@@ -125,10 +125,10 @@ class VisuMessages(Columns):
 class VisuBatch:
     """The frames of a packet batch with which messages were whole, rising; a part of what is told.
 
-    The messages of frame ``i`` are ``count[i]``, from ``first[i]`` on; ``segments`` are those of the batch. ``data`` are
-    the contents of bodies, ``requests`` what was asked for, by number; ``pairs`` are halves of the addresses of client
-    and server, and its port, by number of the pair, five columns of uint64; ``namings`` are what variables were called,
-    ``list_flaws`` what there is to say of lists, by message.
+    The messages of frame ``i`` are ``count[i]``, from ``first[i]`` on; ``segments`` are those of the whole batch.
+    ``data`` are the contents of bodies, ``requests`` what was asked for, by number; ``pairs`` are halves of the
+    addresses of client and server, and its port, by number of the pair, five columns of uint64; ``namings`` are what
+    variables were called, ``list_flaws`` what there is to say of lists, by message.
     ``left_out`` is how often there was no room for something up to here, and that was not told before. ``leaving`` is
     what waits behind the batch in connections whose clients have closed their side. ``over`` is what time alone told of
     unanswered messages before the segment came that they stand with.
