@@ -61,6 +61,8 @@ class WrittenWhile:
         self.unread: set[Pair] = set()
         self.unclear: set[Pair] = set()
         self.left_out = 0
+        # The batch of messages that came last.
+        self._last: VisuBatch | None = None
 
     def hear(self, events: EventBatch) -> None:
         """Take events of any kind, of the batch that is observed next."""
@@ -120,7 +122,7 @@ class WrittenWhile:
         from nvscope.tracker.visu.messages import Kind, Outcome  # noqa: PLC0415
         from nvscope.view.lines.visu_words import variables_of  # noqa: PLC0415
 
-        messages = part.messages
+        messages, self._last = part.messages, part
         frame, time_ns = messages.row + told.first_frame, told.packets.ts_ns[messages.row]
         judged = self._judged(frame, time_ns)
         unread, malformed = (
@@ -156,6 +158,15 @@ class WrittenWhile:
                 return pair_in(part, number)
             self._pairs[number] = pair_in(part, number)
         return self._pairs[number]
+
+    def lacking(self) -> set[Pair]:
+        """Return the pairs of whose clients, at the end, bytes are missing behind all that there is.
+
+        When that was, nobody knows: of writes while something holds, that tells nothing.
+        """
+        if self._last is None or self.holds is not None:
+            return set()
+        return {self._pair(self._last, number) for number in self._last.lacking()}
 
     def written(self, known: Evidence) -> Iterator[tuple[Written, Times]]:
         """Yield all that was written by requests that are whole."""

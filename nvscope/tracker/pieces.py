@@ -18,7 +18,8 @@ class PieceKind(IntEnum):
 
     ``BEGIN``: a direction begins; its ``size`` has ``IN_STEP`` where its first bytes are known to be the first ones,
     and ``ANEW`` where the connection begins with it. ``HOLE``: so many bytes are missing. ``END``: nothing follows; its
-    ``size`` has ``BROKEN_OFF`` where that was not in order, and then ``BY_CLIENT`` where the client did it.
+    ``size`` has ``BROKEN_OFF`` where that was not in order, and then ``BY_CLIENT`` where the client did it, and
+    ``REPLACED`` where another connection begins between the same ends: how this one ended was not captured.
     """
 
     DATA = 0
@@ -28,7 +29,7 @@ class PieceKind(IntEnum):
 
 
 IN_STEP, ANEW = 1, 2
-BROKEN_OFF, BY_CLIENT = 1, 2
+BROKEN_OFF, BY_CLIENT, REPLACED = 1, 2, 4
 
 
 class Order(IntEnum):

@@ -27,6 +27,7 @@ from nvscope.tracker.pieces import (
     BY_CLIENT,
     IN_STEP,
     ORDER_BITS,
+    REPLACED,
     Again,
     Order,
     OtherBytes,
@@ -258,7 +259,7 @@ class SegmentsInTurn:
 
     def _begin_anew(self, ends: tuple[_Stream, _Stream], frame: int, time_ns: int) -> None:
         """Take that another connection begins in place of this one."""
-        self._break_off(ends, frame, time_ns, (Order.OLD_CLIENT, Order.OLD_SERVER), BY_CLIENT)
+        self._break_off(ends, frame, time_ns, (Order.OLD_CLIENT, Order.OLD_SERVER), BY_CLIENT | REPLACED)
         self._aside.drop(ends[0].number >> 1)
         for stream in ends:
             stream.forget()

@@ -19,7 +19,8 @@ from dissectors.transport import SegmentBatch
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.tracker.connections import Connections
 from nvscope.tracker.pieces import NEVER, ORDER_BITS, Again, Brought, Pieces, no_pieces
-from nvscope.tracker.segments import Segments, StreamColumns
+from nvscope.tracker.segments import WRAP, Segments, StreamColumns
+from nvscope.tracker.segments_aside import NEAR
 from nvscope.tracker.segments_at_once import SegmentsAtOnce
 from nvscope.tracker.segments_in_turn import (
     FORGOTTEN_NS,
@@ -48,6 +49,19 @@ class Outlived(NamedTuple):
     only_ended: bool
 
 
+class Positions(NamedTuple):
+    """Where streams are, and how far the other end has acknowledged them: sequence numbers by stream, or -1."""
+
+    next: I64
+    acknowledged: I64
+
+    def of(self, stream: int) -> tuple[int, int]:
+        """Return those of a stream, -1 of one that is not there."""
+        if stream >= len(self.next):
+            return -1, -1
+        return int(self.next[stream]), int(self.acknowledged[stream])
+
+
 class Streams:
     """The connections over some ports, from one batch to the next.
 
@@ -64,6 +78,29 @@ class Streams:
         self._again: list[I64] = []
         self._enough = self._least = enough
         self._most = most
+
+    def positions(self) -> Positions:
+        """Return where all streams are now."""
+        column, count = self._streams.column, 2 * len(self.connections)
+        at = np.where(column("begun")[:count], column("next")[:count], -1)
+        return Positions(at, column("acknowledged")[:count].copy())
+
+    def position(self, stream: int) -> tuple[int, Sequence[int]]:
+        """Return where a stream is now, and how far it was acknowledged, if it was."""
+        return int(self._streams.next[stream]), [int(self._streams.acknowledged[stream])]
+
+    def lacking_clients(self) -> I64:
+        """Return the connections of whose clients bytes are missing, or may be, in front of the end of the capture.
+
+        Their servers acknowledge bytes behind all that is there, or something waits behind a hole.
+        """
+        column, count = self._streams.column, 2 * len(self.connections)
+        begun, ended, told, at, waits = (
+            column(name)[:count:2] for name in ("begun", "ended", "acknowledged", "next", "waits")
+        )
+        ahead = np.where(told >= 0, (told - at) % WRAP, 0)
+        lacks = begun & ~ended & (waits | ((ahead > 1) & (ahead <= NEAR)))
+        return np.flatnonzero(lacks)
 
     def outlived(self) -> Outlived | None:
         """Forget connections where there are many; return None where all are kept.

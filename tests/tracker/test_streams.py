@@ -17,7 +17,7 @@ from dissectors import address
 from dissectors.batch import PacketBatch
 from dissectors.claims import Claims
 from dissectors.link import peel
-from nvscope.tracker.pieces import BROKEN_OFF, BY_CLIENT, ORDER_BITS, PieceKind
+from nvscope.tracker.pieces import BROKEN_OFF, BY_CLIENT, ORDER_BITS, REPLACED, PieceKind
 from nvscope.tracker.streams import ENOUGH, Streams
 from tests.laws import examples, some
 from tests.oracle.builders import MILLISECOND, SECOND
@@ -76,7 +76,8 @@ def by_the_rules(frames: Sequence[Frame]) -> dict[Where, list[What]]:
             (client, port), (server, server_port) = event.connection.client, event.connection.server
             where = str(client), port, str(server), server_port, event.from_client
             if not isinstance(event, Delivery):
-                found[where].append(("E", event.reset * BROKEN_OFF | event.by_client * BY_CLIENT, number))
+                how = event.reset * BROKEN_OFF | event.by_client * BY_CLIENT | event.replaced * REPLACED
+                found[where].append(("E", how, number))
             elif event.missing:
                 found[where].append(("H", event.missing, number))
             else:

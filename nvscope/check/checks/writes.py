@@ -66,9 +66,10 @@ def _writes(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]
             writer.broken.append((written, times))
         elif may is None:
             writer.unknown.append(written)
+    cut = watched.cut | watched.lacking()
     hidden = {
         (pair.protocol, pair.client): reason
-        for pairs, reason in ((watched.cut, _CUT), (watched.unread, _UNREAD), (watched.unclear, _UNCLEAR))
+        for pairs, reason in ((cut, _CUT), (watched.unread, _UNREAD), (watched.unclear, _UNCLEAR))
         for pair in pairs
         if pair in asking
     }  # fmt: skip

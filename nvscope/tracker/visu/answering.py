@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from dissectors.http import Head, Side
 from dissectors.webvisu import Likeness
+from nvscope.tracker.visu.part_requests import behind_body
 
 if TYPE_CHECKING:
     from nvscope.tracker.visu.waiting_requests import WaitingRequests
@@ -15,10 +16,11 @@ class Answering:
     """The part of ``HttpReader`` that says what is answered.
 
     ``is_late``: a server's stream began in the middle, and no response with a body has come yet: what comes may answer
-    a request that was not captured. ``known_at`` is up to where one had to read to know what is read now, or 0.
+    a request that was not captured. ``is_wary``: that is so, or one of both directions has lost step since; what comes
+    may answer HEAD, which nobody saw. ``known_at`` is up to where one had to read to know what is read now, or 0.
     """
 
-    __slots__ = ("_answers_head", "_answers_nobody", "is_late", "known_at", "requests", "side")
+    __slots__ = ("_answers_head", "_answers_nobody", "is_late", "is_wary", "known_at", "requests", "side")
 
     def __init__(self, side: Side) -> None:
         self.side = side
@@ -26,7 +28,7 @@ class Answering:
         # Of the response that has begun, None before its head is there.
         self._answers_head: bool | None = None
         self._answers_nobody = False
-        self.known_at, self.is_late = 0, False
+        self.known_at, self.is_late, self.is_wary = 0, False, False
 
     def _is_to_head(self, at: int) -> bool:
         """Tell whether the response whose head ends at a place answers HEAD: what waited then says so, not later."""
@@ -42,8 +44,13 @@ class Answering:
         self._answers_head, self._answers_nobody = None, False
         if self.requests is not None and not nobody and not (head is not None and head.is_interim):
             self.requests.answered(at if at < 0 else max(at, self.known_at))
-        self.is_late = self.is_late and not (head is not None and head.has_body)
+        if self.is_wary and head is not None and head.has_body:
+            self.is_late = self.is_wary = False
         return nobody
+
+    def _may_lack_body(self, rest: bytes, head_end: int) -> bool:
+        """Tell whether nothing that is there behind a head shows that a message has a body."""
+        return self.is_wary and not self.is_late and behind_body(rest, head_end, len(rest), self.side) != 0
 
     def _if_answers(self) -> Likeness:
         """Tell whether what has begun is a response to the first request that waits."""

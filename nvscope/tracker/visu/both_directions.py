@@ -70,6 +70,10 @@ class Run:
             self.go_on(found)
         self.place = max(self.place, stop)
 
+    def know_at_next(self) -> None:
+        """Take that what is there already shows more with what comes next."""
+        self._known_at = self.end + 1
+
     def go_on(self, found: Forms) -> None:
         """Read what is there, unless an open request only goes on: that is not read anew again and again."""
         if self.reader.open is None or not self.reader.is_open_up_to(self.data, self.begin, self.end):
@@ -176,6 +180,7 @@ class BothDirections:
         count = len(self._breaks) if order is None else bisect_left(self._breaks, order)
         if count:
             self._server.reader.forget_request()
+            self._server.know_at_next()
             del self._breaks[:count]
 
     def _begins_head(self, _: int) -> bool:

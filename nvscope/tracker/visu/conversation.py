@@ -7,68 +7,23 @@ loses step, nobody knows any more what waits, and, where bytes are missing, what
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 from dissectors.http import Side
 from dissectors.webvisu import Likeness
 from dissectors.webvisu_lists import list_likeness
 from nvscope.tracker.pieces import ORDER_BITS
 from nvscope.tracker.visu.asking import NOTHING, Ask, fits
+from nvscope.tracker.visu.awaited import Early, Happened, Waiting
 from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.going_on import Closed
 from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.limits import MOST_EARLY, MOST_WAITING
 from nvscope.tracker.visu.messages import UNMEASURED_NS, Kind
-from nvscope.tracker.visu.one_way import UNKNOWN
-from nvscope.tracker.visu.reach import NOWHERE, Reach, distance
+from nvscope.tracker.visu.reach import NOWHERE, UNKNOWN, Reach, distance
 from nvscope.tracker.visu.turns import Turns
 from nvscope.tracker.visu.unseen_requests import Answered, UnseenRequests
-
-
-class Waiting(NamedTuple):
-    """A request that nobody has answered: what it asks for, its order, and when it had arrived.
-
-    ``acknowledged`` is up to where its client had the server's bytes then, where none of these was captured; else -1.
-    ``reach`` is where it lies in the client's stream. ``is_early``: its reply was captured before it was whole.
-    """
-
-    asked: Ask
-    order: int
-    arrival_ns: int
-    is_head: bool = False
-    acknowledged: int = UNKNOWN
-    reach: Reach = NOWHERE
-    is_early: bool = False
-
-
-class Early(NamedTuple):
-    """A response that came before the request was whole that it answers; its content, if it has any, is in its form.
-
-    Of that request the head was there where it ``has_begun``; else ``reach`` tells whether it answers one that comes.
-    ``is_reply``: whatever it answers, it is parted as those of pages are.
-    """
-
-    form: Form
-    arrival_ns: int
-    reach: Reach
-    has_begun: bool
-    is_reply: bool = False
-
-
-class Happened(NamedTuple):
-    """Something to be told of a connection; ``message`` is the row of the HTTP message that it is about, or -1."""
-
-    kind: Kind
-    connection: int
-    order: int
-    message: int
-    asked: Ask
-    latency_ns: int
-    asked_frame: int
-    gap_bytes: int
-    opens: bool
 
 
 @dataclass(slots=True)
@@ -81,6 +36,7 @@ class Conversation:
     of the client. ``early`` are responses that were captured before the requests that they may answer. ``acknowledged``
     is up to where the server had the client's bytes, while none of them was captured, or -1. ``acknowledges``: the
     server was seen to acknowledge what it answers, so that its acknowledgements tell what it does not answer.
+    ``began`` is the order with which the connection did, -1 where nobody remembers it.
     """
 
     connection: int
@@ -95,6 +51,7 @@ class Conversation:
     acknowledged: int = UNKNOWN
     early: deque[Early] = field(default_factory=deque)
     acknowledges: bool = False
+    began: int = -1
     turns: Turns = field(default_factory=Turns)
     unseen: UnseenRequests = field(default_factory=UnseenRequests)
     # Whether the last thing that happened to each direction was that bytes of it were missing.
@@ -147,7 +104,7 @@ class Conversation:
 
     def _lose_unseen(self, order: int, tell: Callable[[Happened], None], *, is_known: bool) -> None:
         """Take that nobody knows what was in a hole, and how much; unless ``is_known``, it may hide a request."""
-        self.turns.lose()
+        self.turns.lose(of_client=True)
         self.unseen.waits = False
         if not is_known:
             for _ in range(self.unseen.lose(Answered(one.is_reply, one.reach.acknowledged) for one in self.early)):
@@ -256,25 +213,41 @@ class Conversation:
             elif self.beyond:
                 self.beyond -= 1
         elif form.what is What.BROKEN:
-            if self.waiting and form.touched is Likeness.YES:
+            later = self._asked_behind(reach.behind) if self._lacks[1] else ()
+            if len(self.waiting) > len(later) and form.touched is Likeness.YES:
                 asked = self.waiting[0]
                 self._tell_list(form, asked, order, arrival_ns, message, tell)
                 self._tell_answer(Kind.CUT, asked, order, arrival_ns, message, tell)
                 if form.is_malformed and asked.asked.request is not None:
                     self._tell_unbounded(form, order, tell)
-            else:
+            elif not later:
                 self._tell_leaving(Kind.UNCLEAR, order, tell)
             self._forget_waiting()
+            self.waiting.extend(later)
             # What has come before is known to answer the next request; else nobody knows how much is missing.
-            if self._lacks[1] and not self.early:
+            if self._lacks[1] and not (self.early or later):
                 self.turns.lose()
         elif form.what is What.END:
-            self._tell_unanswered(order, arrival_ns, tell, by_client=form.broken_by is Side.CLIENT)
+            if form.is_replaced:
+                self._tell_unclear(order, tell)
+            else:
+                self._tell_unanswered(order, arrival_ns, tell, by_client=form.broken_by is Side.CLIENT)
         elif form.what is What.PART:
             if self.waiting and not form.answers_nobody:
                 self._tell_list(form, self.waiting[0], order, arrival_ns, message, tell)
         elif form.what is not What.ANEW:
             self._take_other(form, order, tell)
+
+    def _asked_behind(self, behind: int) -> Sequence[Waiting]:
+        """Return what waits and was asked for when the client had what is missing in front of a sequence number.
+
+        What answers that comes later, if the client takes turns.
+        """
+        if behind == UNKNOWN or self.turns.overlap or self.beyond:
+            return ()
+        had = (one.reach.acknowledged for one in self.waiting)
+        place = next((place for place, one in enumerate(had) if one != UNKNOWN and distance(one, behind) >= 0), None)
+        return () if place is None else list(self.waiting)[place:]
 
     def _tell_list(
         self, form: Form, asked: Waiting, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
@@ -352,10 +325,19 @@ class Conversation:
             for asked in self.waiting:
                 self._tell_answer(kind, asked, order, self.closed.arrival_ns, -1, tell)
 
-    def give_up(self, order: int, tell: Callable[[Happened], None]) -> None:
-        """Take that the client, which has closed its side, waits for nothing any more."""
+    def give_up(self, order: int, tell: Callable[[Happened], None], *, is_missing: bool) -> None:
+        """Take that the client, which has closed its side, waits for nothing any more; a reply may be missing."""
         assert self.closed is not None
-        self._tell_unanswered(order, self.closed.arrival_ns, tell, by_client=True)
+        if is_missing:
+            self._tell_unclear(order, tell)
+        else:
+            self._tell_unanswered(order, self.closed.arrival_ns, tell, by_client=True)
+
+    def _tell_unclear(self, order: int, tell: Callable[[Happened], None]) -> None:
+        """Take that nobody knows whether what waits was answered: the capture lacks what would tell it."""
+        for asked in self.waiting:
+            self._tell_answer(Kind.UNCLEAR, asked, order, 0, -1, tell)
+        self._forget_waiting()
 
     def _tell_unanswered(
         self, order: int, ended_ns: int, tell: Callable[[Happened], None], *, by_client: bool
@@ -389,7 +371,7 @@ class Conversation:
             self.is_visu, self.gap_bytes, self.closed = False, 0, None
             self.early.clear()
             self.turns, self.acknowledges, self.unseen = Turns(), False, UnseenRequests()
-            self.is_heard, self.is_spoken, self.acknowledged = False, False, UNKNOWN
+            self.is_heard, self.is_spoken, self.acknowledged, self.began = False, False, UNKNOWN, order
         elif form.what is What.GAP:
             if reach is not None:  # they are the client's
                 self.unseen.miss(reach.behind, form.missing_bytes)

@@ -29,6 +29,7 @@ from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.leaving import Leaving
 from nvscope.tracker.visu.limits import MOST_PAIRS, MOST_POLLED, Beyond
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages, no_messages
+from nvscope.tracker.visu.missing_replies import MissingReplies
 from nvscope.tracker.visu.names import ListFlaw, Names, UnreadList
 from nvscope.tracker.visu.one_way import OneWay
 from nvscope.tracker.visu.other_bytes import OtherBytesOfPages
@@ -102,11 +103,11 @@ class Exchanges:
 
     def take(
         self, http: HttpMessages, packets: PacketBatch, segments: SegmentBatch, first_frame: int, one_way: OneWay,
-        others: Sequence[OtherBytes] = (),
+        missing: MissingReplies, others: Sequence[OtherBytes] = (),
     ) -> VisuBatch:  # fmt: skip
         """Return what the HTTP messages of a batch say of WebVisu; ``first_frame`` is that of its row 0.
 
-        ``others`` are bytes that came again, and were others.
+        ``missing`` are replies that the capture lacks, ``others`` bytes that came again, and were others.
         """
         self._left_out[Beyond.HELD] += http.given_up
         if not (len(http) or self._closed or self._unheard or others):
@@ -119,7 +120,8 @@ class Exchanges:
         spoken = _spoken(http)[http.form]
         going_on = GoingOn(self._connections, packets, segments, first_frame)
         pairing = Pairing(
-            http, is_plain, asked, asked_for, self._conversations, going_on, self._closed, one_way, self._unheard
+            http, is_plain, asked, asked_for, self._conversations, going_on, self._closed, one_way, self._unheard,
+            missing,
         )  # fmt: skip
         said = Said.stacked([whole, _others(http, asked, spoken), *pairing.pair(np.flatnonzero(~taken))])
         # Of what has one order, bytes that came again as others come last.
@@ -131,24 +133,30 @@ class Exchanges:
         if not len(said):
             return no_messages()
         over = _told_by_time(said, pairing.over)
-        return self._told(http, said, spoken, pair, over, asked_for.asks, packets, segments, first_frame)
+        with_leaving = asked_for.asks, self._leaving(missing)
+        return self._told(http, said, spoken, pair, over, *with_leaving, packets, segments, first_frame)
 
-    def _leaving(self) -> list[Leaving]:
+    def _leaving(self, missing: MissingReplies) -> list[Leaving]:
         """Return what waits in connections whose clients have closed their side."""
-        numbers = sorted(self._closed)
-        found = []
+        numbers, found = sorted(self._closed), list[Leaving]()
         for number, pair in zip(numbers, self._pairs(np.array(numbers, np.int64)).tolist(), strict=True):
             conversation = self._conversations[number]
             closed = conversation.closed
             if pair < 0 or closed is None:
                 continue
             naming = self._names.version_of(controller_of(self.pairs.words, pair))
+            rest = closed, naming, missing.of(conversation)
             found += [
-                Leaving(pair, request, one.order >> ORDER_BITS, closed.arrival_ns - one.arrival_ns, closed, naming)
+                Leaving(pair, request, one.order >> ORDER_BITS, closed.arrival_ns - one.arrival_ns, *rest)
                 for one in conversation.waiting
                 if (request := one.asked.request) is not None
             ]
         return found
+
+    def pages_among(self, connections: I64) -> Sequence[int]:
+        """Return the numbers of the pairs of some connections that show a request of a page."""
+        pair = self.pairs.find(*self._words(connections))
+        return list(map(int, distinct(pair[self._hidden.are_pages(pair)])))
 
     def _asked(self, http: HttpMessages, asked_for: AskedFor) -> I64:
         """Return what each message asks for, 0 of all that are no whole requests."""
@@ -190,7 +198,7 @@ class Exchanges:
 
     def _told(
         self, http: HttpMessages, said: Said, spoken: I64, pair: I64, over: Mapping[int, Over], asks: Sequence[Ask],
-        packets: PacketBatch, segments: SegmentBatch, first_frame: int,
+        leaving: Sequence[Leaving], packets: PacketBatch, segments: SegmentBatch, first_frame: int,
     ) -> VisuBatch:  # fmt: skip
         requests = [one.request or NO_REQUEST for one in asks]
         row = (said.order >> ORDER_BITS) - first_frame
@@ -226,7 +234,7 @@ class Exchanges:
         left_out, self._left_out, self._names.left_out = +self._left_out, Counter(), 0
         return VisuBatch.of(
             messages, segments, data, requests, self.pairs.words, self._names.versions, list_flaws, left_out,
-            self._leaving(), over,
+            leaving, over,
         )  # fmt: skip
 
     def _namings(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dissectors.batch import PacketBatch
@@ -12,6 +13,7 @@ from nvscope.tracker.streams import ENOUGH, MOST_CONNECTIONS, Streams
 from nvscope.tracker.visu.exchanges import Exchanges
 from nvscope.tracker.visu.http_messages import HttpStreams
 from nvscope.tracker.visu.messages import VisuBatch
+from nvscope.tracker.visu.missing_replies import MissingReplies
 from nvscope.tracker.visu.one_way import OneWay
 
 if TYPE_CHECKING:
@@ -32,18 +34,25 @@ class VisuFollower:
 
     def follow(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> VisuBatch:
         """Return what the segments of a batch bring, which follows those before; its row 0 is frame ``first_frame``."""
+        before = self._streams.positions()
         brought = self._streams.observe(packets, segments, first_frame)
         one_way = OneWay(self._streams.connections, segments, first_frame)
         messages = self._http.read(packets.data, brought, self._exchanges.waiting, one_way.missed_of)
         others = self._copies.observe(packets.data, brought)
-        told = self._exchanges.take(messages, packets, segments, first_frame, one_way, others)
+        missing = MissingReplies(one_way, before, self._streams, brought.pieces)
+        told = self._exchanges.take(messages, packets, segments, first_frame, one_way, missing, others)
         outlived = self._streams.outlived()
         if outlived is not None:
             numbers = {old: new for new, old in enumerate(outlived.kept.tolist())}
             self._http.keep(numbers)
             self._copies.keep(numbers)
             self._exchanges.keep(numbers, only_ended=outlived.only_ended)
-        return told
+        return replace(told, lacking=self.lacking)
+
+    def lacking(self) -> Sequence[int]:
+        """Return the pairs of whose clients bytes are missing, or may be, behind all that was followed so far."""
+        connections = self._streams.lacking_clients()
+        return self._exchanges.pages_among(connections) if len(connections) else ()
 
     def pass_time(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> None:
         """Take a batch of which no segment is of these ports."""

@@ -64,6 +64,12 @@ class HiddenBytes:
                 self._hold(key, int(gap_bytes[place]))
         return Shown(stays, kind, gap_bytes)
 
+    def are_pages(self, pair: I64) -> Bool:
+        """Tell of numbers of pairs, -1 of those that have none, which ones show a request of a page."""
+        known: Bool = (pair >= 0) & (pair < len(self._is_page))
+        known[known] = self._is_page[pair[known]]
+        return known
+
     def _hold(self, key: tuple[int, ...], size: int) -> None:
         if key in self._held or len(self._held) < MOST_PAIRS:
             self._held[key] = self._held.get(key, 0) + size

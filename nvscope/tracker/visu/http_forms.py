@@ -9,7 +9,7 @@ from enum import IntEnum
 from dissectors.http import Head, Side
 from dissectors.web_protocols import WebProtocol
 from dissectors.webvisu import Likeness
-from nvscope.tracker.pieces import BROKEN_OFF, BY_CLIENT
+from nvscope.tracker.pieces import BROKEN_OFF, BY_CLIENT, REPLACED
 
 NOT_BEGUN = -2
 """Stands for a place in data: of no request, the head is there and the body is not."""
@@ -45,7 +45,8 @@ class Form:
     is not known. ``touched``: whether what is not whole may be a request of a WebVisu page, or is in the response to
     the first request that waits. ``answers_nobody``: what it answers was forgotten meanwhile. ``missing_bytes`` are
     those of a gap. ``spoken`` is what a connection begins with that does not begin with HTTP. ``broken_by`` is who
-    broke off a connection that did not end in order. ``is_broken_off``: with that, a request ended that does not say
+    broke off a connection that did not end in order; ``is_replaced``: nothing but that another one begins between the
+    same ends shows it. ``is_broken_off``: with that, a request ended that does not say
     how long it is; nobody knows whether more of it should have come. ``is_late``: it may answer a request from before
     the capture (``HttpReader.is_late``). ``is_beyond``: nothing of it is missing, but not all of it is read;
     ``is_malformed``: its chunks are none. ``begin`` is how its content begins, where that is not known whole.
@@ -61,6 +62,7 @@ class Form:
     missing_bytes: int = 0
     spoken: WebProtocol | None = None
     broken_by: Side | None = None
+    is_replaced: bool = False
     is_broken_off: bool = False
     is_late: bool = False
     is_beyond: bool = False
@@ -95,7 +97,7 @@ class Forms:
     again behind it, byte for byte, as far as that is known.
     """
 
-    BEGIN, END, ANEW, BROKEN_BY_CLIENT, BROKEN_BY_SERVER = range(5)
+    BEGIN, END, ANEW, BROKEN_BY_CLIENT, BROKEN_BY_SERVER, REPLACED = range(6)
 
     def __init__(self) -> None:
         self.at: list[int] = []
@@ -109,7 +111,7 @@ class Forms:
     def _clear(self) -> None:
         self.forms = [
             Form(What.BEGIN), Form(What.END), Form(What.ANEW), Form(What.END, broken_by=Side.CLIENT),
-            Form(What.END, broken_by=Side.SERVER),
+            Form(What.END, broken_by=Side.SERVER), Form(What.END, broken_by=Side.CLIENT, is_replaced=True),
         ]  # fmt: skip
         self.body_bytes = [0] * len(self.forms)
         self.known: tuple[dict[bytes, int], dict[bytes, int]] = ({}, {})
@@ -131,6 +133,8 @@ class Forms:
         """Return the number of an end, by what the ``size`` of its piece says."""
         if not size & BROKEN_OFF:
             return Forms.END
+        if size & REPLACED:
+            return Forms.REPLACED
         return Forms.BROKEN_BY_CLIENT if size & BY_CLIENT else Forms.BROKEN_BY_SERVER
 
     def add(self, form: Form) -> int:

@@ -152,7 +152,7 @@ class HttpStreams:
                 server = Run(self._reader(stream), data, behind[place], start, stop)
                 self._held_bytes -= len(server.reader.rest)
                 places_of, heads = partial(self._places, ends), self._heads(pieces, ends)
-                unheard = missed() if missed is not None else None
+                unheard = missed() if missed else None
                 both = BothDirections(paused, server, pieces, ends, found, places_of, heads, unheard)
                 of_client = both.read(waiting_of(stream >> 1), before - counts[-1])
                 given_up += self._leave_both(stream >> 1, (paused, server), pieces, both.ended)
@@ -160,8 +160,7 @@ class HttpStreams:
                 begin = before + of_client
                 for end in both.ended:
                     told[len(counts) : len(counts)] = [stream, stream - 1]
-                    counts += [end - begin, 1]
-                    begin = end + 1
+                    counts, begin = [*counts, end - begin, 1], end + 1
                 counts.append(len(found.at) - begin)
                 controls.pass_over(stop)
                 asking, paused = stream >> 1, None
@@ -323,19 +322,21 @@ class HttpStreams:
         # Where the reader has to stop: in front of what is no data, and where the client's direction lost step.
         lost = np.searchsorted(orders, breaks, side="right").tolist()
         controls = np.flatnonzero(kind_of != int(PieceKind.DATA)).tolist()
+        known_at = 0
         for place, is_control in sorted([(one, False) for one in lost] + [(one, True) for one in controls]):
             end = int(ends[start + place - 1]) if place else first
             if end > begin:
-                reader.read(data, begin, end, found)
+                reader.read(data, begin, end, found, known_at)
             if is_control:
-                begin = end
+                begin, known_at = end, 0
                 take_control(reader, int(kind_of[place]), int(pieces.size[start + place]), ~(start + place), found)
             else:
                 begin = end - len(reader.rest)
                 reader.forget_request()
+                known_at = end + 1  # what that shows of what is there is known with what comes next
         end = int(ends[stop - 1])
         if end > begin and kind_of[-1] == int(PieceKind.DATA):
-            reader.read(data, begin, end, found)
+            reader.read(data, begin, end, found, known_at)
 
     def _requests(
         self, brought: Brought, ends: I64, own: range, connection: int, waiting_of: Callable[[int], Waiting],

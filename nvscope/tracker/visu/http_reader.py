@@ -15,14 +15,7 @@ from nvscope.tracker.visu.answering import Answering
 from nvscope.tracker.visu.http_forms import NOT_BEGUN, Form, Forms, What
 from nvscope.tracker.visu.lost_messages import FOREIGN, long_head_form, lost_form
 from nvscope.tracker.visu.open_requests import open_form, unbounded_form
-from nvscope.tracker.visu.part_requests import (
-    OpenRequest,
-    behind_body,
-    bodiless,
-    end_form,
-    head_in,
-    part_form,
-)  # fmt: skip
+from nvscope.tracker.visu.part_requests import OpenRequest, behind_body, bodiless, end_form, head_in, part_form
 from nvscope.tracker.visu.same_messages import DIFFERING, take_known, take_same
 from nvscope.tracker.visu.unread_requests import passed_form, unread_form, unread_response
 
@@ -70,9 +63,10 @@ class HttpReader(Answering):
         self._answers_head = self._chunks = self.open = None
         self._answers_nobody = False
         self.begun_at, self.is_late = NOT_BEGUN, self.side is Side.SERVER and not in_step
+        self.is_wary = self.is_late
 
     def read(self, data: bytes, begin: int, end: int, found: Forms, known_at: int = 0) -> None:
-        """Read ``data`` from ``begin``, where its rest is, to ``end``."""
+        """Read ``data`` from ``begin``, where its rest is, to ``end``; where nothing is new, nothing is found."""
         if self._passes:
             if self._passes >= _ENDLESS:
                 return
@@ -81,6 +75,8 @@ class HttpReader(Answering):
                 return
             begin += self._passes
             self._tell_passed(begin, found)
+        if end - begin == len(self.rest) and self.side is Side.SERVER:
+            return
         self.begun_at = NOT_BEGUN
         known, body_bytes, find = found.known[self.side].get, found.body_bytes, data.find
         tell_at, tell_form = found.at.append, found.form.append
@@ -102,7 +98,7 @@ class HttpReader(Answering):
             if number is None and plain:
                 head_end = find(END_OF_HEAD, begin, end) + len(END_OF_HEAD)
                 number, head_bytes = known(data[begin:head_end]), max(head_end - begin, 0)
-            if number is None or self.is_late:
+            if number is None or self.is_wary:
                 begin = http.behind_blank_lines(data, begin, end)
                 first = len(found.at)
                 behind = self._read_one(data, begin, end, found)
@@ -135,6 +131,7 @@ class HttpReader(Answering):
     def forget_request(self) -> None:
         """Take that nobody knows any more which request the message answers that is being received, if one is."""
         self._answers_nobody = not self._seeks and bool(self.rest or self._passes)
+        self.is_wary = True
 
     def _read_one(self, data: bytes, start: int, end: int, found: Forms) -> int:
         """Read a message; return where it ends, -1 where it is not there whole."""
@@ -162,7 +159,7 @@ class HttpReader(Answering):
                 # The server may answer it before another request shows that it has no body.
                 if self.pauses:
                     return -1
-        if head.has_body and (head.expects or self.is_late):
+        if head.has_body and (head.expects or self.is_wary):
             line = behind_body(data, head_end, end, self.side)
             if line > 0:
                 return self._skip_body(data[start:head_end], head_end, line, head, found)
@@ -320,7 +317,7 @@ class HttpReader(Answering):
         if in_step and not self._passes and rest:
             head_end, head = head_in(rest, self.side)
             lost = lost_form(rest, head_end, head, self.side)
-            if head is not None and head.body is Body.LENGTH:
+            if head is not None and head.body is Body.LENGTH and not self._may_lack_body(rest, head_end):
                 length = 0 if self._answers_head else head.length
                 self._passes = length - (len(rest) - head_end)
                 self._passed = replace(lost, what=What.CUT)
@@ -343,7 +340,7 @@ class HttpReader(Answering):
 
     def _out_of_step(self, at: int) -> None:
         self._seeks, self._answers_head, self._answers_nobody, self.open = True, None, False, None
-        self.begun_at = NOT_BEGUN
+        self.begun_at, self.is_wary = NOT_BEGUN, self.side is Side.SERVER
         if self.requests is not None:
             self.requests.forget(at)
 

@@ -6,7 +6,7 @@ Such a client may still be answered. That it waits no more is told with what com
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from dissectors.webvisu import Request
@@ -18,7 +18,8 @@ class Leaving(NamedTuple):
     """A request that waits, and whose client has closed its side of the connection with a frame, at a time.
 
     ``pair`` is the number of client, server and port, ``waited_ns`` how long the client had waited then. ``naming`` is
-    which of ``VisuBatch.namings`` is known.
+    which of ``VisuBatch.namings`` is known. ``lacks_reply`` tells, whenever it is asked, whether the client has
+    acknowledged bytes that the capture lacks: then nobody knows whether it was answered.
     """
 
     pair: int
@@ -27,6 +28,7 @@ class Leaving(NamedTuple):
     waited_ns: int
     closed: Closed
     naming: int
+    lacks_reply: Callable[[], bool]
 
     @property
     def over_ns(self) -> int:
@@ -51,7 +53,7 @@ class LeavingClients:
 
     def given_up(self) -> list[Leaving]:
         """Return what is not waited for any more, by the time that has passed: in the order in which that is known."""
-        over = [one for one in self._waiting if one.closed.over_frame]
+        over = [one for one in self._waiting if one.closed.over_frame and not one.lacks_reply()]
         return sorted(over, key=lambda one: (one.closed.over_frame, one.over_ns, one.asked_frame))
 
 

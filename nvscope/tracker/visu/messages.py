@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cached_property
@@ -131,7 +131,8 @@ class VisuBatch:
     variables were called, ``list_flaws`` what there is to say of lists, by message.
     ``left_out`` is how often there was no room for something up to here, and that was not told before. ``leaving`` is
     what waits behind the batch in connections whose clients have closed their side. ``over`` is what time alone told of
-    unanswered messages before the segment came that they stand with.
+    unanswered messages before the segment came that they stand with. ``lacking`` returns the numbers of pairs of whose
+    clients bytes are missing, or may be, behind all that has been read, whenever it is asked.
     """
 
     row: I64
@@ -147,6 +148,7 @@ class VisuBatch:
     left_out: Mapping[Beyond, int]
     leaving: Sequence[Leaving]
     over: Mapping[int, Over]
+    lacking: Callable[[], Sequence[int]] = tuple
 
     def __len__(self) -> int:
         return len(self.row)

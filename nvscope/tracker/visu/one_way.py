@@ -18,8 +18,7 @@ from nvscope.engine.runs import distinct, stable_order
 from nvscope.tracker.connections import Connections
 from nvscope.tracker.pieces import NEVER, ORDER_BITS, Order
 from nvscope.tracker.segments import FAR, WRAP
-
-UNKNOWN = -1
+from nvscope.tracker.visu.reach import UNKNOWN, latest_of
 
 _LEAST_BYTES = 2
 """One more is what the end of a direction takes, which carries nothing (RFC 9293, section 3.4)."""
@@ -41,7 +40,7 @@ class OneWay:
     """The acknowledgements of a batch, whose row 0 is frame ``first_frame``; few batches are ever asked."""
 
     def __init__(self, connections: Connections, segments: SegmentBatch, first_frame: int) -> None:
-        self._connections, self._segments, self._first_frame = connections, segments, first_frame
+        self._connections, self._segments, self.first_frame = connections, segments, first_frame
 
     @cached_property
     def _stream(self) -> I64:
@@ -54,7 +53,7 @@ class OneWay:
         segments = self._segments
         places = np.flatnonzero((segments.flags & (ACK | SYN)) == ACK)
         places = places[stable_order(self._stream[places], 2 * len(self._connections) + 1)]
-        frame = segments.row[places] + self._first_frame
+        frame = segments.row[places] + self.first_frame
         return self._stream[places], frame, segments.acknowledgement[places].astype(np.int64)
 
     def of_clients(self, connections: set[int]) -> list[int]:
@@ -80,13 +79,20 @@ class OneWay:
             begin, many = stop, 2 * many
         return NO_MORE
 
+    def most_acknowledged(self, stream: int, first: int, stop: int) -> int:
+        """Return how far a stream's speaker acknowledges at most from one frame on in front of another one."""
+        streams, frame, told = self._by_stream
+        begin, end = np.searchsorted(streams, (stream, stream + 1)).tolist()
+        own = slice(*(begin + np.searchsorted(frame[begin:end], (first, stop))).tolist())
+        return latest_of(UNKNOWN, told[own])
+
     def missed_of(self, connection: int, before: int) -> MissedReplies:
         """Return what tells of the replies of a connection that were missed before an order."""
         return MissedReplies(self, connection, before)
 
     def acknowledged_at(self, stream: int, order: int) -> int:
         """Return how far a stream's speaker acknowledges in the frame of an order, ``UNKNOWN`` where it is no such."""
-        segments, row = self._segments, (order >> ORDER_BITS) - self._first_frame
+        segments, row = self._segments, (order >> ORDER_BITS) - self.first_frame
         place = int(np.searchsorted(segments.row, row))
         if place == len(segments) or segments.row[place] != row or not segments.flags[place] & ACK:
             return UNKNOWN

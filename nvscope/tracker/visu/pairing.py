@@ -13,13 +13,16 @@ from dissectors.webvisu import Likeness, is_like_reply
 from dissectors.webvisu_lists import LIST_BEGIN_BYTES
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.tracker.pieces import NEVER
-from nvscope.tracker.visu.conversation import Conversation, Early, Happened
+from nvscope.tracker.visu.awaited import Early, Happened
+from nvscope.tracker.visu.conversation import Conversation
 from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.going_on import GoingOn, Over
 from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.http_messages import HttpMessages
-from nvscope.tracker.visu.one_way import UNKNOWN, OneWay, more_bytes
+from nvscope.tracker.visu.missing_replies import MissingReplies
+from nvscope.tracker.visu.one_way import OneWay, more_bytes
 from nvscope.tracker.visu.plain_exchanges import AskedFor, Said, paired
+from nvscope.tracker.visu.reach import UNKNOWN
 from nvscope.tracker.visu.unseen_requests import Answered
 
 _FEW = 16
@@ -40,7 +43,8 @@ class Pairing:
 
     ``conversations`` are the state of connections, ``closed`` those whose client has closed its side while its requests
     waited; of these, ``going_on`` tells whether it waits still. ``unheard`` are those in which requests wait, and of
-    whose server nothing was captured; of these, ``one_way`` tells whether there was something. ``left_out`` are the
+    whose server nothing was captured; of these, ``one_way`` tells whether there was something. Of those that are given
+    up, ``missing`` tells whether the capture lacks a reply. ``left_out`` are the
     requests so far for which there was no room. ``over`` is what time told of clients that gave up, by connection and
     order.
     """
@@ -48,14 +52,14 @@ class Pairing:
     def __init__(
         self, http: HttpMessages, is_plain: Bool, asked: I64, asked_for: AskedFor,
         conversations: dict[int, Conversation], going_on: GoingOn, closed: set[int],
-        one_way: OneWay, unheard: set[int],
+        one_way: OneWay, unheard: set[int], missing: MissingReplies,
     ) -> None:  # fmt: skip
         self._http = http
         self._is_plain = is_plain
         self._asked, self._asked_for = asked, asked_for
         self._conversations = conversations
         self._going_on, self._closed = going_on, closed
-        self._one_way, self._unheard = one_way, unheard
+        self._one_way, self._unheard, self._missing = one_way, unheard, missing
         self._happened: list[Happened] = []
         self._later: list[tuple[Form, int, int, int]] = []
         self.left_out = 0
@@ -249,7 +253,10 @@ class Pairing:
         if gone.order < before:
             if gone.over is not None:
                 self.over[conversation.connection, gone.order] = gone.over
-            conversation.give_up(gone.order, self._happened.append)
+            is_missing = self._missing.are_there(conversation.connection, conversation.began, gone.order)
+            if is_missing:
+                self.over.pop((conversation.connection, gone.order), None)
+            conversation.give_up(gone.order, self._happened.append, is_missing=is_missing)
 
     def _said(self) -> Said:
         """Return what was found to have happened message by message."""

@@ -17,7 +17,8 @@ from nvscope.engine.runs import distinct
 from nvscope.tracker.pieces import ORDER_BITS
 from nvscope.tracker.segments import HALF
 from nvscope.tracker.visu.asking import Ask
-from nvscope.tracker.visu.conversation import Conversation, Waiting
+from nvscope.tracker.visu.awaited import Waiting
+from nvscope.tracker.visu.conversation import Conversation
 from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.limits import MOST_WAITING

@@ -15,7 +15,8 @@ from dissectors.batch import I64
 from nvscope.tracker.pieces import NEVER, PieceKind, Pieces
 from nvscope.tracker.segments import WRAP
 from nvscope.tracker.visu.asking import NOTHING
-from nvscope.tracker.visu.conversation import Conversation, Early, Happened
+from nvscope.tracker.visu.awaited import Early, Happened
+from nvscope.tracker.visu.conversation import Conversation
 from nvscope.tracker.visu.http_forms import Form, Forms, What
 from nvscope.tracker.visu.reach import NOWHERE, UNKNOWN, Reach
 
@@ -188,7 +189,7 @@ class WaitingRequests:
         if kind == int(PieceKind.HOLE):
             self._talk.take_from_server(_GAP, order, 0, -1, _tell_nobody)
         form = _END if kind == int(PieceKind.END) else _BROKEN
-        self._talk.take_from_server(form, order, 0, -1, _tell_nobody)
+        self._talk.take_from_server(form, order, 0, -1, _tell_nobody, self._reach(at))
 
     def _go_on(self, at: int) -> int:
         """Take what the client shows in front of a place of the data; return the order of that."""

@@ -35,7 +35,9 @@ Readings, where the rules leave a choice:
 - who sends Expect: 100-continue may send no body: where a whole start line stands in its place, the request is a part,
   and so is an open one that is answered before anything of its body. Where a direction began before the capture, its
   final responses are late up to the first one that has a body: those may be ones to HEAD, of which the same tells.
-  While what is there may become a start line, it is none of a body of known length, or of such a response
+  While what is there may become a start line, it is none of a body of known length, or of such a response. The same
+  tells it of the responses behind a place where one of both directions lost step, up to the first one with a body; and
+  bytes that are missing there, behind a head, are not known to be of a body
 """
 
 from __future__ import annotations
@@ -87,8 +89,7 @@ class Reader:
         self.response = response
         self.in_step = in_step
         self.first_is_head = first_is_head
-        self.is_late = response and not in_step
-        self.may_lack_body = False
+        self.is_late = self.is_wary = response and not in_step
         self.happened: Counter[str] = Counter() if happened is None else happened
         self.buffer = b""
         self.missing_at: int | None = None
@@ -158,7 +159,8 @@ class Reader:
     def hole(self, size: int, behind: int = 0, told: int | None = None) -> Iterator[Message | Lost]:
         self.sequence, self.told = behind, told
         head, length = self.head, self.framing
-        if head is not None and isinstance(length, int) and len(self.buffer) + size <= head.end + length:
+        unsure = self.is_wary and not self.is_late and head is not None and self.other_begins(head.end) is not False
+        if head is not None and not unsure and isinstance(length, int) and len(self.buffer) + size <= head.end + length:
             self.happened["hole in a body of known length"] += 1
             self.missing_at = len(self.buffer) if self.missing_at is None else self.missing_at
             self.buffer += bytes(size)
@@ -172,7 +174,7 @@ class Reader:
         else:
             self.happened["hole between messages" if self.in_step else "hole while searching"] += 1
         self.next_message(b"")
-        in_step, self.in_step = self.in_step, False
+        in_step, self.in_step, self.is_wary = self.in_step, False, self.response
         yield Lost(dropped, in_step, missing=True, told=told, size=size, behind=behind)
 
     def end(self, reset: bool, time: int) -> Iterator[Message | Lost]:
@@ -242,7 +244,7 @@ class Reader:
                 if wrong.behind_chunks is not None:
                     lost = self.malformed(wrong.behind_chunks)
                 self.next_message(self.buffer[1:])
-                self.in_step = False
+                self.in_step, self.is_wary = False, self.response
                 lost.told = self.told
                 yield lost
                 continue
@@ -257,9 +259,8 @@ class Reader:
             if self.head is None:
                 return None
             self.framing = framing(self.head, self.response, self.response and self.first_is_head())
-            self.may_lack_body = self.expects if not self.response else self.is_late
         begin = self.head.end
-        if self.may_lack_body and self.framing not in (NO_BODY, 0):
+        if (self.is_wary if self.response else self.expects) and self.framing not in (NO_BODY, 0):
             other = self.other_begins(begin)
             if other:
                 return self.without_body()
@@ -299,9 +300,9 @@ class Reader:
         """Take the message for one without a body, though its head says that there is one."""
         assert self.head is not None
         self.happened["response to HEAD that was not captured" if self.response else "body that was not sent"] += 1
-        is_late = self.is_late
+        known = self.is_late, self.is_wary
         message = self.whole(self.head.end, None)
-        self.is_late = is_late
+        self.is_late, self.is_wary = known
         message.part, message.unasked = not self.response, self.response
         return message
 
@@ -337,7 +338,8 @@ class Reader:
         if message.cut or end - self.head.end > MOST_BODY:
             message.head_at = message.behind
         message.late = self.is_late and not 100 <= message.status < 200
-        self.is_late &= self.framing in (NO_BODY, 0)
+        if self.framing not in (NO_BODY, 0):
+            self.is_late = self.is_wary = False
         self.next_message(self.buffer[end:])
         return message
 

@@ -170,6 +170,8 @@ class Ending(NamedTuple):
     time: int
     by_client: bool = False
     """Who reset it, or began another one in its place."""
+    replaced: bool = False
+    """Whether nothing but the begin of another one shows it."""
 
 
 class Others(NamedTuple):
@@ -376,7 +378,7 @@ class Streams:
                 yield Delivery(connection, from_client, b"", missing, 0, own.sequence, own.told)
         for from_client in (True, False):
             self.end(connection.directions[from_client], now)
-            yield Ending(connection, from_client, True, now, by_client)
+            yield Ending(connection, from_client, True, now, by_client, seq is None)
 
 
 def begins_another(segment: Segment, connection: Connection, from_client: bool) -> bool:

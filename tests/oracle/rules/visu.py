@@ -36,12 +36,12 @@ from tests.oracle.rules.streams import Connection, Delivery, Ending, Event, Othe
 from tests.oracle.rules.visu_body import Answered, Asked
 from tests.oracle.rules.visu_figures import Row, lacks_many, percentiles
 from tests.oracle.rules.visu_late import doubt
-from tests.oracle.rules.visu_leaving import given_up
+from tests.oracle.rules.visu_leaving import given_up, lacks_reply
 from tests.oracle.rules.visu_old import Values
 from tests.oracle.rules.visu_one_way import OneWay
 from tests.oracle.rules.visu_part import ask_in_part, settle, writes
 from tests.oracle.rules.visu_talk import Home, Pair, Talk, Told, Waiting, Written
-from tests.oracle.rules.visu_turns import begin_servers, has_early, keep, lose_client, wait
+from tests.oracle.rules.visu_turns import asked_behind, begin_servers, has_early, keep, lose_client, wait
 
 SECOND = 1_000_000_000
 FRAMES_KEPT = 10
@@ -72,7 +72,7 @@ class Visu:
         for time, talk in given_up(frame, self.talks.values(), self.streams.ports, self.streams.servers):
             self.now = time
             self.happened["given up"] += 1
-            self.nobody_answers(talk)
+            self.over(talk, is_known=not lacks_reply(talk))
         self.now = frame.ts_ns
         self.one_way.look_at(frame)
         for talk in list(self.talks.values()):
@@ -107,7 +107,7 @@ class Visu:
             if not isinstance(event, Delivery) and not event.from_client:
                 if not event.reset and not talk.waiting:
                     self.end_open_request(talk)
-                self.nobody_answers(talk)
+                self.over(talk, is_known=not event.replaced)
             elif not isinstance(event, Delivery) and not event.reset:
                 talk.closed = event.time
 
@@ -126,20 +126,20 @@ class Visu:
         self.happened["client lost step" if from_client else "server lost step"] += 1
         self.happened["waiting forgotten"] += len(talk.waiting)
         if from_client:
-            is_known = what.dropped is not None and self.cut_request(talk, what.dropped)
-            is_known |= bool(talk.waiting)
+            is_known = (what.dropped is not None and self.cut_request(talk, what.dropped)) or bool(talk.waiting)
             lose_client(talk, what)
             for _ in range(visu_unseen.answered_before(talk, what, is_known=is_known)):
                 self.unseen_request(talk)
             talk.forgotten = False in talk.readers and talk.readers[False].receiving
         else:
-            if what.in_step:
+            later = asked_behind(talk, what)
+            if what.in_step and not (later and len(later) == len(talk.waiting)):
                 # Behind 1xx, the response is in what is missing, too.
-                is_seen = what.dropped is not None and not 100 <= what.dropped.status < 200
-                self.response(talk, what.dropped if is_seen and what.dropped else Message(cut=True, whole=False))
+                dropped = None if what.dropped is None or 100 <= what.dropped.status < 200 else what.dropped
+                self.response(talk, dropped or Message(cut=True, whole=False))
             talk.forgotten = False
-            talk.turns.doubtful |= what.missing and not talk.early
-        talk.waiting.clear()
+            talk.turns.doubtful |= what.missing and not (talk.early or later)
+        talk.waiting[:] = [] if from_client else later
 
     def cut_request(self, talk: Talk, message: Message) -> bool:
         """Count a cut request, if it is one of a page; return whether it is."""
@@ -334,8 +334,8 @@ class Visu:
                 self.happened["password read"] += 1
                 self.find("NV803", talk, entry.address)
 
-    def nobody_answers(self, talk: Talk) -> None:
-        for waiting in talk.waiting:
+    def over(self, talk: Talk, *, is_known: bool) -> None:
+        for waiting in talk.waiting if is_known else []:
             if waiting.asked is not None or waiting.part:
                 self.known[talk.pair].counts["unanswered"] += 1
                 self.find("NV805", talk, frame=waiting.frame)

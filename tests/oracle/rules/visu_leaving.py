@@ -9,6 +9,8 @@ Readings, where the rules leave a choice:
   port, 1 s or more after its FIN, at the time of that
 - where nothing that the server sent was captured but acknowledgements, nobody knows whether it answered. Of who was
   heard later, frames count from then on
+- where it had acknowledged bytes behind all that was captured of the server before that, two or more and up to 1 MiB,
+  nobody knows whether one of these answered it
 - the frame that ended a connection is the one with which the last byte of the direction was there, not the one that
   brought the FIN
 """
@@ -19,6 +21,7 @@ from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 from tests.oracle.frame import Frame
+from tests.oracle.rules.streams import NEAR, distance
 from tests.oracle.tcp import ACK, RST, SYN, peel_tcp
 
 if TYPE_CHECKING:
@@ -27,6 +30,12 @@ if TYPE_CHECKING:
 
 SECOND = 1_000_000_000
 ANOTHER_AFTER, FORGOTTEN_AFTER = SECOND, 10 * SECOND
+
+
+def lacks_reply(talk: Talk) -> bool:
+    """Tell whether a client acknowledges bytes behind all that its server is known to have sent."""
+    server = talk.connection.directions[False]
+    return server.acknowledged is not None and 1 < distance(server.acknowledged, server.sequence) <= NEAR
 
 
 def given_up(

@@ -74,6 +74,8 @@ class Talk:
         self.unseen: int | None = None  # where bytes are missing that may be a request which is not answered yet
         self.forgotten = False
         """Whether the response that is being received answers nobody."""
+        self.wary = False
+        """Whether the client lost step before the server said anything."""
         self.broken_off = False
         """Whether the client broke the connection off."""
         self.early: list[Message] = []  # responses to requests that are being received, or still to come
@@ -88,8 +90,17 @@ class Talk:
         """Return the reader of a direction; it is there from the first that the direction delivers."""
         if from_client not in self.readers:
             in_step = self.connection.directions[from_client].began_with_syn
-            self.readers[from_client] = Reader(not from_client, in_step, self.first_is_head, self.happened)
+            reader = Reader(not from_client, in_step, self.first_is_head, self.happened)
+            reader.is_wary |= self.wary and not from_client
+            self.readers[from_client] = reader
         return self.readers[from_client]
+
+    def be_wary(self) -> None:
+        """Take that the client lost step: what the server says may answer HEAD, which nobody saw."""
+        if self.connection.directions[False].begin is not None:
+            self.wary = True
+        if False in self.readers:
+            self.readers[False].is_wary = True
 
     def first_is_head(self) -> bool:
         if self.forgotten:

@@ -13,6 +13,10 @@ Readings, where the rules leave a choice:
   nobody knows what answers it, unless its client had more then than with any request before, than in front of the
   missing bytes, and than up to the end of the last response that answered something: then it had waited for replies.
   That is so with each request up to the first one that is in step. One that acknowledges nothing is
+- of a client that sent several with the same acknowledgement, nobody knows it of the first request behind missing bytes
+  of its own, either: the first of its turn may be missing
+- what waits and was asked for by a client that had the bytes of the server's which are missing, as had been when it
+  takes turns, is answered by what comes behind them: it goes on waiting, and is not doubtful
 - of a client that sent more when it had more than with the request before, and not all of what answered that, nobody
   knows for the rest of the connection
 """
@@ -59,6 +63,11 @@ class Turns:
     begin: int | None = None
     """Where the server's direction begins."""
     doubtful: bool = False
+    requests: list[int] = field(default_factory=list)
+    """With each request that says so."""
+    several: bool = False
+    lost: bool = False
+    """Whether the client lost bytes since its last request."""
     acknowledges: bool = False
 
     def takes_turns(self) -> bool:
@@ -69,11 +78,16 @@ class Turns:
 
     def ask(self, request: Message) -> bool:
         """Take a request; return whether the next response answers it, or what waits in front of it."""
+        lost, self.lost = self.lost, False
+        if request.told is not None:
+            self.several |= self.requests[-1:] == [request.told]
+            self.requests.append(request.told)
         if self.doubtful and request.told is not None:
             known: int | None = None
             for one in [*self.asked, self.begin, *(end for _, end in self.answers)]:
                 known = last(known, one)
-            self.doubtful = known is not None and (not self.takes_turns() or (behind(request.told, known) or 0) <= 0)
+            unsure = not self.takes_turns() or (lost and self.several)
+            self.doubtful = known is not None and (unsure or (behind(request.told, known) or 0) <= 0)
         elif request.told is None:
             self.doubtful = False
         self.asked.append(request.told)
@@ -112,6 +126,17 @@ def lose_client(talk: Talk, what: Lost) -> None:
         talk.early.pop(0)
     talk.turns.asked.append(what.told)
     talk.turns.doubtful |= what.missing
+    talk.turns.lost |= what.missing
+    talk.be_wary()
+
+
+def asked_behind(talk: Talk, what: Lost) -> list[Waiting]:
+    """Return what waits and was asked for behind the bytes of the server that are missing."""
+    if not what.missing or not talk.turns.takes_turns():
+        return []
+    had = [behind(one.message.told, what.behind) for one in talk.waiting]
+    first = next((place for place, one in enumerate(had) if one is not None and one >= 0), len(had))
+    return talk.waiting[first:]
 
 
 def wait(talk: Talk, one: Waiting) -> None:

@@ -1,0 +1,54 @@
+"""Awaited: requests that wait for their reply, responses that wait for their request, and what is told of both."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from nvscope.tracker.visu.asking import Ask
+from nvscope.tracker.visu.http_forms import Form
+from nvscope.tracker.visu.messages import Kind
+from nvscope.tracker.visu.reach import NOWHERE, UNKNOWN, Reach
+
+
+class Waiting(NamedTuple):
+    """A request that nobody has answered: what it asks for, its order, and when it had arrived.
+
+    ``acknowledged`` is up to where its client had the server's bytes then, where none of these was captured; else -1.
+    ``reach`` is where it lies in the client's stream. ``is_early``: its reply was captured before it was whole.
+    """
+
+    asked: Ask
+    order: int
+    arrival_ns: int
+    is_head: bool = False
+    acknowledged: int = UNKNOWN
+    reach: Reach = NOWHERE
+    is_early: bool = False
+
+
+class Early(NamedTuple):
+    """A response that came before the request was whole that it answers; its content, if it has any, is in its form.
+
+    Of that request the head was there where it ``has_begun``; else ``reach`` tells whether it answers one that comes.
+    ``is_reply``: whatever it answers, it is parted as those of pages are.
+    """
+
+    form: Form
+    arrival_ns: int
+    reach: Reach
+    has_begun: bool
+    is_reply: bool = False
+
+
+class Happened(NamedTuple):
+    """Something to be told of a connection; ``message`` is the row of the HTTP message that it is about, or -1."""
+
+    kind: Kind
+    connection: int
+    order: int
+    message: int
+    asked: Ask
+    latency_ns: int
+    asked_frame: int
+    gap_bytes: int
+    opens: bool

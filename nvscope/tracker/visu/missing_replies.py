@@ -1,0 +1,47 @@
+"""Missing replies: whether a client has got bytes of its server that the capture lacks, behind all that there is.
+
+Nothing comes behind such bytes that would show the hole: only that the client acknowledges them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from nvscope.tracker.pieces import ORDER_BITS, Pieces
+from nvscope.tracker.segments_aside import missing_behind
+from nvscope.tracker.streams import Positions, Streams
+from nvscope.tracker.visu.conversation import Conversation
+from nvscope.tracker.visu.one_way import OneWay
+from nvscope.tracker.visu.reach import UNKNOWN, latest
+
+
+class MissingReplies:
+    """Those of a batch that brings some pieces to ``streams``, which were at ``before`` in front of it.
+
+    Few batches are ever asked.
+    """
+
+    def __init__(self, one_way: OneWay, before: Positions, streams: Streams, pieces: Pieces) -> None:
+        self._one_way, self._pieces = one_way, pieces
+        self._before, self._streams = before, streams
+
+    def are_there(self, connection: int, began: int, order: int) -> bool:
+        """Tell whether there are some in front of an order; ``began`` is that with which the connection did."""
+        client, server = 2 * connection, 2 * connection + 1
+        begin, end = np.searchsorted(self._pieces.stream, (server, server + 1)).tolist()
+        place = begin + int(np.searchsorted(self._pieces.order[begin:end], order)) - 1
+        at, before_told = self._before.of(server)
+        if place >= begin and self._pieces.order[place] >= began:
+            at = int(self._pieces.behind[place])
+        first = began >> ORDER_BITS
+        told = self._one_way.most_acknowledged(client, first, order >> ORDER_BITS)
+        if first < self._one_way.first_frame:
+            told = latest([before_told, told])
+        return at != UNKNOWN and missing_behind(at, [told]) > 0
+
+    def of(self, conversation: Conversation) -> Callable[[], bool]:
+        """Return what tells, whenever it is asked, whether there are some of a conversation behind all that is read."""
+        streams = self._streams
+        return lambda: missing_behind(*streams.position(2 * conversation.connection + 1)) > 0
