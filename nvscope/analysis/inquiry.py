@@ -16,7 +16,6 @@ from dissectors import address
 from dissectors.netvar import PortRules
 from nvscope.analysis.extent import part_of
 from nvscope.analysis.reading import reading_of
-from nvscope.analysis.snapshot import Happenings, Snapshot, snapshot
 from nvscope.capture.content import STDIN
 from nvscope.capture.last_time import latest_ns
 from nvscope.capture.open import open_source
@@ -29,20 +28,20 @@ from nvscope.engine.reading import Reading
 from nvscope.engine.run import Observer, run
 from nvscope.engine.told import Told
 from nvscope.errors import UsageError
-from nvscope.findings.finding import Finding
 from nvscope.protocols.protocol import Protocol
 from nvscope.protocols.table import PROTOCOLS, accumulators_of, fields_of
-from nvscope.tracker.state import TrackerState
-from nvscope.tracker.summary import Summary
-from nvscope.view.documents.report import report_document
 
 if TYPE_CHECKING:  # what only some questions need is imported when they are asked
     from nvscope.analysis.compared import Comparisons
+    from nvscope.analysis.snapshot import Happenings, Snapshot
     from nvscope.causes.cause import Cause
     from nvscope.definition.layouts import Layouts
     from nvscope.definition.pdos import Pdos
     from nvscope.engine.session import Session
+    from nvscope.findings.finding import Finding
     from nvscope.tracker.evidence.witness import Witness
+    from nvscope.tracker.state import TrackerState
+    from nvscope.tracker.summary import Summary
     from nvscope.tracker.variables.values import Values
     from nvscope.view.asked_time import AskedRange
     from nvscope.view.chosen import Chosen
@@ -283,6 +282,8 @@ class Inquiry:
         that are meant by one of these names, identifiers or keys alone; ``secrets``: with the passwords that pages
         wrote, or showed. UsageError where none is.
         """
+        from nvscope.view.documents.report import report_document  # noqa: PLC0415
+
         rows = None
         if values and found.values is not None:
             from nvscope.view.documents.variables import values_by_list  # noqa: PLC0415
@@ -327,6 +328,8 @@ class Inquiry:
     def _read(
         self, wanted: _Wanted, chosen: DisplayFilter | None = None, *, others: Sequence[Observer] = ()
     ) -> Analysis:  # fmt: skip
+        from nvscope.analysis.snapshot import snapshot  # noqa: PLC0415
+
         source = self.open()
         witness = _witness(source) if wanted.causes else None
         state = self.state(values=wanted.values, listeners=() if witness is None else (witness,))
@@ -351,6 +354,8 @@ class Inquiry:
 
     def state(self, *, values: bool = False, listeners: Listeners = ()) -> TrackerState:
         """Return a state that has seen nothing, and goes by the definitions; ``values`` are kept if they are wanted."""
+        from nvscope.tracker.state import TrackerState  # noqa: PLC0415
+
         taken = None
         if self.layouts is not None:
             from nvscope.tracker.variables.values import Values  # noqa: PLC0415
@@ -360,6 +365,7 @@ class Inquiry:
 
     def session(self) -> Session[Snapshot]:
         """Return the captures to be read in a thread of its own, and looked at meanwhile; it has to be started."""
+        from nvscope.analysis.snapshot import snapshot  # noqa: PLC0415
         from nvscope.engine.session import Session  # noqa: PLC0415
 
         source, reading = self.open(), self.reading()

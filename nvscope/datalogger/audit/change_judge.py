@@ -279,8 +279,8 @@ class ChangeJudge:
         column = self._variables[number].column
         cells = chunk.rows.cells(column, rows)
         known = cells.form != Form.NULL
-        if self._anew.any():
-            begun = np.flatnonzero(self._anew & ~chunk.rows.filled(column))
+        begun = np.flatnonzero(self._anew & ~chunk.rows.filled(column)) if self._anew.any() else _NO_ROWS
+        if len(begun):
             every = np.union1d(rows, begun)
             self._unknown.take(number, chunk, every, np.isin(every, rows[known], assume_unique=True))
         else:
