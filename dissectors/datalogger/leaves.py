@@ -36,6 +36,7 @@ _MOST_LEAVES = 4_000
 # Of each type of a record: how many bytes the value has. Types from 12 on are texts and blobs.
 _NULL, _REAL, _ZERO = 0, 7, 8
 _FIRST_UNLIKE = 5  # types below have as many bytes
+_LONG_SIZES = 1, 2, 3, 4, 6, 8
 # A signed integer is within so many bits without its sign; the type is how many of these bounds it is beyond.
 _BOUNDS = tuple((1 << bits) - 1 for bits in (7, 15, 23, 31, 47))
 _ROUND_SIZES = {0: 1, 1: 1, 2: 2, 3: 4, 4: 4, 6: 8, 8: 8}
@@ -216,17 +217,37 @@ def _numbers(block: NumberColumns) -> _Shaped:
         # A real number without a fraction is kept as an integer where that is shorter (section 2.1).
         whole = ~null & (numbers == np.trunc(numbers)) & (np.abs(numbers) < float(1 << 47))
         integers = np.where(whole, numbers, 0).astype(np.int64)
-        kind = np.where(whole, _integer_types(integers), np.uint8(_REAL))
+        kind = np.where(whole, _integer_types(integers, _folded(integers)), np.uint8(_REAL))
         words = np.where(whole, integers, np.ascontiguousarray(numbers).view(np.int64))
     else:
-        kind, words = _integer_types(numbers), numbers
+        folded = _folded(numbers)
+        if null is None and (shaped := _mostly_long(numbers, folded)):
+            return shaped
+        kind, words = _integer_types(numbers, folded), numbers
     if null is not None:
         kind *= (~null).view(np.uint8)
     size = _sizes(kind)
     most = int(size.max(initial=0))
-    is_short = size != most
-    few = np.count_nonzero(is_short) * _FEW < is_short.size
-    return _Shaped(kind, 1, size, most, words, short=np.flatnonzero(is_short) if few else None)
+    return _Shaped(kind, 1, size, most, words, short=_few(size != most))
+
+
+def _few(found: Bool) -> I64 | None:
+    """Return the places of what was found, row by row; None where that are not few."""
+    return np.flatnonzero(found) if np.count_nonzero(found) * _FEW < found.size else None
+
+
+def _mostly_long(numbers: Matrix, folded: Matrix) -> _Shaped | None:
+    """Return integers of which most need the longest type that any needs; None where others do not."""
+    greatest = int(folded.max(initial=0))
+    longest = sum(greatest > bound for bound in _BOUNDS)
+    short = _few(folded <= _BOUNDS[longest - 1]) if longest else None
+    if short is None:
+        return None
+    kind, size = (np.full(numbers.shape, one, np.uint8) for one in (longest + 1, _LONG_SIZES[longest]))
+    few = numbers.reshape(-1)[short]
+    kind.reshape(-1)[short] = own = _integer_types(few, folded.reshape(-1)[short])
+    size.reshape(-1)[short] = _sizes(own)
+    return _Shaped(kind, 1, size, _LONG_SIZES[longest], numbers, short=short)
 
 
 def _sizes(kind: U8) -> U8:
@@ -237,10 +258,14 @@ def _sizes(kind: U8) -> U8:
     return size
 
 
-def _integer_types(numbers: Matrix) -> U8:
+def _folded(numbers: Matrix) -> Matrix:
+    """Return numbers without their signs: one and the one that it is told from by its sign need as many bits."""
+    folded: Matrix = numbers ^ (numbers >> (8 * numbers.itemsize - 1))
+    return folded
+
+
+def _integer_types(numbers: Matrix, folded: Matrix) -> U8:
     """Return the shortest type of each integer; 0 and 1 have types of their own."""
-    # Without its sign, a number and the one that it is told from by it need as many bits.
-    folded = numbers ^ (numbers >> (8 * numbers.itemsize - 1))
     most = int(folded.max(initial=0))
     kind: U8 = np.ones(numbers.shape, np.uint8)
     for bound in _BOUNDS:
