@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dissectors.batch import I64, U8, Bool
+from dissectors.datalogger.records import sizes_of
 
 PAGE_BYTES = 1 << 16
 """The largest page there is: no record that is written here is longer than one."""
@@ -35,7 +36,6 @@ _MOST_LEAVES = 4_000
 
 # Of each type of a record: how many bytes the value has. Types from 12 on are texts and blobs.
 _NULL, _REAL, _ZERO = 0, 7, 8
-_FIRST_UNLIKE = 5  # types below have as many bytes
 _LONG_SIZES = 1, 2, 3, 4, 6, 8
 # A signed integer is within so many bits without its sign; the type is how many of these bounds it is beyond.
 _BOUNDS = tuple((1 << bits) - 1 for bits in (7, 15, 23, 31, 47))
@@ -226,7 +226,7 @@ def _numbers(block: NumberColumns) -> _Shaped:
         kind, words = _integer_types(numbers, folded), numbers
     if null is not None:
         kind *= (~null).view(np.uint8)
-    size = _sizes(kind)
+    size = sizes_of(kind)
     most = int(size.max(initial=0))
     return _Shaped(kind, 1, size, most, words, short=_few(size != most))
 
@@ -246,16 +246,8 @@ def _mostly_long(numbers: Matrix, folded: Matrix) -> _Shaped | None:
     kind, size = (np.full(numbers.shape, one, np.uint8) for one in (longest + 1, _LONG_SIZES[longest]))
     few = numbers.reshape(-1)[short]
     kind.reshape(-1)[short] = own = _integer_types(few, folded.reshape(-1)[short])
-    size.reshape(-1)[short] = _sizes(own)
+    size.reshape(-1)[short] = sizes_of(own)
     return _Shaped(kind, 1, size, _LONG_SIZES[longest], numbers, short=short)
-
-
-def _sizes(kind: U8) -> U8:
-    """Return how many bytes values of these types have; to look them up takes several times as long."""
-    size: U8 = kind * (kind < _ZERO).view(np.uint8)
-    if int(size.max(initial=0)) >= _FIRST_UNLIKE:
-        size += (size >= _FIRST_UNLIKE).view(np.uint8) + (kind == _FIRST_UNLIKE + 1).view(np.uint8)
-    return size
 
 
 def _folded(numbers: Matrix) -> Matrix:
