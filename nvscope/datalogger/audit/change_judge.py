@@ -19,11 +19,9 @@ from nvscope.datalogger.audit.stored import Stored, stored_of
 from nvscope.datalogger.audit.sums import total
 from nvscope.datalogger.audit.unknown_rows import UnknownRows
 from nvscope.datalogger.audit.values import Values
+from nvscope.datalogger.audit.zero_rows import ZeroRows
 
 _REAL_WORDS = ("REAL", "FLOA", "DOUB")
-_MOST_ZERO_ROWS = 500
-"""Rows of a chunk in which all counters are 0 that are looked at one by one."""
-
 _UNKNOWN = -1
 _NO_ROWS: I64 = np.zeros(0, np.int64)
 
@@ -51,10 +49,9 @@ class ChangeJudge:
         self._undecided: Notes | None = None
         """Where to tell of the start, if it is one: in a table of one variable, the next count says so."""
         self._begun = False
-        self._seen_beginning = self._seen_whole = False
-        self._whole_from = 0
+        self._seen_beginning = False
+        self._zeros = ZeroRows(self._is_real)
         self.restarts: list[Start] = []
-        self._partly = self._anew = np.zeros(0, np.bool_)
         self._last_ns: int | None = None
 
     def forget(self) -> None:
@@ -75,10 +72,10 @@ class ChangeJudge:
     def take(self, chunk: Chunk, notes: Notes) -> None:
         """Judge some rows."""
         own = [self._stored(number, chunk, notes) for number in range(len(self._variables))]
-        zero = self._zero_rows(own, chunk)
+        self._zeros.take(own, chunk)
         losses = self._lost + np.cumsum(chunk.lost)
         self._lost = int(losses[-1])
-        found: dict[int, dict[int, Zero]] = {row: {} for row in np.flatnonzero(zero).tolist()}
+        found: dict[int, dict[int, Zero]] = {row: {} for row in np.flatnonzero(self._zeros.found).tolist()}
         for number, one in enumerate(own):
             if one is None:
                 self._unknown.take(number, chunk, _NO_ROWS, _NO_ROWS.astype(np.bool_))
@@ -88,38 +85,15 @@ class ChangeJudge:
             elif self._counts_on(number, one, chunk):
                 self._take_counted(number, one, chunk, notes)
             else:
-                self._judge(number, one, chunk, zero, losses, found, notes)
+                self._judge(number, one, chunk, losses, found, notes)
         first_known = self._begun
         self._begun = True
         if not first_known:
-            self._seen_beginning = bool(zero[0])
-        self._look_for_restarts(chunk, own, zero, found, notes)
+            self._seen_beginning = bool(self._zeros.found[0])
+        self._look_for_restarts(chunk, own, found, notes)
         for number, one in enumerate(own):
             self._ever[number] |= one is not None and len(one.rows) > 0
         self._last_ns = self._time_before(chunk, len(chunk))
-
-    def _zero_rows(self, own: Sequence[Stored | None], chunk: Chunk) -> Bool:
-        """Return the rows in which all counters are 0, up to a limit; say in which of them a logger may start."""
-        zero = np.zeros(len(chunk), np.bool_)
-        if self._seen_whole and all(one is None or one.counts.all() for one in own):
-            self._whole_from, self._anew, self._partly = 0, zero, zero
-            return zero
-        filled = np.zeros(len(chunk), np.int64)
-        counting = np.zeros(len(chunk), np.bool_)
-        for one in own:
-            if one is not None:
-                filled[one.rows] += 1
-                counting[one.rows[one.counts != 0]] = True
-        zero_rows = (filled > 0) & ~counting
-        # Rows with which a logger starts; where it says that data was lost, it need not know all values.
-        whole = filled == len(self._variables)
-        self._anew = zero_rows & whole
-        # Where there was a row of all variables, no start is in several rows.
-        self._whole_from = 0 if self._seen_whole else int(np.append(np.flatnonzero(whole), len(chunk))[0])
-        self._seen_whole |= bool(whole.any())
-        zero[np.flatnonzero(zero_rows)[:_MOST_ZERO_ROWS]] = True
-        self._partly = zero & chunk.lost & self._anew
-        return zero
 
     def _time_before(self, chunk: Chunk, row: int) -> int | None:
         """Return the time of the last row in front of one that has one."""
@@ -165,9 +139,9 @@ class ChangeJudge:
         self._in_file[number] = True
 
     def _judge(
-        self, number: int, own: Stored, chunk: Chunk, zero: Bool, losses: I64, found: dict[int, dict[int, Zero]],
-        notes: Notes,
+        self, number: int, own: Stored, chunk: Chunk, losses: I64, found: dict[int, dict[int, Zero]], notes: Notes
     ) -> None:  # fmt: skip
+        zeros = self._zeros
         rows, counts = own.rows, own.counts
         stretch = chunk.stretch[rows]
         before = np.concatenate([self._count[number : number + 1], counts[:-1]])
@@ -175,9 +149,9 @@ class ChangeJudge:
         lost_before = np.concatenate([self._losses[number : number + 1], losses[rows[:-1]]])
         steps = np.where(known, steps_of(counts, before), 0)
         follows = known & (losses[rows] == lost_before)
-        if self._alone[number] or (own.alone is not None and own.alone.any()):
+        if self._alone[number] or own.are_alone.any():
             # A value without its counter is a change that was stored.
-            alone = self._alone[number] + np.cumsum(np.zeros(len(chunk)) if own.alone is None else own.alone)
+            alone = self._alone[number] + np.cumsum(own.are_alone)
             between = np.diff(alone[rows], prepend=0)
             steps = np.where((steps > 1) & (between > 0), np.maximum(steps - between, 1), steps)
             follows &= between == 0
@@ -185,16 +159,16 @@ class ChangeJudge:
         valued = own.valued[rows]
         same, value_known, is_null = self._values_at(number, own, chunk, steps, known)
         # One of 32 bits that begins again is at 0, too.
-        at_zero = zero[rows] & ~(known & (steps == 1) & (before > 0))
+        at_zero = zeros.found[rows] & ~(known & (steps == 1) & (before > 0))
         # A file may begin with what was known already.
         goes_on = np.zeros(len(rows), np.bool_)
         goes_on[0] = not self._in_file[number]
         stuck = known & (steps == 0) & valued & ~goes_on & value_known & ~same
         is_alone = len(self._variables) == 1
         # Of a variable alone, a 0 may be a new start or a counter that is wrong: how it counts on, tells.
-        starts = self._anew[rows]
+        starts = zeros.whole[rows]
         doubtful = follows & ((steps < 0) | ((steps > 1) & ~at_zero) | stuck) & (~starts | (is_alone & (before > 0)))
-        doubtful &= ~at_zero | (before > 0) | (rows >= self._whole_from)
+        doubtful &= ~at_zero | (before > 0) | (rows >= zeros.whole_from)
         cells = Counted(counts, before, follows, doubtful, starts, valued, is_null)
         odd, behind_odd, right_steps = self._odd.find(number, cells)
         if is_alone:
@@ -233,15 +207,16 @@ class ChangeJudge:
             _note(notes, topics.NO_COUNT, number, chunk, rows[negative])
         if not valued.all():
             # A real number that is none is NULL, with a counter that counts it.
-            half = ~valued & ~self._partly[rows]
+            half = ~valued & ~zeros.partly[rows]
             if is_null:
                 half &= known & (steps == 0) & ~at_zero
             if half.any():
                 _note(notes, topics.HALF, number, chunk, rows[half])
         # In the style of the document a counter is repeated without its value: that tells of nothing new.
-        repeated = known & (steps == 0) & ~valued & ~self._partly[rows]
+        none = zeros.beside_none[rows] & ~valued
+        repeated = known & (steps == 0) & ~valued & ~zeros.partly[rows] & ~none
         for place in np.flatnonzero(at_zero & ~repeated).tolist():
-            if not known[place]:
+            if not known[place] or (none[place] and not steps[place]):
                 says = Zero.UNKNOWN
             elif steps[place] < 0:
                 says = Zero.BACK
@@ -273,10 +248,11 @@ class ChangeJudge:
             same, value_known, bits = self._take_values(number, chunk, own.rows)
             return self._without_zeros(same, is_real, bits), value_known, is_real
         # A change to what is not there: a number that is none, or a value that somebody took away.
-        none = own.rows[~own.valued[own.rows] & ((steps != 0) | ~known | self._partly[own.rows])]
+        begins = (self._zeros.partly | self._zeros.beside_none)[own.rows]
+        none = own.rows[~own.valued[own.rows] & ((steps != 0) | ~known | begins)]
         rows = np.union1d(np.flatnonzero(own.valued), none)
         same_at, known_at = np.zeros(len(chunk), np.bool_), np.zeros(len(chunk), np.bool_)
-        unknown = self._partly[rows] & ~own.valued[rows]
+        unknown = self._zeros.partly[rows] & ~own.valued[rows]
         same, value_known, bits = self._take_values(number, chunk, rows, unknown if unknown.any() else None)
         same_at[rows] = self._without_zeros(same, is_real, bits)
         known_at[rows] = value_known
@@ -289,7 +265,8 @@ class ChangeJudge:
         column = self._variables[number].column
         cells = chunk.rows.cells(column, rows)
         known = cells.form != Form.NULL
-        begun = np.flatnonzero(self._anew & ~chunk.rows.filled(column)) if self._anew.any() else _NO_ROWS
+        whole = self._zeros.whole
+        begun = np.flatnonzero(whole & ~chunk.rows.filled(column)) if whole.any() else _NO_ROWS
         if len(begun):
             every = np.union1d(rows, begun)
             self._unknown.take(number, chunk, every, np.isin(every, rows[known], assume_unique=True))
@@ -306,13 +283,13 @@ class ChangeJudge:
         return same & (bits << np.uint64(1) != 0) if is_real and same.any() else same
 
     def _look_for_restarts(
-        self, chunk: Chunk, own: list[Stored | None], zero: Bool, found: dict[int, dict[int, Zero]], notes: Notes
+        self, chunk: Chunk, own: list[Stored | None], found: dict[int, dict[int, Zero]], notes: Notes
     ) -> None:
         row_before = -1
         for row, variables in found.items():
             if not variables:
                 continue
-            if self._start is not None and self._goes_on(own, zero, row_before, row):
+            if self._start is not None and self._goes_on(own, row_before, row):
                 self._close(notes)
             if self._start is not None and not self._start.variables.isdisjoint(variables):
                 self._close(notes)
@@ -331,17 +308,17 @@ class ChangeJudge:
             if self._is_whole(self._start, own, row):
                 self._tell_start(self._start, notes)
                 self._start = None
-        if self._start is not None and self._goes_on(own, zero, row_before, len(chunk)):
+        if self._start is not None and self._goes_on(own, row_before, len(chunk)):
             self._close(notes)
 
-    def _goes_on(self, own: list[Stored | None], zero: Bool, first: int, last: int) -> bool:
+    def _goes_on(self, own: list[Stored | None], first: int, last: int) -> bool:
         """Return whether a variable that has not started anew is counted on between two rows."""
         assert self._start is not None
         for number, one in enumerate(own):
             if one is None or number in self._start.variables:
                 continue
             between = one.rows[(one.rows > first) & (one.rows < last)]
-            if len(between) and not zero[between].all():
+            if len(between) and not self._zeros.found[between].all():
                 return True
         return False
 

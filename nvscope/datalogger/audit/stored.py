@@ -32,6 +32,11 @@ class Stored:
         """Whether each value has its count, and each count its value; there is one at least."""
         return self.alone is None and len(self.rows) > 0
 
+    @property
+    def are_alone(self) -> Bool:
+        """``alone`` as a mask."""
+        return np.zeros(len(self.valued), np.bool_) if self.alone is None else self.alone
+
     def counts_on(self, before: int) -> bool:
         """Return whether each count is one more than that before it, the first one of which is given."""
         counts = self.counts
