@@ -317,7 +317,9 @@ def _put_values(slots: U8, kept: Bool, at: int, shaped: _Shaped) -> int:
 def _put_bytes(slots: U8, at: int, content: U8) -> None:
     """Write as many bytes into each row, from a slot on: a row at a time, and not a byte."""
     piece = f"V{content.shape[1]}"
-    np.ndarray((len(slots),), piece, slots, at, slots.strides[:1])[...] = np.ascontiguousarray(content).view(piece)[:, 0]
+    np.ndarray((len(slots),), piece, slots, at, slots.strides[:1])[...] = np.ascontiguousarray(content).view(piece)[
+        :, 0
+    ]
 
 
 def _put_varints(slots: U8, kept: Bool, at: int, numbers: I64, width: int) -> int:

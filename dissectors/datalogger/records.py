@@ -234,8 +234,7 @@ class Records:
         return faulty
 
     def _find_values(self, stop: I64, faulty: Bool) -> None:
-        """Find where the values of each column begin, behind the header; what does not end with its record is faulty.
-        """
+        """Find where the values of each column begin behind the header; what does not end with its record is faulty."""
         self._most = self._types.max(axis=1, initial=0)
         self._least = self._types.min(axis=1, initial=_ONE_BYTE)
         starts = []
