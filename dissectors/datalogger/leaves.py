@@ -147,7 +147,8 @@ class _Shaped:
         """How many bytes the values of each row take."""
         rows, columns = self.size.shape
         if self.short is None:
-            return self.size.sum(axis=1, dtype=np.uint16 if self.size.dtype == np.uint8 else np.int64).astype(np.int64)
+            total: Matrix = self.size.sum(axis=1, dtype=np.uint16 if self.size.dtype == np.uint8 else np.int64)
+            return total.astype(np.int64)
         lacking = np.bincount(self.short // columns, self.most - self.size.ravel()[self.short], rows)
         return self.width - lacking.astype(np.int64)
 

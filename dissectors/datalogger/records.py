@@ -14,8 +14,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from dissectors.batch import I32, I64, U8, U64, Bool
 from dissectors.datalogger.varints import varints
@@ -41,6 +43,9 @@ _ONE_BYTE = 0x80
 """Types below it take one byte."""
 
 _WORD_BYTES = 8
+
+_Places = npt.NDArray[Any]
+"""Whole numbers, as narrow as they can be."""
 
 
 def _tables() -> tuple[U8, U8, I64]:
@@ -137,15 +142,15 @@ class Records:
 
     def cells(self, column: int, rows: I64 | None = None) -> Cells:
         """Return the values of a column, from 0, of all rows or of some."""
-        types, body, start = self._types[column], self._body, self._starts[column]
+        types, body, behind = self._types[column], self._body, self._starts[column]
         sizes = None if self._sizes is None else self._sizes[column]
         least, most = int(self._least[column]), int(self._most[column])
         if rows is not None:
-            types, body, start = types.take(rows), body.take(rows), start.take(rows)
+            types, body, behind = types.take(rows), body.take(rows), behind.take(rows)
             sizes = None if sizes is None else sizes.take(rows)
             if least < most and len(types):
                 least, most = int(types.min()), int(types.max())
-        start = body + start
+        start: I64 = body + behind
         # Big-endian, so that the value is in the upper bytes; the shift keeps its sign.
         words = self._words[start].astype(np.int64)
         bits = words >> (_SHIFT[most] if least == most else _SHIFT.take(types))
@@ -237,10 +242,11 @@ class Records:
         """Find where the values of each column begin behind the header; what does not end with its record is faulty."""
         self._most = self._types.max(axis=1, initial=0)
         self._least = self._types.min(axis=1, initial=_ONE_BYTE)
-        starts = []
+        starts: list[_Places] = []
         # As narrow as it can be: there are as many of these as values.
         longest = sum(_WORD_BYTES if most < _BLOB else _LONGEST_SHORT for most in self._most.tolist())
-        at = np.zeros(len(self._body), np.uint16 if self._sizes is None and longest < 1 << 16 else np.int64)
+        is_narrow = self._sizes is None and longest < 1 << 16
+        at: _Places = np.zeros(len(self._body), np.uint16 if is_narrow else np.int64)
         for column, (least, most) in enumerate(zip(self._least.tolist(), self._most.tolist(), strict=True)):
             starts.append(at)
             if self._sizes is not None:

@@ -113,7 +113,9 @@ def iso_times(text: U8) -> tuple[I64, Bool]:
     if len(first) == len(text):
         minute_ns, valid = _minutes(text)
     else:
-        minute_ns, valid = (np.repeat(one, np.diff(first, append=len(text))) for one in _minutes(text[first]))
+        rows = np.diff(first, append=len(text))
+        minute_ns, valid = _minutes(text[first])
+        minute_ns, valid = np.repeat(minute_ns, rows), np.repeat(valid, rows)
     behind = np.ascontiguousarray(text[:, _MINUTE_BYTES:].T)
     for place in (_MINUTE_BYTES, _POINT):
         valid &= behind[place - _MINUTE_BYTES] == ord(_BETWEEN[place])
@@ -178,7 +180,7 @@ def _number(characters: U8, valid: Bool) -> I32:
     none."""
     digits = characters - np.uint8(_ZERO)
     valid &= (digits < 10).all(axis=0)
-    number = digits[0].astype(np.int32)
+    number: I32 = digits[0].astype(np.int32)
     for digit in digits[1:]:
         number = number * np.int32(10) + digit
     return number

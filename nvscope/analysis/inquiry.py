@@ -328,14 +328,11 @@ class Inquiry:
     def _read(
         self, wanted: _Wanted, chosen: DisplayFilter | None = None, *, others: Sequence[Observer] = ()
     ) -> Analysis:  # fmt: skip
-        from nvscope.analysis.snapshot import snapshot  # noqa: PLC0415
-
         source = self.open()
         witness = _witness(source) if wanted.causes else None
-        state = self.state(values=wanted.values, listeners=() if witness is None else (witness,))
-        observers: list[Observer] = [state, *others]
-        if witness is not None:
-            observers.append(witness)
+        listeners = () if witness is None else (witness,)
+        state = self.state(values=wanted.values, listeners=listeners)
+        observers: list[Observer] = [state, *others, *listeners]
         compared = None
         if wanted.compare and self.layouts is not None:
             from nvscope.analysis.compared import Comparisons  # noqa: PLC0415
@@ -344,10 +341,7 @@ class Inquiry:
             observers += compared.observers
         for _ in self.run(source, observers, chosen):
             pass
-        found = snapshot(
-            state, source, self.project, self.pdos, protocols=self.protocols, witness=witness,
-            node_names=None if wanted.names else {},
-        )  # fmt: skip
+        found = self._snapshot(state, source, witness, node_names=None if wanted.names else {})
         return Analysis(
             found.infos, state, found.summary, found.findings, state.values, compared=compared, happened=found.happened
         )  # fmt: skip
@@ -363,19 +357,20 @@ class Inquiry:
             taken = Values(self.layouts, wanted=values)
         return TrackerState(values=taken, others=accumulators_of(self.protocols), listeners=listeners)
 
+    def _snapshot(self, state: TrackerState, source: Source, witness: Witness | None, **how: Any) -> Snapshot:
+        from nvscope.analysis.snapshot import snapshot  # noqa: PLC0415
+
+        return snapshot(state, source, self.project, self.pdos, protocols=self.protocols, witness=witness, **how)
+
     def session(self) -> Session[Snapshot]:
         """Return the captures to be read in a thread of its own, and looked at meanwhile; it has to be started."""
-        from nvscope.analysis.snapshot import snapshot  # noqa: PLC0415
         from nvscope.engine.session import Session  # noqa: PLC0415
 
         source, reading = self.open(), self.reading()
         state = self.state(listeners=(witness := _witness(source),))
 
         def look() -> Snapshot:
-            return snapshot(
-                state, source, self.project, self.pdos, overdue=True, protocols=self.protocols, figures=True,
-                witness=witness,
-            )  # fmt: skip
+            return self._snapshot(state, source, witness, overdue=True, figures=True)
 
         return Session(source, reading, [state, witness], look)
 

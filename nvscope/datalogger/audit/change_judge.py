@@ -78,7 +78,7 @@ class ChangeJudge:
             if one is None:
                 self._unknown.take(number, chunk, _NO_ROWS, _NO_ROWS.astype(np.bool_))
             elif not len(one.rows):
-                self._alone[number] += np.count_nonzero(one.alone)
+                self._alone[number] += np.count_nonzero(one.are_alone)
                 self._take_values(number, chunk, np.flatnonzero(one.valued))
             elif self._counts_on(number, one, chunk):
                 self._take_counted(number, one, chunk, notes)

@@ -33,7 +33,8 @@ class VariableGroups:
     @property
     def there(self) -> list[int]:
         """The groups of which there were rows."""
-        return _once(self.of[self.seen]).tolist()
+        found: list[int] = _once(self.of[self.seen]).tolist()
+        return found
 
     def are_one(self, variables: I64) -> bool:
         """Return whether some variables are all known to be of one group; of none, that is so."""
