@@ -20,7 +20,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dissectors.batch import I64, U8, U64, Bool
+from dissectors.batch import I64, U8, Bool
+from dissectors.datalogger.records import sizes_of
 
 PAGE_BYTES = 1 << 16
 """The largest page there is: no record that is written here is longer than one."""
@@ -35,16 +36,17 @@ _MOST_LEAVES = 4_000
 
 # Of each type of a record: how many bytes the value has. Types from 12 on are texts and blobs.
 _NULL, _REAL, _ZERO = 0, 7, 8
-_SIZES = np.array([0, 1, 2, 3, 4, 6, 8, 8, 0, 0], np.uint8)
-_FIRST_UNLIKE = 5  # types up to there have as many bytes
+_LONG_SIZES = 1, 2, 3, 4, 6, 8
 # A signed integer is within so many bits without its sign; the type is how many of these bounds it is beyond.
 _BOUNDS = tuple((1 << bits) - 1 for bits in (7, 15, 23, 31, 47))
 _ROUND_SIZES = {0: 1, 1: 1, 2: 2, 3: 4, 4: 4, 6: 8, 8: 8}
 _TEXT, _FIRST_LONG_TEXT = 13, 58
 """The type of an empty text; from so many bytes on, the type takes two."""
 
-_SUMMED = 31
-_EVEN, _ONES = np.uint64(0x00FF00FF00FF00FF), np.uint64(0x0001000100010001)
+_FEW = 16
+"""One of so many values may be short to be looked at by itself."""
+_MOSTLY_KEPT = 24
+"""Where one byte of so many is left out, to pick the others one by one is faster than to look for stretches."""
 
 Matrix = npt.NDArray[Any]
 Part = bytes | memoryview
@@ -123,7 +125,8 @@ class _Shaped:
     """Columns with how they are written: the type of each value, (n, columns), and how many bytes each takes.
 
     ``types`` are as wide as ``type_bytes`` says, in bytes of variable length where that is not 1. ``words`` are numbers
-    of which the last ``most`` bytes are written, at most; None of texts, which are ``text``.
+    of which the last ``most`` bytes are written, at most; None of texts, which are ``text``. ``short`` are the places,
+    row by row, of values of fewer bytes; None where they are not few.
     """
 
     types: Matrix
@@ -132,11 +135,22 @@ class _Shaped:
     most: int
     words: Matrix | None = None
     text: TextColumn | None = None
+    short: I64 | None = None
 
     @property
     def width(self) -> int:
         """How many bytes the values may take in a row."""
         return int(self.size.shape[1]) * self.most
+
+    @property
+    def row_bytes(self) -> I64:
+        """How many bytes the values of each row take."""
+        rows, columns = self.size.shape
+        if self.short is None:
+            total: Matrix = self.size.sum(axis=1, dtype=np.uint16 if self.size.dtype == np.uint8 else np.int64)
+            return total.astype(np.int64)
+        lacking = np.bincount(self.short // columns, self.most - self.size.ravel()[self.short], rows)
+        return self.width - lacking.astype(np.int64)
 
 
 def leaves_of(blocks: Sequence[Block], rows: int) -> Leaves | None:
@@ -146,7 +160,7 @@ def leaves_of(blocks: Sequence[Block], rows: int) -> Leaves | None:
     shaped = [_text(block) if isinstance(block, TextColumn) else _numbers(block) for block in blocks]
     body_bytes, type_bytes = np.zeros(rows, np.int64), np.zeros(rows, np.int64)
     for one in shaped:
-        body_bytes += _row_sums(one.size)
+        body_bytes += one.row_bytes
         type_bytes += one.types.shape[1] if one.type_bytes == 1 else _varint_bytes(one.types[:, 0])
     # The header's length counts itself.
     header_bytes = type_bytes + 1 + (type_bytes + 1 > 127)
@@ -163,15 +177,16 @@ def leaves_of(blocks: Sequence[Block], rows: int) -> Leaves | None:
         at = _put_varints(slots, kept, at, number, size)
     for one in shaped:
         if one.type_bytes == 1:
-            slots[:, at : at + one.types.shape[1]] = one.types
+            _put_bytes(slots, at, one.types)
             at += one.types.shape[1]
         else:
             at = _put_varints(slots, kept, at, one.types[:, 0], one.type_bytes)
     for one in shaped:
         at = _put_values(slots, kept, at, one)
-    cells: U8 = slots[kept]
-    cell_bytes = record_bytes + _varint_bytes(record_bytes) + _varint_bytes(rowids)
-    return _paged(cells, np.append(0, np.cumsum(cell_bytes)))
+    at_cell = np.append(0, np.cumsum(record_bytes + _varint_bytes(record_bytes) + _varint_bytes(rowids)))
+    mostly_kept = (slots.size - int(at_cell[-1])) * _MOSTLY_KEPT < slots.size
+    cells: U8 = slots[kept] if mostly_kept else slots.ravel().take(np.flatnonzero(kept))
+    return _paged(cells, at_cell)
 
 
 def _paged(cells: U8, at: I64) -> Leaves | None:
@@ -185,11 +200,12 @@ def _paged(cells: U8, at: I64) -> Leaves | None:
     first = 0
     while first < rows:
         stop = int(np.searchsorted(taken, taken[first] + PAGE_BYTES - _HEAD_BYTES, "right")) - 1
-        begin = PAGE_BYTES - int(at[stop] - at[first])
+        here, end = int(at[first]), int(at[stop])
+        begin = PAGE_BYTES - (end - here)
         head = bytes([_LEAF, 0, 0]) + (stop - first).to_bytes(2, "big")
         head += (begin % PAGE_BYTES).to_bytes(2, "big") + b"\0"
-        head += (at[first:stop] - at[first] + begin).astype(">u2").tobytes()
-        pages.append((head.ljust(begin, b"\0"), view[at[first] : at[stop]]))
+        head += (at[first:stop] + (begin - here)).astype(">u2").tobytes()
+        pages.append((head.ljust(begin, b"\0"), view[here:end]))
         last.append(stop)
         first = stop
     return Leaves(pages, last, int(taken[-1])) if len(pages) <= _MOST_LEAVES else None
@@ -202,38 +218,56 @@ def _numbers(block: NumberColumns) -> _Shaped:
         # A real number without a fraction is kept as an integer where that is shorter (section 2.1).
         whole = ~null & (numbers == np.trunc(numbers)) & (np.abs(numbers) < float(1 << 47))
         integers = np.where(whole, numbers, 0).astype(np.int64)
-        kind = np.where(whole, _integer_types(integers), np.uint8(_REAL))
+        kind = np.where(whole, _integer_types(integers, _folded(integers)), np.uint8(_REAL))
         words = np.where(whole, integers, np.ascontiguousarray(numbers).view(np.int64))
     else:
-        kind, words = _integer_types(numbers), numbers
+        folded = _folded(numbers)
+        if null is None and (shaped := _mostly_long(numbers, folded)):
+            return shaped
+        kind, words = _integer_types(numbers, folded), numbers
     if null is not None:
-        kind[null] = _NULL
-    size = _sizes(kind)
-    return _Shaped(kind, 1, size, int(size.max(initial=0)), words)
+        kind *= (~null).view(np.uint8)
+    size = sizes_of(kind)
+    most = int(size.max(initial=0))
+    return _Shaped(kind, 1, size, most, words, short=_few(size != most))
 
 
-def _sizes(kind: U8) -> U8:
-    """Return how many bytes values of these types have."""
-    if int(kind.max(initial=0)) < _FIRST_UNLIKE:
-        return kind
-    if not ((kind >= _FIRST_UNLIKE) & (kind < _ZERO)).any():
-        # To look them up takes several times as long.
-        return kind * (kind < _ZERO)
-    return _SIZES[kind]
+def _few(found: Bool) -> I64 | None:
+    """Return the places of what was found, row by row; None where that are not few."""
+    return np.flatnonzero(found) if np.count_nonzero(found) * _FEW < found.size else None
 
 
-def _integer_types(numbers: Matrix) -> U8:
+def _mostly_long(numbers: Matrix, folded: Matrix) -> _Shaped | None:
+    """Return integers of which most need the longest type that any needs; None where others do not."""
+    greatest = int(folded.max(initial=0))
+    longest = sum(greatest > bound for bound in _BOUNDS)
+    short = _few(folded <= _BOUNDS[longest - 1]) if longest else None
+    if short is None:
+        return None
+    kind, size = (np.full(numbers.shape, one, np.uint8) for one in (longest + 1, _LONG_SIZES[longest]))
+    few = numbers.reshape(-1)[short]
+    kind.reshape(-1)[short] = own = _integer_types(few, folded.reshape(-1)[short])
+    size.reshape(-1)[short] = sizes_of(own)
+    return _Shaped(kind, 1, size, _LONG_SIZES[longest], numbers, short=short)
+
+
+def _folded(numbers: Matrix) -> Matrix:
+    """Return numbers without their signs: one and the one that it is told from by its sign need as many bits."""
+    folded: Matrix = numbers ^ (numbers >> (8 * numbers.itemsize - 1))
+    return folded
+
+
+def _integer_types(numbers: Matrix, folded: Matrix) -> U8:
     """Return the shortest type of each integer; 0 and 1 have types of their own."""
-    # Without its sign, a number and the one that it is told from by it need as many bits.
-    folded = numbers ^ (numbers >> (8 * numbers.itemsize - 1))
     most = int(folded.max(initial=0))
     kind: U8 = np.ones(numbers.shape, np.uint8)
     for bound in _BOUNDS:
         if most > bound:
-            kind += folded > bound
-    small = (folded <= 1) & (numbers >= 0)
+            kind += (folded > bound).view(np.uint8)
+    small = numbers.view(f"u{numbers.itemsize}") <= 1
     if small.any():
-        kind[small] = numbers[small].astype(np.uint8) + np.uint8(_ZERO)
+        # To put them where they are takes much longer where they are many.
+        kind += small.view(np.uint8) * (numbers.astype(np.uint8) + np.uint8(_ZERO - 1))
     return kind
 
 
@@ -253,29 +287,40 @@ def _put_values(slots: U8, kept: Bool, at: int, shaped: _Shaped) -> int:
     """Write values from a slot on, and return the slot behind them."""
     rows, (_, columns), most = len(slots), shaped.size.shape, shaped.most
     stop = at + shaped.width
+    if not most:
+        return stop
     if shaped.text is not None:
         data, start = shaped.text.data, shaped.text.start
         if len(data) == rows * most and (shaped.size == most).all() and (np.diff(start) == most).all():
-            slots[:, at:stop] = data.reshape(rows, most)
+            _put_bytes(slots, at, data.reshape(rows, most))
             return stop
         within = np.arange(most)
         kept[:, at:stop] = within < shaped.size
         if len(data):
             slots[:, at:stop] = data[np.minimum(start[:, np.newaxis] + within, len(data) - 1)]
         return stop
-    if not most or shaped.words is None:
-        return stop
+    assert shaped.words is not None
     round_size = _ROUND_SIZES[most]
-    if most == round_size:
-        # Put into place while they are turned round.
-        strides = slots.strides[0], most
-        np.ndarray((rows, columns), f">i{most}", slots, at, strides)[...] = shaped.words
-    else:
-        whole = shaped.words.astype(f">i{round_size}", order="C").view(np.uint8).reshape(rows, columns, round_size)
-        slots[:, at:stop] = whole[:, :, round_size - most :].reshape(rows, -1)
+    whole = shaped.words.astype(f">i{round_size}", order="C").view(np.uint8).reshape(rows, columns, round_size)
+    _put_bytes(slots, at, whole[:, :, round_size - most :].reshape(rows, -1))
+    if shaped.short is None:
+        for place in range(most):
+            np.greater_equal(shaped.size, most - place, out=kept[:, at + place : stop : most])
+        return stop
+    row, column = np.divmod(shaped.short, columns)
+    lacking = most - shaped.size[row, column]
     for place in range(most):
-        np.greater_equal(shaped.size, most - place, out=kept[:, at + place : stop : most])
+        lacks = lacking > place
+        kept[row[lacks], at + most * column[lacks] + place] = False
     return stop
+
+
+def _put_bytes(slots: U8, at: int, content: U8) -> None:
+    """Write as many bytes into each row, from a slot on: a row at a time, and not a byte."""
+    piece = f"V{content.shape[1]}"
+    np.ndarray((len(slots),), piece, slots, at, slots.strides[:1])[...] = np.ascontiguousarray(content).view(piece)[
+        :, 0
+    ]
 
 
 def _put_varints(slots: U8, kept: Bool, at: int, numbers: I64, width: int) -> int:
@@ -306,21 +351,3 @@ def _varint_bytes(numbers: I64) -> I64:
 def _varint(number: int) -> bytes:
     groups = [number >> 7 * place & 0x7F for place in range(max(1, -(-number.bit_length() // 7)))]
     return bytes([*(group | 0x80 for group in groups[:0:-1]), groups[0]])
-
-
-def _row_sums(size: Matrix) -> I64:
-    """Return the sums of the rows of small numbers, each at most 8."""
-    rows, columns = size.shape
-    total: I64
-    if size.dtype != np.uint8 or columns < 16:
-        total = size.sum(axis=1, dtype=np.int64)
-        return total
-    # Eight bytes at once are added up, as long as no sum needs a ninth bit.
-    whole = columns // 8 * 8
-    words: U64 = np.ndarray((rows, whole // 8), np.uint64, size, 0, (columns, 8))
-    total = size[:, whole:].sum(axis=1, dtype=np.int64)
-    for first in range(0, whole // 8, _SUMMED):
-        part = words[:, first : first + _SUMMED].sum(axis=1)
-        pairs = (part & _EVEN) + (part >> np.uint64(8) & _EVEN)
-        total += (pairs * _ONES >> np.uint64(48)).astype(np.int64)
-    return total

@@ -14,8 +14,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from dissectors.batch import I32, I64, U8, U64, Bool
 from dissectors.datalogger.varints import varints
@@ -35,10 +37,15 @@ class Form(IntEnum):
 # are blobs, odd ones texts.
 _NULL, _REAL, _ZERO, _ONE, _UNUSED, _BLOB, _TEXT = 0, 7, 8, 9, (10, 11), 12, 13
 _INTEGER_BYTES = (0, 1, 2, 3, 4, 6, 8)
+_LAST_ALIKE = 4
+"""Types up to it have as many bytes."""
 _ONE_BYTE = 0x80
 """Types below it take one byte."""
 
 _WORD_BYTES = 8
+
+_Places = npt.NDArray[Any]
+"""Whole numbers, as narrow as they can be."""
 
 
 def _tables() -> tuple[U8, U8, I64]:
@@ -54,6 +61,16 @@ def _tables() -> tuple[U8, U8, I64]:
 
 
 _FORM, _SIZE, _SHIFT = _tables()
+_LONGEST_SHORT = (_ONE_BYTE - 1 - _BLOB) // 2
+"""Bytes of the longest text or blob whose type takes one byte."""
+
+
+def sizes_of(types: U8) -> U8:
+    """Return how many bytes numbers of these types have, and NULL; to look them up takes several times as long."""
+    sizes: U8 = types * (types < _ZERO).view(np.uint8)
+    if int(sizes.max(initial=0)) > _LAST_ALIKE:
+        sizes += (sizes > _LAST_ALIKE).view(np.uint8) + (types == _LAST_ALIKE + 2).view(np.uint8)
+    return sizes
 
 
 @dataclass(frozen=True)
@@ -125,12 +142,15 @@ class Records:
 
     def cells(self, column: int, rows: I64 | None = None) -> Cells:
         """Return the values of a column, from 0, of all rows or of some."""
-        types, start = self._types[column], self._starts[column]
+        types, body, behind = self._types[column], self._body, self._starts[column]
         sizes = None if self._sizes is None else self._sizes[column]
-        if rows is not None:
-            types, start = types.take(rows), start.take(rows)
-            sizes = None if sizes is None else sizes.take(rows)
         least, most = int(self._least[column]), int(self._most[column])
+        if rows is not None:
+            types, body, behind = types.take(rows), body.take(rows), behind.take(rows)
+            sizes = None if sizes is None else sizes.take(rows)
+            if least < most and len(types):
+                least, most = int(types.min()), int(types.max())
+        start: I64 = body + behind
         # Big-endian, so that the value is in the upper bytes; the shift keeps its sign.
         words = self._words[start].astype(np.int64)
         bits = words >> (_SHIFT[most] if least == most else _SHIFT.take(types))
@@ -142,7 +162,7 @@ class Records:
             short = (types == _NULL) | (types >= _ZERO)
             if short.any():
                 bits[short] = types[short] == _ONE
-        if self._most[column] >= _REAL:
+        if most >= _REAL:
             floats = types == _REAL
             if floats.any():
                 # What is no number is NULL; SQLite never writes it.
@@ -182,6 +202,7 @@ class Records:
         if faulty.any():
             types[:, faulty] = _NULL
             self._most, self._least = types.max(axis=1, initial=0), types.min(axis=1, initial=_ONE_BYTE)
+            self._body[faulty] = 0
             for start in self._starts:
                 start[faulty] = 0
         self.faulty: Bool = faulty
@@ -218,21 +239,26 @@ class Records:
         return faulty
 
     def _find_values(self, stop: I64, faulty: Bool) -> None:
-        """Find where the values of each column begin; what does not end with its record is faulty."""
+        """Find where the values of each column begin behind the header; what does not end with its record is faulty."""
         self._most = self._types.max(axis=1, initial=0)
         self._least = self._types.min(axis=1, initial=_ONE_BYTE)
-        starts = []
-        at = self._body
+        starts: list[_Places] = []
+        # As narrow as it can be: there are as many of these as values.
+        longest = sum(_WORD_BYTES if most < _BLOB else _LONGEST_SHORT for most in self._most.tolist())
+        is_narrow = self._sizes is None and longest < 1 << 16
+        at: _Places = np.zeros(len(self._body), np.uint16 if is_narrow else np.int64)
         for column, (least, most) in enumerate(zip(self._least.tolist(), self._most.tolist(), strict=True)):
             starts.append(at)
             if self._sizes is not None:
                 at = at + self._sizes[column] if most else at
             elif least == most:
-                at = at + int(_SIZE[most]) if _SIZE[most] else at
+                at = at + at.dtype.type(_SIZE[most]) if _SIZE[most] else at
+            elif most < _UNUSED[0]:
+                at = at + sizes_of(self._types[column])
             else:
                 at = at + _SIZE.take(self._types[column])
         self._starts = starts
-        faulty |= at != stop
+        faulty |= at != stop - self._body
         if (self._most >= _UNUSED[0]).any():
             for column, most in enumerate(self._most.tolist()):
                 if most >= _UNUSED[0]:

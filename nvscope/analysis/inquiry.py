@@ -16,7 +16,6 @@ from dissectors import address
 from dissectors.netvar import PortRules
 from nvscope.analysis.extent import part_of
 from nvscope.analysis.reading import reading_of
-from nvscope.analysis.snapshot import Happenings, Snapshot, snapshot
 from nvscope.capture.content import STDIN
 from nvscope.capture.last_time import latest_ns
 from nvscope.capture.open import open_source
@@ -29,20 +28,20 @@ from nvscope.engine.reading import Reading
 from nvscope.engine.run import Observer, run
 from nvscope.engine.told import Told
 from nvscope.errors import UsageError
-from nvscope.findings.finding import Finding
 from nvscope.protocols.protocol import Protocol
 from nvscope.protocols.table import PROTOCOLS, accumulators_of, fields_of
-from nvscope.tracker.state import TrackerState
-from nvscope.tracker.summary import Summary
-from nvscope.view.documents.report import report_document
 
 if TYPE_CHECKING:  # what only some questions need is imported when they are asked
     from nvscope.analysis.compared import Comparisons
+    from nvscope.analysis.snapshot import Happenings, Snapshot
     from nvscope.causes.cause import Cause
     from nvscope.definition.layouts import Layouts
     from nvscope.definition.pdos import Pdos
     from nvscope.engine.session import Session
+    from nvscope.findings.finding import Finding
     from nvscope.tracker.evidence.witness import Witness
+    from nvscope.tracker.state import TrackerState
+    from nvscope.tracker.summary import Summary
     from nvscope.tracker.variables.values import Values
     from nvscope.view.asked_time import AskedRange
     from nvscope.view.chosen import Chosen
@@ -283,6 +282,8 @@ class Inquiry:
         that are meant by one of these names, identifiers or keys alone; ``secrets``: with the passwords that pages
         wrote, or showed. UsageError where none is.
         """
+        from nvscope.view.documents.report import report_document  # noqa: PLC0415
+
         rows = None
         if values and found.values is not None:
             from nvscope.view.documents.variables import values_by_list  # noqa: PLC0415
@@ -329,10 +330,9 @@ class Inquiry:
     ) -> Analysis:  # fmt: skip
         source = self.open()
         witness = _witness(source) if wanted.causes else None
-        state = self.state(values=wanted.values, listeners=() if witness is None else (witness,))
-        observers: list[Observer] = [state, *others]
-        if witness is not None:
-            observers.append(witness)
+        listeners = () if witness is None else (witness,)
+        state = self.state(values=wanted.values, listeners=listeners)
+        observers: list[Observer] = [state, *others, *listeners]
         compared = None
         if wanted.compare and self.layouts is not None:
             from nvscope.analysis.compared import Comparisons  # noqa: PLC0415
@@ -341,22 +341,26 @@ class Inquiry:
             observers += compared.observers
         for _ in self.run(source, observers, chosen):
             pass
-        found = snapshot(
-            state, source, self.project, self.pdos, protocols=self.protocols, witness=witness,
-            node_names=None if wanted.names else {},
-        )  # fmt: skip
+        found = self._snapshot(state, source, witness, node_names=None if wanted.names else {})
         return Analysis(
             found.infos, state, found.summary, found.findings, state.values, compared=compared, happened=found.happened
         )  # fmt: skip
 
     def state(self, *, values: bool = False, listeners: Listeners = ()) -> TrackerState:
         """Return a state that has seen nothing, and goes by the definitions; ``values`` are kept if they are wanted."""
+        from nvscope.tracker.state import TrackerState  # noqa: PLC0415
+
         taken = None
         if self.layouts is not None:
             from nvscope.tracker.variables.values import Values  # noqa: PLC0415
 
             taken = Values(self.layouts, wanted=values)
         return TrackerState(values=taken, others=accumulators_of(self.protocols), listeners=listeners)
+
+    def _snapshot(self, state: TrackerState, source: Source, witness: Witness | None, **how: Any) -> Snapshot:
+        from nvscope.analysis.snapshot import snapshot  # noqa: PLC0415
+
+        return snapshot(state, source, self.project, self.pdos, protocols=self.protocols, witness=witness, **how)
 
     def session(self) -> Session[Snapshot]:
         """Return the captures to be read in a thread of its own, and looked at meanwhile; it has to be started."""
@@ -366,10 +370,7 @@ class Inquiry:
         state = self.state(listeners=(witness := _witness(source),))
 
         def look() -> Snapshot:
-            return snapshot(
-                state, source, self.project, self.pdos, overdue=True, protocols=self.protocols, figures=True,
-                witness=witness,
-            )  # fmt: skip
+            return self._snapshot(state, source, witness, overdue=True, figures=True)
 
         return Session(source, reading, [state, witness], look)
 

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any
-from xml.sax.saxutils import quoteattr
 
 from dissectors.datalogger.tables import MOST_VARIABLES
 from nvscope.datalogger.configuration import ATTRIBUTES, DEFAULTS, NamedVariable, NotMeant, Session
@@ -226,6 +225,9 @@ def _error(element: Element, attribute: str, what: str, next_step: str) -> Confi
 
 def written(session: Session, uris: Sequence[str]) -> str:
     """Return the file that configures a session with these variables; what is as by default is left out."""
+    # With it come the clients of HTTP and mail, which nobody needs who only reads one.
+    from xml.sax.saxutils import quoteattr  # noqa: PLC0415
+
     lines = ['<?xml version="1.0" encoding="utf-8"?>', f'<{ROOT} xmlns="{_NAMESPACE}">']
     for element in ("General", "Datasink"):
         own = [(one, one.told(getattr(session, one.field))) for one in ATTRIBUTES if one.element == element]

@@ -162,5 +162,6 @@ def may_be_copies(rows: DataRows, wanted: Bool) -> bool:
     step[rows.start] = np.where(rows.fresh, 0, rows.counter[rows.start] - before)
     back = np.flatnonzero(step.view(np.int16) < 0)
     # A Counter that begins anew early.
-    back = back[(rows.counter[back] != 0) | ~np.isin((0 - step[back]).astype(np.uint16), EARLY_WRAPS)]
+    before_zero = (0 - step[back]).astype(np.uint16)
+    back = back[(rows.counter[back] != 0) | ((before_zero != EARLY_WRAPS[0]) & (before_zero != EARLY_WRAPS[1]))]
     return bool(wanted[rows.stream[back]].any())

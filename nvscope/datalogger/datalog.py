@@ -170,7 +170,8 @@ class DataLog:
             return
         bound = int(rows.sender.max()) + 1
         pair = self._number[rows.place] * bound + rows.sender
-        for one in np.unique(pair[:1] if (pair == pair[0]).all() else pair).tolist():
+        # Most captures have one, and numpy imports much for its first ``unique``.
+        for one in (pair[:1] if (pair == pair[0]).all() else np.unique(pair)).tolist():
             number, sender = divmod(one, bound)
             own = self._senders.setdefault(self._telegrams.keys[number], set())
             if isinstance(self._telegrams.keys[number].port, int) and len(own) < MOST_SENDERS:

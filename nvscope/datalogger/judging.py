@@ -9,20 +9,21 @@ from __future__ import annotations
 import time
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from dissectors.batch import I64
-from nvscope.analysis.inquiry import Inquiry
 from nvscope.capture.source import LostSpan, Source, SourceInfo
 from nvscope.datalogger.copies import Copies, may_be_copies
 from nvscope.datalogger.losses import Judged, Losses
 from nvscope.datalogger.wanted import WantedStreams
 from nvscope.engine.told import Told
 from nvscope.list_key import ListKey
-from nvscope.tracker.state import TrackerState
-from nvscope.tracker.summary import summarize
+
+if TYPE_CHECKING:  # most captures are logged without a look at who sends
+    from nvscope.analysis.inquiry import Inquiry
+    from nvscope.tracker.state import TrackerState
 
 _BETWEEN_S = 1.0
 """So often is looked again: what a sender counts does not change from one telegram to the next."""
@@ -123,6 +124,8 @@ class StateSoFar:
         return self._source.infos
 
     def judged(self) -> Judged:
+        from nvscope.tracker.summary import summarize  # noqa: PLC0415
+
         now_s, streams = time.monotonic(), len(self._state.keys.streams)
         if now_s - self._looked_s >= _BETWEEN_S or streams != self._streams:
             self._looked_s, self._streams = now_s, streams

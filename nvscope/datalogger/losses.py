@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from operator import itemgetter
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -24,7 +24,9 @@ from nvscope.tracker.counters import Scope
 from nvscope.tracker.loss import Loss
 from nvscope.tracker.node_steps import NodeSteps
 from nvscope.tracker.steps import WINDOW, Step, Steps
-from nvscope.tracker.summary import Summary
+
+if TYPE_CHECKING:
+    from nvscope.tracker.summary import Summary
 
 STOPPED_INTERVALS = 10
 """A list that is silent for more than so many intervals has stopped (NV504)."""

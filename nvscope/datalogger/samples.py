@@ -163,7 +163,7 @@ class Samples:
             bits: Numbers = reals.view(f"i{scalar.size_bytes}")
             bits[np.isnan(reals)] = _NANS[scalar.size_bytes]
             return bits.astype(self.dtype)
-        return numbers.astype(self.dtype)
+        return numbers.astype(self.dtype, copy=False)
 
 
 def cell_dtype(logged: Sequence[Logged]) -> str:

@@ -6,8 +6,11 @@ so, Counters tell what SubIndexes and time do not::
     A1 A2 B1 B2      B1 is of the cycle that A1 began and A2 ended: it is late, and makes no cycle with A2
     A1 B2 A2         B2 begins the next cycle
 
+    A1 C1 B1 B2 C2   B is late as a whole, in the middle of C
+
 Of senders that count over all that they send, nobody knows. Nor is a second Counter believed that says so before
-another whole cycle has come: the sender may count in another way since.
+another whole cycle has come: the sender may count in another way since. One that is late is, of a sender whose cycles
+count on one by one; of one that does not, nobody knows which Counters there are to come.
 """
 
 from __future__ import annotations
@@ -55,6 +58,7 @@ class SenderCycles:
         """The Counter that has told something since the last whole cycle."""
         self._torn: dict[int, frozenset[int]] = {}
         """The SubIndexes of the last cycles that were over and not whole, by Counter."""
+        self._had = _Counters()
 
     def take(self, subindex: I64, counter: U16, time_ns: I64, frame: I64) -> tuple[I64, I64]:
         """Take telegrams that follow, and return when the cycles that are over began, and the last frame of each."""
@@ -99,10 +103,12 @@ class SenderCycles:
         first = 0
         if not self._is_sure:
             first = int(np.argmax(is_whole))
-            self._is_sure, self._torn = True, {}
+            self._is_sure, self._torn, self._had = True, {}, _Counters()
         if is_whole.any():
             self._doubted = None
         self._newest = int(cut.counter[-1])
+        for one in cut.counter[first:][-2 * WINDOW :].tolist():
+            self._had.take(one)
         torn = cut.counter[~is_whole].tolist()
         for row in np.flatnonzero(np.isin(cut.counter, [*self._torn, *torn])).tolist():
             self._torn.pop(int(cut.counter[row]), None)
@@ -119,10 +125,12 @@ class SenderCycles:
         """Take one telegram, and return the cycles that are over for it."""
         over, going = [], self.open
         is_believed = self._is_sure and self._doubted in (None, counter)
-        missing = counter in self._torn and subindex not in self._torn[counter]
-        if is_believed and missing and 1 <= (self._newest - counter) % _WRAP <= WINDOW:
-            self._doubted = counter
-            self._torn[counter] |= {subindex}
+        if self._is_late(subindex, counter, is_believed=is_believed):
+            self._doubted = counter if self._doubted is None else self._doubted
+            if counter in self._torn:
+                self._torn[counter] |= {subindex}
+            else:
+                self._note_torn(counter, frozenset({subindex}))
             self.late.append(frame)
             return []
         if going is not None:
@@ -134,6 +142,7 @@ class SenderCycles:
         if self.open is None:
             self._torn.pop(counter, None)
             self._newest = counter
+            self._had.take(counter)
             self.open = Open(time_ns, frame, time_ns, frozenset({subindex}), counter, is_one=True)
         else:
             is_one = self.open.is_one and self.open.counter == counter
@@ -144,12 +153,49 @@ class SenderCycles:
             self._end_whole(self.open)
         return over
 
+    def _is_late(self, subindex: int, counter: int, *, is_believed: bool) -> bool:
+        """Return whether a telegram is of a cycle that was over, or had none, in the middle of another."""
+        if not self._is_sure or not 1 <= (self._newest - counter) % _WRAP <= WINDOW:
+            return False
+        if counter in self._torn:
+            return subindex not in self._torn[counter] and (is_believed or self._had.one_by_one)
+        return self.open is not None and self._had.one_by_one and self._had.passed_over(counter)
+
     def _end_whole(self, cycle: Open) -> None:
         self.open = None
         if cycle.is_one:
-            self._torn = self._torn if self._is_sure else {}
+            if not self._is_sure:
+                self._torn, self._had = {}, _Counters()
+                self._had.take(cycle.counter)
             self._newest, self._doubted = cycle.counter, None
         self._is_sure = cycle.is_one
+
+
+class _Counters:
+    """The Counters that the last cycles began with, as far back as they have counted on since in no long step."""
+
+    def __init__(self) -> None:
+        self._last = 0
+        self._reach = 0
+        """How far back they are known."""
+        self._had: set[int] = set()
+
+    def take(self, counter: int) -> None:
+        """Take the next one."""
+        step = (counter - self._last) % _WRAP
+        if not self._had or step > WINDOW:
+            self._had, self._reach, step = set(), 0, 0
+        self._last, self._reach = counter, min(self._reach + step, WINDOW)
+        self._had = {one for one in [*self._had, counter] if (counter - one) % _WRAP <= self._reach}
+
+    @property
+    def one_by_one(self) -> bool:
+        """Whether most of those there may be were there."""
+        return 3 * len(self._had) >= 2 * (self._reach + 1)
+
+    def passed_over(self, counter: int) -> bool:
+        """Return whether no cycle had a Counter that lies between those known."""
+        return counter not in self._had and (self._last - counter) % _WRAP <= self._reach
 
 
 class _Cut(NamedTuple):

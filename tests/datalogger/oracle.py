@@ -21,6 +21,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from tests.datalogger.oracle_copies import copies_in
+from tests.datalogger.oracle_cycles import CycleSender
 from tests.datalogger.oracle_losses import Packet
 
 SECOND_NS = 10**9
@@ -282,55 +283,6 @@ def _cycles(packets: Sequence[Packet], defined: DefinedList) -> tuple[list[tuple
             sender.complete([packets[one] for one in sender.going])
     over += [one.going for one in senders.values() if one.going]
     return sorted(((one[0], one[-1]) for one in over), key=lambda cycle: cycle[1]), too_late
-
-
-@dataclass
-class CycleSender:
-    """What the Counters of a sender say of cycles, if its last whole one had the same in all telegrams."""
-
-    sends_all: bool
-    going: list[int] = field(default_factory=list)
-    counts_cycles: bool = False
-    begun: int = 0
-    said: set[int] = field(default_factory=set)
-    torn: dict[int, set[int]] = field(default_factory=dict)
-
-    def is_late(self, packet: Packet) -> bool:
-        there = self.torn.get(packet.counter)
-        behind = (self.begun - packet.counter) % 65_536
-        if there is None or packet.subindex in there or not 1 <= behind <= 64 or not self.tells(packet.counter):
-            return False
-        there.add(packet.subindex)
-        self.said.add(packet.counter)
-        return True
-
-    def is_next(self, first: Packet, packet: Packet) -> bool:
-        if not 1 <= (packet.counter - first.counter) % 65_536 <= 64 or not self.tells(packet.counter):
-            return False
-        self.said.add(packet.counter)
-        return True
-
-    def tells(self, counter: int) -> bool:
-        """Since the last whole cycle, one Counter alone may say that something is out of order."""
-        return self.counts_cycles and self.said <= {counter}
-
-    def begin(self, packet: Packet) -> None:
-        self.begun = packet.counter
-        self.torn.pop(packet.counter, None)
-
-    def leave(self, own: Sequence[Packet]) -> None:
-        self.going = []
-        if self.counts_cycles:
-            self.torn[own[0].counter] = {one.subindex for one in own}
-            self.torn = dict(list(self.torn.items())[-64:])
-
-    def complete(self, own: Sequence[Packet]) -> None:
-        self.going = []
-        is_one = len({one.counter for one in own}) == 1
-        was_sure, self.counts_cycles = self.counts_cycles, is_one and self.sends_all
-        if self.counts_cycles:
-            self.said.clear()
-            self.torn = self.torn if was_sure else {}
 
 
 def copies(packets: Sequence[Packet], defined: DefinedList) -> set[int]:

@@ -107,3 +107,50 @@ def test_a_telegram_that_is_sent_alone_on_a_change_begins_no_cycle_that_others_a
     sent += [(200 + place / 10, place, 6 - (place > 0), 4) for place in range(3)]
     expected = [*[(cycle,) * 3 for cycle in range(4)], (40, 3, 3), (4, 4, 4)]
     assert recorded(tmp_path, sent, on_change=True)[0] == expected
+
+
+LATE = {
+    "as a whole, in the middle of the next": (
+        [(3, 0), (3, 1), (3, 2), (5, 0), (4, 0), (4, 1), (4, 2), (5, 1), (5, 2)],
+        [(3, 3, 3), ("lost before", 5, 5, 5), (6, 6, 6)],
+    ),
+    "as a whole, in part behind the next": (
+        [(3, 0), (3, 1), (3, 2), (5, 0), (4, 1), (5, 1), (5, 2), (4, 0), (4, 2)],
+        [(3, 3, 3), ("lost before", 5, 5, 5), ("lost before", 6, 6, 6)],
+    ),
+    "two as a whole": (
+        [(3, 0), (3, 1), (3, 2), (6, 0), (4, 0), (5, 0), (4, 1), (4, 2), (5, 1), (5, 2), (6, 1), (6, 2)],
+        [(3, 3, 3), ("lost before", 6, 6, 6)],
+    ),
+    "two, and no whole one between": (
+        [(3, 0), (4, 0), (3, 1), (3, 2), (5, 0), (4, 1), (4, 2), (5, 1), (5, 2)],
+        [(3, 2, 2), (4, 2, 2), ("lost before", 5, 5, 5), (6, 6, 6)],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("first_counter", [1, 65_531])
+@pytest.mark.parametrize(("places", "expected"), LATE.values(), ids=LATE)
+def test_no_telegram_of_a_cycle_that_is_late_is_in_another(
+    tmp_path: Path, places: list[tuple[int, int]], expected: list[tuple[object, ...]], first_counter: int
+) -> None:
+    order = [(cycle, place) for cycle in range(3) for place in range(3)] + places
+    order += [(cycle, place) for cycle in range(max(places)[0] + 1, 9) for place in range(3)]
+    sent = [(2 * at, place, (first_counter + cycle) % 65_536, cycle) for at, (cycle, place) in enumerate(order)]
+    rows = logged(tmp_path, sent)
+    assert rows[:3] == [(cycle,) * 3 for cycle in range(3)]
+    assert rows[3 : 3 + len(expected)] == expected
+    assert rows[3 + len(expected) :] == [(cycle,) * 3 for cycle in range(9 - len(rows) + 3 + len(expected), 9)]
+
+
+@pytest.mark.parametrize("restart", [1, 2, 20, 29])
+@pytest.mark.parametrize("step", [1, 2, 3])
+def test_a_sender_that_counts_anew_is_late_for_nothing(tmp_path: Path, step: int, restart: int) -> None:
+    """It may have begun to be captured behind these Counters, or leave some out; its last cycle was torn."""
+    counters = [10 + step * cycle for cycle in range(9)]
+    order = [(counter, place) for counter in counters for place in range(3)][:-2]
+    order += [(restart + step * cycle, place) for cycle in range(9) for place in range(3)]
+    sent = [(2 * at, place, counter, at) for at, (counter, place) in enumerate(order)]
+    rows, told = recorded(tmp_path, sent)
+    assert len(rows) == 18
+    assert "too late" not in told

@@ -2,40 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from dissectors.batch import I64, U64, Bool
 from dissectors.datalogger.records import Form
-from dissectors.datalogger.tables import LoggedVariable, LogTable
+from dissectors.datalogger.tables import LogTable
 from nvscope.datalogger.audit import topics
 from nvscope.datalogger.audit.chunk import Chunk
-from nvscope.datalogger.audit.counts import counts_of, steps_of
+from nvscope.datalogger.audit.counts import steps_of
 from nvscope.datalogger.audit.finding import Notes, Topic
 from nvscope.datalogger.audit.odd_counts import Counted, OddCounts
 from nvscope.datalogger.audit.restarts import Start, Zero, ZeroRow
+from nvscope.datalogger.audit.stored import Stored, stored_of
 from nvscope.datalogger.audit.sums import total
 from nvscope.datalogger.audit.unknown_rows import UnknownRows
 from nvscope.datalogger.audit.values import Values
+from nvscope.datalogger.audit.zero_rows import ZeroRows
 
 _REAL_WORDS = ("REAL", "FLOA", "DOUB")
-_MOST_ZERO_ROWS = 500
-"""Rows of a chunk in which all counters are 0 that are looked at one by one."""
-
 _UNKNOWN = -1
 _NO_ROWS: I64 = np.zeros(0, np.int64)
-
-
-@dataclass(frozen=True, slots=True)
-class _Stored:
-    """What a chunk holds of one variable: rows with a counter, their counts, and rows with a value."""
-
-    rows: I64
-    counts: I64
-    valued: Bool
-    alone: Bool
-    """Where there is a value without a counter, or with one that is no count."""
 
 
 class ChangeJudge:
@@ -43,6 +29,7 @@ class ChangeJudge:
 
     def __init__(self, table: LogTable, values: Values) -> None:
         self._variables = [one for one in table.variables if one.counter is not None]
+        self._is_real = [any(word in one.declared.upper() for word in _REAL_WORDS) for one in self._variables]
         count = len(self._variables)
         self._values = values
         self._unknown = UnknownRows(values.figures)
@@ -60,10 +47,9 @@ class ChangeJudge:
         self._undecided: Notes | None = None
         """Where to tell of the start, if it is one: in a table of one variable, the next count says so."""
         self._begun = False
-        self._seen_beginning = self._seen_whole = False
-        self._whole_from = 0
+        self._seen_beginning = False
+        self._zeros = ZeroRows(self._is_real)
         self.restarts: list[Start] = []
-        self._partly = self._anew = np.zeros(0, np.bool_)
         self._last_ns: int | None = None
 
     def forget(self) -> None:
@@ -84,39 +70,25 @@ class ChangeJudge:
     def take(self, chunk: Chunk, notes: Notes) -> None:
         """Judge some rows."""
         own = [self._stored(number, chunk, notes) for number in range(len(self._variables))]
-        filled = np.zeros(len(chunk), np.int64)
-        counting = np.zeros(len(chunk), np.bool_)
-        for one in own:
-            if one is not None:
-                filled[one.rows] += 1
-                counting[one.rows[one.counts != 0]] = True
-        zero = (filled > 0) & ~counting
-        # Rows with which a logger starts; where it says that data was lost, it need not know all values.
-        whole = filled == len(self._variables)
-        self._anew = zero & whole
-        # Where there was a row of all variables, no start is in several rows.
-        self._whole_from = 0 if self._seen_whole else int(np.append(np.flatnonzero(whole), len(chunk))[0])
-        self._seen_whole |= bool(whole.any())
-        zero_rows = np.flatnonzero(zero)[:_MOST_ZERO_ROWS]
-        zero[:] = False
-        zero[zero_rows] = True
-        self._partly = zero & chunk.lost & self._anew
+        self._zeros.take(own, chunk)
         losses = self._lost + np.cumsum(chunk.lost)
         self._lost = int(losses[-1])
-        found: dict[int, dict[int, Zero]] = {row: {} for row in zero_rows.tolist()}
+        found: dict[int, dict[int, Zero]] = {row: {} for row in np.flatnonzero(self._zeros.found).tolist()}
         for number, one in enumerate(own):
             if one is None:
                 self._unknown.take(number, chunk, _NO_ROWS, _NO_ROWS.astype(np.bool_))
             elif not len(one.rows):
-                self._alone[number] += np.count_nonzero(one.alone)
+                self._alone[number] += np.count_nonzero(one.are_alone)
                 self._take_values(number, chunk, np.flatnonzero(one.valued))
+            elif self._counts_on(number, one, chunk):
+                self._take_counted(number, one, chunk, notes)
             else:
-                self._judge(number, one, chunk, zero, losses, found, notes)
+                self._judge(number, one, chunk, losses, found, notes)
         first_known = self._begun
         self._begun = True
         if not first_known:
-            self._seen_beginning = bool(zero[0])
-        self._look_for_restarts(chunk, own, zero, found, notes)
+            self._seen_beginning = bool(self._zeros.found[0])
+        self._look_for_restarts(chunk, own, found, notes)
         for number, one in enumerate(own):
             self._ever[number] |= one is not None and len(one.rows) > 0
         self._last_ns = self._time_before(chunk, len(chunk))
@@ -132,31 +104,42 @@ class ChangeJudge:
         self._close(notes)
         self._odd.end()
 
-    def _stored(self, number: int, chunk: Chunk, notes: Notes) -> _Stored | None:
-        variable = self._variables[number]
-        assert variable.counter is not None
-        no_counter, no_value = chunk.rows.is_empty(variable.counter), chunk.rows.is_empty(variable.column)
-        if no_counter and no_value:
-            return None
-        counted = chunk.rows.filled(variable.counter)
-        valued = chunk.rows.filled(variable.column)
-        rows = np.flatnonzero(counted)
-        counts, good = counts_of(chunk.rows.cells(variable.counter, rows), chunk.rows.data)
-        alone = valued & ~counted
-        if alone.any():
-            _note(notes, topics.HALF, number, chunk, np.flatnonzero(alone))
-        if not good.all():
-            bad = rows[~good]
-            _note(notes, topics.NO_COUNT, number, chunk, bad)
-            rows, counts = rows[good], counts[good]
-            alone[bad] = True
-        return _Stored(rows, counts, valued, alone)
+    def _stored(self, number: int, chunk: Chunk, notes: Notes) -> Stored | None:
+        own = stored_of(self._variables[number], chunk)
+        if own is not None:
+            _note(notes, topics.HALF, number, chunk, own.uncounted)
+            _note(notes, topics.NO_COUNT, number, chunk, own.no_count)
+        return own
+
+    def _counts_on(self, number: int, own: Stored, chunk: Chunk) -> bool:
+        """Return whether each value is counted as one change more, with nothing open: as it is in most chunks."""
+        return (
+            own.is_paired
+            and chunk.is_one_stretch
+            and self._stretch[number] == chunk.stretch[0]
+            and self._losses[number] == self._lost
+            and not chunk.lost.any()
+            and not self._alone[number]
+            and self._undecided is None
+            and not self._odd.is_open(number)
+            and own.counts_on(int(self._count[number]))
+        )
+
+    def _take_counted(self, number: int, own: Stored, chunk: Chunk, notes: Notes) -> None:
+        """Take the values of a variable that is counted on: what is left to judge is whether they are others."""
+        same, _, bits = self._take_values(number, chunk, own.rows)
+        same = self._without_zeros(same, self._is_real[number], bits)
+        if same.any():
+            _note(notes, topics.EQUAL, number, chunk, own.rows[same])
+        self._count[number] = own.counts[-1]
+        self._back[number], self._before_back[number] = False, own.counts[-1] - 1
+        self._odd.count_on(number, int(own.counts[-1]) - 1)
+        self._in_file[number] = True
 
     def _judge(
-        self, number: int, own: _Stored, chunk: Chunk, zero: Bool, losses: I64, found: dict[int, dict[int, Zero]],
-        notes: Notes,
+        self, number: int, own: Stored, chunk: Chunk, losses: I64, found: dict[int, dict[int, Zero]], notes: Notes
     ) -> None:  # fmt: skip
-        variable = self._variables[number]
+        zeros = self._zeros
         rows, counts = own.rows, own.counts
         stretch = chunk.stretch[rows]
         before = np.concatenate([self._count[number : number + 1], counts[:-1]])
@@ -164,26 +147,26 @@ class ChangeJudge:
         lost_before = np.concatenate([self._losses[number : number + 1], losses[rows[:-1]]])
         steps = np.where(known, steps_of(counts, before), 0)
         follows = known & (losses[rows] == lost_before)
-        if self._alone[number] or own.alone.any():
+        if self._alone[number] or own.are_alone.any():
             # A value without its counter is a change that was stored.
-            alone = self._alone[number] + np.cumsum(own.alone)
+            alone = self._alone[number] + np.cumsum(own.are_alone)
             between = np.diff(alone[rows], prepend=0)
             steps = np.where((steps > 1) & (between > 0), np.maximum(steps - between, 1), steps)
             follows &= between == 0
             self._alone[number] = alone[-1] - alone[rows[-1]]
         valued = own.valued[rows]
-        same, value_known, is_null = self._values_at(number, variable, own, chunk, steps, known)
+        same, value_known, is_null = self._values_at(number, own, chunk, steps, known)
         # One of 32 bits that begins again is at 0, too.
-        at_zero = zero[rows] & ~(known & (steps == 1) & (before > 0))
+        at_zero = zeros.found[rows] & ~(known & (steps == 1) & (before > 0))
         # A file may begin with what was known already.
         goes_on = np.zeros(len(rows), np.bool_)
         goes_on[0] = not self._in_file[number]
         stuck = known & (steps == 0) & valued & ~goes_on & value_known & ~same
         is_alone = len(self._variables) == 1
         # Of a variable alone, a 0 may be a new start or a counter that is wrong: how it counts on, tells.
-        starts = self._anew[rows]
+        starts = zeros.whole[rows]
         doubtful = follows & ((steps < 0) | ((steps > 1) & ~at_zero) | stuck) & (~starts | (is_alone & (before > 0)))
-        doubtful &= ~at_zero | (before > 0) | (rows >= self._whole_from)
+        doubtful &= ~at_zero | (before > 0) | (rows >= zeros.whole_from)
         cells = Counted(counts, before, follows, doubtful, starts, valued, is_null)
         odd, behind_odd, right_steps = self._odd.find(number, cells)
         if is_alone:
@@ -222,15 +205,16 @@ class ChangeJudge:
             _note(notes, topics.NO_COUNT, number, chunk, rows[negative])
         if not valued.all():
             # A real number that is none is NULL, with a counter that counts it.
-            half = ~valued & ~self._partly[rows]
+            half = ~valued & ~zeros.partly[rows]
             if is_null:
                 half &= known & (steps == 0) & ~at_zero
             if half.any():
                 _note(notes, topics.HALF, number, chunk, rows[half])
         # In the style of the document a counter is repeated without its value: that tells of nothing new.
-        repeated = known & (steps == 0) & ~valued & ~self._partly[rows]
+        none = zeros.beside_none[rows] & ~valued
+        repeated = known & (steps == 0) & ~valued & ~zeros.partly[rows] & ~none
         for place in np.flatnonzero(at_zero & ~repeated).tolist():
-            if not known[place]:
+            if not known[place] or (none[place] and not steps[place]):
                 says = Zero.UNKNOWN
             elif steps[place] < 0:
                 says = Zero.BACK
@@ -253,20 +237,20 @@ class ChangeJudge:
         return np.where(was_back, np.minimum(steps - 1, steps_of(counts, since) - 2), steps - 1)
 
     def _values_at(
-        self, number: int, variable: LoggedVariable, own: _Stored, chunk: Chunk, steps: I64, known: Bool
-    ) -> tuple[Bool, Bool, bool]:
+        self, number: int, own: Stored, chunk: Chunk, steps: I64, known: Bool
+    ) -> tuple[Bool, Bool, bool]:  # fmt: skip
         """Take the values of a chunk; return, of rows with a counter, where the value is the one before, and where that
         one is known; and whether NULL may be a number that is none."""
-        is_real = any(word in variable.declared.upper() for word in _REAL_WORDS)
-        rows = np.flatnonzero(own.valued)
-        if len(rows) == len(own.rows) and np.array_equal(rows, own.rows):
-            same, value_known, bits = self._take_values(number, chunk, rows)
+        is_real = self._is_real[number]
+        if own.is_paired:
+            same, value_known, bits = self._take_values(number, chunk, own.rows)
             return self._without_zeros(same, is_real, bits), value_known, is_real
         # A change to what is not there: a number that is none, or a value that somebody took away.
-        none = own.rows[~own.valued[own.rows] & ((steps != 0) | ~known | self._partly[own.rows])]
-        rows = np.union1d(rows, none)
+        begins = (self._zeros.partly | self._zeros.beside_none)[own.rows]
+        none = own.rows[~own.valued[own.rows] & ((steps != 0) | ~known | begins)]
+        rows = np.union1d(np.flatnonzero(own.valued), none)
         same_at, known_at = np.zeros(len(chunk), np.bool_), np.zeros(len(chunk), np.bool_)
-        unknown = self._partly[rows] & ~own.valued[rows]
+        unknown = self._zeros.partly[rows] & ~own.valued[rows]
         same, value_known, bits = self._take_values(number, chunk, rows, unknown if unknown.any() else None)
         same_at[rows] = self._without_zeros(same, is_real, bits)
         known_at[rows] = value_known
@@ -279,8 +263,9 @@ class ChangeJudge:
         column = self._variables[number].column
         cells = chunk.rows.cells(column, rows)
         known = cells.form != Form.NULL
-        if self._anew.any():
-            begun = np.flatnonzero(self._anew & ~chunk.rows.filled(column))
+        whole = self._zeros.whole
+        begun = np.flatnonzero(whole & ~chunk.rows.filled(column)) if whole.any() else _NO_ROWS
+        if len(begun):
             every = np.union1d(rows, begun)
             self._unknown.take(number, chunk, every, np.isin(every, rows[known], assume_unique=True))
         else:
@@ -296,13 +281,13 @@ class ChangeJudge:
         return same & (bits << np.uint64(1) != 0) if is_real and same.any() else same
 
     def _look_for_restarts(
-        self, chunk: Chunk, own: list[_Stored | None], zero: Bool, found: dict[int, dict[int, Zero]], notes: Notes
+        self, chunk: Chunk, own: list[Stored | None], found: dict[int, dict[int, Zero]], notes: Notes
     ) -> None:
         row_before = -1
         for row, variables in found.items():
             if not variables:
                 continue
-            if self._start is not None and self._goes_on(own, zero, row_before, row):
+            if self._start is not None and self._goes_on(own, row_before, row):
                 self._close(notes)
             if self._start is not None and not self._start.variables.isdisjoint(variables):
                 self._close(notes)
@@ -321,21 +306,21 @@ class ChangeJudge:
             if self._is_whole(self._start, own, row):
                 self._tell_start(self._start, notes)
                 self._start = None
-        if self._start is not None and self._goes_on(own, zero, row_before, len(chunk)):
+        if self._start is not None and self._goes_on(own, row_before, len(chunk)):
             self._close(notes)
 
-    def _goes_on(self, own: list[_Stored | None], zero: Bool, first: int, last: int) -> bool:
+    def _goes_on(self, own: list[Stored | None], first: int, last: int) -> bool:
         """Return whether a variable that has not started anew is counted on between two rows."""
         assert self._start is not None
         for number, one in enumerate(own):
             if one is None or number in self._start.variables:
                 continue
             between = one.rows[(one.rows > first) & (one.rows < last)]
-            if len(between) and not zero[between].all():
+            if len(between) and not self._zeros.found[between].all():
                 return True
         return False
 
-    def _is_whole(self, start: Start, own: list[_Stored | None], row: int) -> bool:
+    def _is_whole(self, start: Start, own: list[Stored | None], row: int) -> bool:
         """Return whether every variable has started, up to a row; of one that never was stored, nobody waits for it."""
         missing = [number for number in range(len(self._variables)) if number not in start.variables]
         if not missing:

@@ -75,6 +75,15 @@ class OddCounts:
             self._settle(number, is_odd=bool(behind[0]))
         return np.append(behind[1:], False), behind, steps
 
+    def is_open(self, number: int) -> bool:
+        """Return whether what follows tells whether the last cell is odd."""
+        return number in self._waiting or bool(self._doubtful[number])
+
+    def count_on(self, number: int, before: int) -> None:
+        """Take cells of a variable that count on, without one that is odd; ``before`` is the count before the last."""
+        self._before[number], self._doubtful[number] = before, False
+        self._valued[number], self._starts[number] = True, False
+
     def wait(self, number: int, notes: Notes, place: tuple[I64, I64, Bool], amount: I64) -> None:
         """Keep a step to the last cell of a chunk until it is known whether changes were missed, or it is odd."""
         self._waiting[number] = _Waiting(notes, place, amount)

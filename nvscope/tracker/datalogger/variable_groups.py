@@ -33,7 +33,7 @@ class VariableGroups:
     @property
     def there(self) -> list[int]:
         """The groups of which there were rows."""
-        found: list[int] = np.unique(self.of[self.seen]).tolist()
+        found: list[int] = _once(self.of[self.seen]).tolist()
         return found
 
     def are_one(self, variables: I64) -> bool:
@@ -44,7 +44,7 @@ class VariableGroups:
     def join(self, variables: I64) -> list[int]:
         """Take the variables of a row; return the groups that are no more, since they are one with another now."""
         self.seen[variables] = True
-        found = np.unique(self.of[variables])
+        found = _once(self.of[variables])
         if len(found) < 2:
             return []
         self.of[np.isin(self.of, found)] = found[0]
@@ -67,3 +67,8 @@ class VariableGroups:
         for place in np.flatnonzero(mixed)[:_MOST_JOINED].tolist():
             gone += self.join(variables[filled[:, place]])
         return gone
+
+
+def _once(groups: I64) -> I64:
+    """Return each group that occurs; ``np.unique`` takes longer, and numpy imports much for the first one."""
+    return np.flatnonzero(np.bincount(groups))

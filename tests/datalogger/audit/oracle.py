@@ -159,7 +159,7 @@ def _following(names: list[str], rows: list[tuple[Any, ...]]) -> dict[tuple[int,
 class _Changes:
     def __init__(self, columns: list[tuple[str, str]], found: dict[Key, list[int]]) -> None:
         self.names = [name for name, _ in columns[::2]]
-        self.real = {name for name, declared in columns[::2] if declared == "FLOAT"}
+        self.real = {name for name, declared in columns[::2] if declared in ("FLOAT", "DOUBLE")}
         self.found = found
         self.count: dict[str, int] = {}
         self.value: dict[str, Any] = {}
@@ -174,6 +174,7 @@ class _Changes:
         self.start: list[tuple[int, dict[str, str]]] = []
         self.seen_beginning = False
         self.unknown: set[str] = set()
+        self.none: set[str] = set()
 
     def tell(self, code: str, severity: str, name: str | None, rowid: int) -> None:
         self.found[code, severity, name].append(rowid)
@@ -196,6 +197,11 @@ class _Changes:
         unknown = {name for name in self.names if cells[name][0] is None} if zero and lost else set()
         whole = len(counted) == len(self.names)
         self.unknown = unknown if whole else set()
+        # A start beside numbers that are none: only these lack of its values.
+        lacking = {name for name in self.names if cells[name][0] is None}
+        self.none = lacking if zero and whole and not lost and lacking < set(self.names) else set()
+        if self.none - self.real:
+            self.none = set()
         self.seen_whole |= whole
         if first:
             self.seen_beginning = zero
@@ -234,7 +240,7 @@ class _Changes:
         if value is not None and had and value != before and known and step == 0:
             says = "stuck"
         if known and step == 0 and value is None and name not in self.unknown:
-            says = "repeated"
+            says = "unknown" if name in self.none else "repeated"
         is_odd = ahead = False
         if name in self.is_odd:
             # The cell before was the odd one: of this one, nothing is wrong.
@@ -274,7 +280,7 @@ class _Changes:
         elif value is None:
             if name not in self.real or (known and step == 0 and not zero):
                 self.tell("NV957", "note", name, rowid)
-            if not known or step != 0:
+            if not known or step != 0 or name in self.none:
                 self.value[name] = None
         else:
             self.value[name] = value

@@ -38,7 +38,7 @@ def spoiled(draw: st.DrawFn, changes: bool) -> Rows:
     for _ in range(draw(st.integers(0, 6))):
         at = draw(st.integers(0, len(rows) - 1))
         row = rows[at]
-        name = draw(st.sampled_from("abc"))
+        name, zeros = draw(st.sampled_from("abc")), dict.fromkeys("abc", 0)
         kind = draw(
             st.sampled_from(
                 [
@@ -55,6 +55,7 @@ def spoiled(draw: st.DrawFn, changes: bool) -> Rows:
                     "same",
                     "zero",
                     "start",
+                    "none",
                     "again",
                 ]
             )
@@ -76,6 +77,9 @@ def spoiled(draw: st.DrawFn, changes: bool) -> Rows:
         elif changes and kind == "start":
             # A logger starts anew that does not know one of the values yet.
             rows[at] = replace(row, values={**row.values, name: None}, counts=dict.fromkeys("abc", 0), consistent=0)
+        elif changes and kind == "none":
+            # A logger starts anew beside a number that is none.
+            rows[at] = replace(row, values={**dict.fromkeys("abc", 1), **row.values, "b": None}, counts=zeros)
         elif changes and kind == "count":
             rows[at] = replace(
                 row, counts={**row.counts, name: draw(st.sampled_from([-1, 0, 1, 2, 30, 1 << 40, "x", 0.5]))}
