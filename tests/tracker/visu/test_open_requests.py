@@ -55,7 +55,7 @@ def asked(request: bytes = WRITE) -> Line:
         (lambda line: line.close(False).close(True), "unanswered"),
         (lambda line: line.reset(False), "unanswered"),
         (lambda line: line.reset(True), "unanswered"),
-        (lambda line: line.segment(True, flags=SYN, seq=77), "unanswered"),
+        (lambda line: line.segment(True, flags=SYN, seq=77), "open"),
         (lambda line: line.answer(DONE[:-2]).reset(False), "unanswered"),
         (lambda line: line.answer(NO_LENGTH).reset(False), "confirmed"),
         (lambda line: line.say(False, DONE, captured=len(DONE) - 1).close(False), "open"),
