@@ -5,9 +5,9 @@ For looking at all frames, also at those in which ``dissectors.link`` finds noth
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.batch import I64, U64, Bool, LinkType, PacketBatch
 from dissectors.columns import Columns
@@ -44,8 +44,7 @@ _WITH_HARDWARE: dict[int, tuple[Layout, int]] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class FrameAddresses(Columns):
+class FrameAddresses(Columns, Struct, frozen=True):
     """Who sent the frames of a packet batch of which that is known, in its order.
 
     ``row`` is the row of the packet, int64. ``hardware`` are the 48 bits of the sender's hardware address, 0 where

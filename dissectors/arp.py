@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, U32, Bool, Records
 from dissectors.columns import Columns
@@ -30,8 +29,7 @@ _HARDWARE_BYTES, _IPV4_BYTES = 6, 4
 _ETHERNET_TYPES = (1, 6)  # Ethernet and IEEE 802
 
 
-@dataclass(frozen=True, slots=True)
-class ArpBatch(Columns):
+class ArpBatch(Columns, Struct, frozen=True):
     """The ARP messages of a packet batch whose fixed part was captured, in its order.
 
     ``row`` is the row of the packet. The next five are the fixed part, as in ``ARP``, int64. Addresses lie at the

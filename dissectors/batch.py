@@ -6,11 +6,12 @@ No packet is ever an object: a batch is a set of numpy columns of equal length, 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -78,8 +79,7 @@ class End(NamedTuple):
     seamless: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class PacketBatch:
+class PacketBatch(Struct, frozen=True):
     """Some packets of a capture, in the order of the capture.
 
     ``data`` is a flat uint8 buffer (a mapped file, a receive buffer). Row *i* is the packet whose captured

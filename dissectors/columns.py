@@ -1,4 +1,4 @@
-"""Columns: a table as a dataclass, each of whose fields is an array with one entry a row."""
+"""Columns: a table as a record, each of whose fields is an array with one entry a row."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from dissectors.batch import I64, Bool
 
 
 class Columns:
-    """A dataclass whose fields are its columns, all of shape (n,).
+    """A record whose fields are its columns, all of shape (n,).
 
     A subclass that makes its columns when they are asked for has its own ``__len__`` and ``take``: its constructor is
     not given them.
     """
 
     __slots__ = ()
-    # Of a dataclass: the names of the fields that its constructor takes, in this order.
+    # Of records and dataclasses: the names of the fields that its constructor takes, in this order.
     __match_args__: ClassVar[tuple[str, ...]]
 
     def __len__(self) -> int:
-        return len(getattr(self, self.__match_args__[0]))
+        return len(getattr(self, type(self).__match_args__[0]))
 
     def take(self, rows: I64 | Bool) -> Self:
         """Return the rows at the given positions or where the mask is set; all of them are not copied."""
         if rows.dtype == np.bool_ and rows.all():
             return self
         made: Callable[..., Self] = type(self)
-        return made(*[getattr(self, name)[rows] for name in self.__match_args__])
+        return made(*[getattr(self, name)[rows] for name in type(self).__match_args__])
 
     @classmethod
     def stacked(cls, parts: Sequence[Any]) -> Self:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Protocol, Self
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool, PacketBatch
 from dissectors.claims import Claims
@@ -47,8 +47,7 @@ class Follower(Protocol):
 Dissect = Callable[[PacketBatch, DatagramBatch, SegmentBatch], Part]
 
 
-@dataclass(frozen=True, slots=True)
-class Dissector:
+class Dissector(Struct, frozen=True):
     """A protocol on ports, or a link type, of its own; ``name`` is what its fields begin with.
 
     ``dissect`` is given a packet batch, and the datagrams and segments in it that go over the ports of ``claims``. It

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import re
 import zlib
-from dataclasses import dataclass, replace
 from enum import IntEnum
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 MOST_HEAD_BYTES = 1 << 16
 MOST_BODY_BYTES = 1 << 20
@@ -57,8 +59,7 @@ _BEGINS = {
 _LONGEST_BEGIN = max(len(one) for begins in _BEGINS.values() for one in begins)
 
 
-@dataclass(frozen=True, slots=True)
-class Head:
+class Head(Struct, frozen=True):
     """The head of a message: ``method`` and ``target`` of a request, ``status`` of a response, 0 of a request.
 
     ``length`` is that of the body in bytes, where ``body`` is ``LENGTH``. ``coding`` is '' where the content is as it
@@ -211,8 +212,7 @@ def _coding(told: str) -> str:
     return "" if told in ("", "identity") else told
 
 
-@dataclass(frozen=True, slots=True)
-class Chunked:
+class Chunked(Struct, frozen=True):
     """What was found of a body in chunks: where it ends, and what is in it.
 
     ``stop`` is -1 where that is not there yet; ``content`` is what there is. ``wrong_at`` is up to where one has to

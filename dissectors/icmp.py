@@ -7,10 +7,10 @@ icmpv6-parameters for both.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors import address
 from dissectors.batch import I64, U8, Bool
@@ -153,8 +153,7 @@ _TARGET_LINK, _LINK_BYTES = 2, 6
 _OPTION_UNIT = 8
 
 
-@dataclass(frozen=True, slots=True)
-class IcmpBatch(Columns):
+class IcmpBatch(Columns, Struct, frozen=True):
     """The ICMP messages of a packet batch of one IP version, in its order, of which at least the type was captured.
 
     ``row`` is the row of the packet, ``type`` and ``code`` uint8 (``code`` holds anything where it was not captured:

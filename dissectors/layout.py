@@ -7,17 +7,16 @@ writer ``pack``, the Scapy fields and the help text; offsets are computed here a
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors.batch import I64, U8, Bool, Records
 
 
-@dataclass(frozen=True, slots=True)
-class Bit:
+class Bit(Struct, frozen=True):
     """One named bit of a field, counted from the least significant one."""
 
     position: int
@@ -29,8 +28,7 @@ class Bit:
         return 1 << self.position
 
 
-@dataclass(frozen=True, slots=True)
-class Field:
+class Field(Struct, frozen=True):
     """One field of a wire format.
 
     ``dtype`` is a numpy type with explicit byte order (``"<u2"``). ``values`` names the numbers that have a

@@ -7,10 +7,10 @@ the rows that go on. Rows that do not are not lost: what is nothing here is one 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors.batch import I64, U8, U16, U32, Bool, LinkType, PacketBatch
 from dissectors.claims import NO_CLAIMS, Claims
@@ -68,8 +68,7 @@ MAX_EXTENSIONS = 16
 _VLAN_MASK = 0xFFF
 
 
-@dataclass(frozen=True, slots=True)
-class Peeled:
+class Peeled(Struct, frozen=True):
     """What lies under the link layers of a packet batch.
 
     ``udp`` are the whole (not fragmented) UDP datagrams, ``quoted`` those that an ICMP destination-unreachable quotes
@@ -88,8 +87,7 @@ class Peeled:
 NOTHING_PEELED = Peeled(NO_DATAGRAMS, NO_QUOTED, NO_SEGMENTS, 0, None)
 
 
-@dataclass(slots=True)
-class _Found:
+class _Found(Struct):
     """What was found so far, by IP version and link type."""
 
     udp: list[DatagramBatch] = field(default_factory=list)

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, U32, Bool, PacketBatch, Records
 from dissectors.claims import NO_CLAIMS, Claims
@@ -147,8 +148,7 @@ class TelegramBatch:
         return self.data[start : start + int(self.datagram.captured_bytes[position])].tobytes()
 
 
-@dataclass(frozen=True, slots=True)
-class Dissection:
+class Dissection(Struct, frozen=True):
     """A packet batch taken apart: its telegrams, and what else lay in it.
 
     ``quoted`` are the telegrams that ICMP messages quote as not delivered; how much of them was quoted varies, at least
@@ -166,8 +166,7 @@ NO_TELEGRAMS = TelegramBatch(
 NOTHING = Dissection(NO_TELEGRAMS, NO_TELEGRAMS, NOTHING_PEELED)
 
 
-@dataclass(frozen=True, slots=True)
-class PortRules:
+class PortRules(Struct, frozen=True):
     """UDP ports, either side's, of which it was decided by hand what is on them.
 
     What goes over a port of ``telegrams`` is read as telegrams whatever its identity; what goes over one of ``others``

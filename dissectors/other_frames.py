@@ -7,11 +7,12 @@ being readable at some layer is a frame of the layer above it, with a fault.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.arp import NO_ARP, ArpBatch, read_arp
 from dissectors.batch import I64, U8, Bool, PacketBatch
@@ -66,8 +67,7 @@ class FrameKind(IntEnum):
     ICMPV6 = 8
 
 
-@dataclass(frozen=True, slots=True)
-class OtherBatch(Columns):
+class OtherBatch(Columns, Struct, frozen=True):
     """One row a frame, in the order of the packet batch.
 
     ``row`` is its row there, ``kind`` a ``FrameKind`` (uint8). ``ethertype`` is the type behind VLAN tags, or what a
@@ -86,8 +86,7 @@ class OtherBatch(Columns):
     fault: Bool
 
 
-@dataclass(frozen=True, slots=True)
-class OtherFrames:
+class OtherFrames(Struct, frozen=True):
     """Some frames of a packet batch, and what was found in them; each part is in the order of the batch."""
 
     frames: OtherBatch
@@ -166,7 +165,9 @@ class _Reader:
             return nothing
         whole: Any = made.stacked(self._parts[name])
         whole = whole.take(np.argsort(whole.row, kind="stable"))
-        return replace(whole, row=self._rows[whole.row])
+        kept = [getattr(whole, name) for name in made.__match_args__[1:]]
+        returned: Callable[..., Any] = made
+        return returned(self._rows[whole.row], *kept)
 
     def _reach(self, kind: FrameKind, place: Place, *, fault: bool | Bool) -> None:
         """Enter that some frames reach as far as a layer of this kind."""

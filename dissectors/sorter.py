@@ -6,9 +6,8 @@ A packet whose headers are those of an earlier one but for time, Counter and dat
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U16, U64, Bool, LinkType, PacketBatch, Records
 from dissectors.can.frame import CanBatch, dissect_can
@@ -58,8 +57,7 @@ _WITHOUT_CAN = frozenset(LinkType) - {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class SortedPackets:
+class SortedPackets(Struct, frozen=True):
     """A packet batch, told by varieties.
 
     ``variety`` int64 (``NO_TELEGRAM`` where there is none) and ``counter`` uint16 have one entry a packet; what a

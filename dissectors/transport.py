@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, U16, U32, U64, Bool
 from dissectors.columns import Columns
@@ -23,8 +24,7 @@ UNTOLD = -1
 """In place of where a packet ends by its header, where that says no length."""
 
 
-@dataclass(frozen=True, slots=True)
-class Place(Columns):
+class Place(Columns, Struct, frozen=True):
     """Rows at the start of a layer: absolute offsets of it and of the end of what was captured.
 
     ``group`` is 1 where the link layer says that a frame went to everybody, ``GROUP_UNKNOWN`` where none is there.
@@ -36,8 +36,7 @@ class Place(Columns):
     group: U8
 
 
-@dataclass(frozen=True, slots=True)
-class IpPackets:
+class IpPackets(Struct, frozen=True):
     """Rows at the start of a transport header, with what the IP header said.
 
     ``stop`` is where the packet ends by its header, which is behind ``place.end`` where less was captured; ``UNTOLD``

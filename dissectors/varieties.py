@@ -6,9 +6,10 @@ all frames of a kind stands here, with one row a kind; what comes out is as if e
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, U16, U64, Bool, PacketBatch, Records
 from dissectors.can.frame import FRAME, CanBatch
@@ -38,8 +39,7 @@ _HEADER_WORDS = np.dtype(
 )
 
 
-@dataclass(frozen=True, slots=True)
-class CommonTelegrams:
+class CommonTelegrams(Struct, frozen=True):
     """What the telegrams of each kind have in common: columns as of a ``TelegramBatch``, one row a kind.
 
     ``datagram.payload`` is relative to the packet's first byte. Of no use are ``datagram.row``, the source port and

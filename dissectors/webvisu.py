@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from enum import Enum, IntEnum
 from functools import cached_property
 from typing import NamedTuple
 from urllib.parse import unquote
+
+from msgspec import Struct
 
 from dissectors.webvisu_entries import divide, is_number
 
@@ -99,8 +100,7 @@ class Entry(NamedTuple):
         return isinstance(self.place, Place) and self.place.type == STRING
 
 
-@dataclass(frozen=True)
-class Request:
+class Request(Struct, frozen=True, dict=True):
     """What a request asks for: to read its entries or to write them; ``declared`` is how many it says there are.
 
     ``query``: it is one of the older pages, READPI or WRITEPI, whose reply is as the page wants it.
@@ -154,8 +154,7 @@ class Answer(Enum):
     REFUSED = "refused"
 
 
-@dataclass(frozen=True, slots=True)
-class Reply:
+class Reply(Struct, frozen=True):
     """What a controller answers: values by position, as text, None where it could not read one."""
 
     answer: Answer

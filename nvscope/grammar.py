@@ -9,7 +9,6 @@ grammar is read, so that they make nothing wrong, only fast. ``python -m tests.g
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -18,13 +17,13 @@ import lark
 from lark import Lark
 from lark.grammar import Rule
 from lark.lexer import TerminalDef
+from msgspec import Struct, field
 
 _MOST_WIDTH = 1 << 31
 _SHIFT = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Grammar:
+class Grammar(Struct, frozen=True):
     """A grammar in a file, and the options with which lark makes a parser of it.
 
     ``options`` are plain values, part of what the tables are of; ``parts`` are classes and objects that the parser is

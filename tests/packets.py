@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -21,6 +20,7 @@ from nvscope.view.documents.report import report_document
 from nvscope.view.rows.frames import FrameRows, PacketRows
 from tests.oracle.frame import Frame
 from tests.protocols.rows import logged_of
+from tests.records import replace
 
 AnyObserver = TypeVar("AnyObserver", bound=Observer)
 

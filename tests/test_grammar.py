@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from nvscope.definition.source import Source
 from nvscope.expression import syntax
 from nvscope.grammar import Grammar
 from tests.grammar_tables import grammars
+from tests.records import replace
 
 EACH = pytest.mark.parametrize("grammar", grammars(), ids=lambda grammar: grammar.path.stem)
 DECLARATIONS = """TYPE Axis : STRUCT pos : ARRAY [0..2, 1..2] OF LREAL; END_STRUCT END_TYPE

@@ -16,10 +16,10 @@ little-endian, as Wireshark does with a capture of a little-endian host.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
 from enum import IntEnum
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, U16, U32, Bool, Direction, LinkType, PacketBatch, Records
 from dissectors.headers import (
@@ -86,8 +86,7 @@ class Fault(IntEnum):
     IDENTIFIER = 6  # a standard frame whose identifier has bits above the lower 11: these are ignored
 
 
-@dataclass(frozen=True, slots=True)
-class CanBatch:
+class CanBatch(Struct, frozen=True):
     """The CAN frames of a packet batch, in its order, with bad ones as rows that have a fault.
 
     ``data`` is the buffer that ``at`` points into: ``captured`` bytes of a frame's data lie from ``at``, none of a
@@ -125,7 +124,7 @@ class CanBatch:
 
     def take(self, rows: I64 | Bool | slice) -> CanBatch:
         """Return the frames at the given positions, of a slice, or where the mask is set."""
-        columns = (column.name for column in fields(self) if column.name != "data")
+        columns = (name for name in self.__struct_fields__ if name != "data")
         return CanBatch(self.data, *(getattr(self, name)[rows] for name in columns))
 
     def payload(self, position: int) -> bytes:
@@ -219,8 +218,7 @@ def _dlc(head: Records, length: U8, fd: Bool, error: Bool) -> U8:
     return dlc
 
 
-@dataclass(frozen=True, slots=True)
-class _Spans:
+class _Spans(Struct, frozen=True):
     """Where the SocketCAN frames of a packet batch lie, in its order.
 
     ``row`` is the row of the packet; ``at`` and ``end`` are absolute offsets of the frame and of the end of what was

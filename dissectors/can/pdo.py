@@ -8,10 +8,10 @@ Without a definition, every identifier is a list alone.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors.batch import U64, Bool
 from dissectors.can import frame as can
@@ -44,8 +44,7 @@ def _no_names() -> Sequence[str]:
     return ()
 
 
-@dataclass(frozen=True, slots=True)
-class PdoRules:
+class PdoRules(Struct, frozen=True):
     """Which lists are on which COB-IDs.
 
     ``parts`` are by channel and standard identifier, ``lists`` by channel and that of their first frame; a channel of

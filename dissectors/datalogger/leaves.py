@@ -14,11 +14,11 @@ Source: https://www.sqlite.org/fileformat2.html, sections 1.6 and 2.1.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, Bool
 from dissectors.datalogger.records import sizes_of
@@ -52,8 +52,7 @@ Matrix = npt.NDArray[Any]
 Part = bytes | memoryview
 
 
-@dataclass(frozen=True, slots=True)
-class NumberColumns:
+class NumberColumns(Struct, frozen=True):
     """Numbers of columns that follow each other: signed or float64, (n, columns), ``null`` where there is none.
 
     ``null`` is None where none is. NaN is NULL, as SQLite has none.
@@ -67,8 +66,7 @@ class NumberColumns:
         return int(self.numbers.shape[1])
 
 
-@dataclass(frozen=True, slots=True)
-class TextColumn:
+class TextColumn(Struct, frozen=True):
     """Texts in UTF-8: that of row i is ``data[start[i] : stop[i]]``; NULL where ``null``, None where none is."""
 
     data: U8
@@ -89,8 +87,7 @@ class TextColumn:
 Block = NumberColumns | TextColumn
 
 
-@dataclass(frozen=True, slots=True)
-class Leaves:
+class Leaves(Struct, frozen=True):
     """The pages of a table: those of its rows, and the last rowid of each; rowids count from 1.
 
     A page is what stands in front of its cells, and the cells.
@@ -120,8 +117,7 @@ class Leaves:
         return head.ljust(at, b"\0") + b"".join(reversed(cells))
 
 
-@dataclass(frozen=True, slots=True)
-class _Shaped:
+class _Shaped(Struct, frozen=True):
     """Columns with how they are written: the type of each value, (n, columns), and how many bytes each takes.
 
     ``types`` are as wide as ``type_bytes`` says, in bytes of variable length where that is not 1. ``words`` are numbers

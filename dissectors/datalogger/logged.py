@@ -7,9 +7,9 @@ tables travel with the batch: whoever cuts, takes or joins batches has them.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 from dissectors.datalogger.tables import LogTable
@@ -18,8 +18,7 @@ NO_TABLE = -1
 """In place of the number of a table: a packet that is no row."""
 
 
-@dataclass(frozen=True, slots=True)
-class RowTable:
+class RowTable(Struct, frozen=True):
     """A table of a database: whose rows they are (``series``, files that follow each other are one), as people call it.
 
     ``real`` are the numbers of columns that hold real numbers; texts are in ``encoding``. Between rows of one ``part``
@@ -34,8 +33,7 @@ class RowTable:
     part: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Logged:
+class Logged(Struct, frozen=True):
     """A row a packet: the number of its table, ``NO_TABLE`` for none, and the row id. Shapes (n,).
 
     ``unread`` are the rows in front of which others are in the file that nobody can read.

@@ -11,13 +11,13 @@ Source: https://www.sqlite.org/fileformat2.html, section 2.1.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from dissectors.batch import I32, I64, U8, U64, Bool
 from dissectors.datalogger.varints import varints
@@ -73,8 +73,7 @@ def sizes_of(types: U8) -> U8:
     return sizes
 
 
-@dataclass(frozen=True)
-class Cells:
+class Cells(Struct, frozen=True, dict=True):
     """The values of one column, a row each.
 
     ``form`` is a ``Form`` as uint8. ``bits`` are those of an int64 or a float64, 0 of all else. A text or blob is

@@ -6,10 +6,10 @@ whose ``tsfmt`` was changed has both in one table.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, Bool
 from dissectors.datalogger.records import Cells, Form
@@ -37,8 +37,7 @@ _MOST_DIGITS = 20
 _POINT, _MINUS, _T, _SPACE, _Z, _ZERO = b".-T Z0"
 
 
-@dataclass(frozen=True, slots=True)
-class RowTimes:
+class RowTimes(Struct, frozen=True):
     """Times of rows: ``time_ns`` is 0 where ``stamp`` (``Stamp`` as uint8) is ``NONE``."""
 
     time_ns: I64

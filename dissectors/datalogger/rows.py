@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool, LinkType, PacketBatch
 from dissectors.datalogger.logged import NO_TABLE, Logged, RowTable
@@ -15,8 +15,7 @@ CONSISTENT = 1
 """The number of the column ConsistentDataSeries."""
 
 
-@dataclass(frozen=True, slots=True)
-class RowBatch:
+class RowBatch(Struct, frozen=True):
     """The rows of a packet batch; ``row`` is that of the packet, ``logged`` has those of ``row`` alone."""
 
     packets: PacketBatch

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
+
+from msgspec import Struct
 
 TIMESTAMP, CONSISTENT = "Timestamp", "ConsistentDataSeries"
 COUNT_SUFFIX = "_change_count"
@@ -37,8 +38,7 @@ SQL_TYPES: Mapping[str, str] = MappingProxyType(
 """What the column of a variable is declared as, by the name of its IEC type."""
 
 
-@dataclass(frozen=True, slots=True)
-class LoggedVariable:
+class LoggedVariable(Struct, frozen=True):
     """A variable of a table: its name, what its column is declared as, and the numbers of its columns, from 0.
 
     ``counter`` is None where the table stores every value.
@@ -50,8 +50,7 @@ class LoggedVariable:
     counter: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class LogTable:
+class LogTable(Struct, frozen=True):
     """A table as DataLoggers write them; ``raw``: its timestamps are declared as numbers."""
 
     name: str

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
+
+from msgspec import Struct
 
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.selection import lists_named, names_of_lists
@@ -20,8 +21,7 @@ if TYPE_CHECKING:
     from nvscope.definition.project import Project
 
 
-@dataclass(frozen=True)
-class Comparisons:
+class Comparisons(Struct, frozen=True):
     """Between lists (``hops``), between pages and lists, and between databases and lists (``logged_hops``)."""
 
     hops: Hops

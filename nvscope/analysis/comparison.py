@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from nvscope.analysis.inquiry import Analysis
 from nvscope.list_key import ListKey
@@ -57,8 +57,7 @@ _LEAST_LATER_NS = 1_000_000
 _SHARE_TIMES = 1.5
 
 
-@dataclass(frozen=True, slots=True)
-class Where:
+class Where(Struct, frozen=True):
     """Where something differs.
 
     ``list`` is None where it is about no list, ``node``, the address of a sender, where it is about all of them, and
@@ -70,8 +69,7 @@ class Where:
     subindex: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Difference:
+class Difference(Struct, frozen=True):
     """Something that differs: of which ``kind`` (``KINDS``), where, and what it is in the one capture and the other.
 
     ``a`` and ``b`` are in words, "" where there is nothing; ``why`` says by what it is told that this is no chance, ""
@@ -86,8 +84,7 @@ class Difference:
     why: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Interval:
+class Interval(Struct, frozen=True):
     """The intervals of a stream, with their histogram; whether it is sent in cycles."""
 
     histogram: Histogram

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.capture.source import Source
@@ -10,8 +10,7 @@ from nvscope.list_key import Transport
 from nvscope.tracker.variables.samples import Samples
 
 
-@dataclass(frozen=True)
-class Inferred:
+class Inferred(Struct, frozen=True):
     """Samples of all streams, from which layouts are proposed, and the source that they were taken from."""
 
     samples: Samples

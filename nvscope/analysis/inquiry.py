@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from dissectors import address
 from dissectors.netvar import PortRules
@@ -58,8 +60,7 @@ def _nobody(_: Source) -> AbstractContextManager[Callable[[], None]]:
     return nullcontext(lambda: None)
 
 
-@dataclass(frozen=True)
-class Analysis:
+class Analysis(Struct, frozen=True):
     """What one reading of captures showed: everything, and what a filter leaves of it.
 
     ``summary`` and ``findings`` are those of all telegrams; ``chosen`` is what the filter chose, None without one.
@@ -77,8 +78,7 @@ class Analysis:
     happened: Happenings | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class _Wanted:
+class _Wanted(Struct, frozen=True):
     """What is asked for beside figures and findings."""
 
     values: bool = False
@@ -93,8 +93,7 @@ def _witness(source: Source) -> Witness:
     return Witness(live=any_live(source.infos))
 
 
-@dataclass(frozen=True)
-class Inquiry:
+class Inquiry(Struct, frozen=True, dict=True):
     """Captures, and how to read them: with which project, ports and timeout, watched by whom.
 
     ``captures`` are the paths of files, which are opened when something is asked, and read from their beginning each

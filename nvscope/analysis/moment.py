@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.analysis.read_values import Meant, ReadAt
@@ -15,8 +15,7 @@ from nvscope.units import count_of
 from nvscope.view.asked_time import AskedTime, Reference
 
 
-@dataclass(frozen=True)
-class At:
+class At(Struct, frozen=True):
     """The last telegrams up to ``time_ns``, and the source that was read for them.
 
     ``read_ones`` are values that come one by one, where they are meant.

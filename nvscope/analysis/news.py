@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Hashable, Iterable, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from nvscope.causes.cause import Cause
 
@@ -12,8 +13,7 @@ _MOST_OVER = 10_000
 """So many that are over are known again; of older ones hardly any comes back."""
 
 
-@dataclass(frozen=True, slots=True)
-class Told:
+class Told(Struct, frozen=True):
     """What changed between two looks: causes that are new, or there again, and those that are over.
 
     ``instead`` has, for each of ``ended``, the cause that its findings belong to now; None where it is over by itself,

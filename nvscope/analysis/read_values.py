@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
+
+from msgspec import Struct
 
 from nvscope.engine.told import Told
 from nvscope.enumeration import first_few
@@ -31,8 +32,7 @@ if TYPE_CHECKING:
 _MOST_COMPARED, _MOST_NEAR = 1_000, 3
 
 
-@dataclass(frozen=True, slots=True)
-class ReadSource:
+class ReadSource(Struct, frozen=True):
     """Whoever tells values one by one, ``name`` as in ``Told.parts``; with ``name/`` begins what stands for lists.
 
     ``read`` makes what finds them, ``wanted`` what tells which variables two patterns mean: of what stands for a list,

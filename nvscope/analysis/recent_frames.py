@@ -6,10 +6,11 @@ A ring is looked at in steps, and each frame once: whoever shows a scene need no
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from dissectors.batch import I64, Bool
 from dissectors.carried import Carrier
@@ -37,8 +38,7 @@ def _no_frames() -> I64:
     return np.empty(0, np.int64)
 
 
-@dataclass(frozen=True, slots=True)
-class Wanted:
+class Wanted(Struct, frozen=True):
     """Which frames are wanted: those that an expression chooses, of one list; None for no matter which."""
 
     expression: str | None = None
@@ -48,8 +48,7 @@ class Wanted:
 EVERYTHING = Wanted()
 
 
-@dataclass(frozen=True, slots=True)
-class FoundFrames:
+class FoundFrames(Struct, frozen=True):
     """What was found in the frames of a ring from ``first_frame`` to before ``stop_frame``; stays as it is.
 
     ``frames`` are the numbers of the telegrams, CAN frames and what protocols read, of the wanted list if one is;

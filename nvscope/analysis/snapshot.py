@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
 
 from nvscope.capture.source import Source, SourceInfo, any_live
 from nvscope.definition.defined_pdos import pdos_of
@@ -25,8 +26,7 @@ if TYPE_CHECKING:
     from nvscope.tracker.evidence.witness import Witness
 
 
-@dataclass(frozen=True, slots=True)
-class Happenings:
+class Happenings(Struct, frozen=True):
     """What happened: the causes behind findings, those that are over too, and what each list did when.
 
     ``left_out`` is how many events and frames there was no room for, so that no cause is told by them.
@@ -37,8 +37,7 @@ class Happenings:
     left_out: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Snapshot:
+class Snapshot(Struct, frozen=True):
     """What follows from all that was observed up to ``at_ns``, what is wrong with it, and what its sources say.
 
     ``at_ns`` is None where nothing was observed yet. The difference of two snapshots' ``figures`` is what was counted

@@ -7,10 +7,10 @@ where pages ask, a value is missed that comes late; where only changes are store
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import Bool
 from nvscope.analysis.read_values import SOURCES
@@ -29,8 +29,7 @@ if TYPE_CHECKING:
     from nvscope.tracker.readings.readings import ReadVariable
 
 
-@dataclass(frozen=True, slots=True)
-class TracedReadings:
+class TracedReadings(Struct, frozen=True):
     """A variable of a page or of a database; ``source`` is the name of who tells it, as in ``SOURCES``.
 
     What came up to ``hidden_frame`` is left out: it is, or may be, a password.

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.batch import I64, Bool
 from nvscope.analysis.tracing import Numbers, Points
@@ -29,8 +30,7 @@ _LOST_PERCENT = 150
 between those that are further apart, one was."""
 
 
-@dataclass(frozen=True, slots=True)
-class TracedElement:
+class TracedElement(Struct, frozen=True):
     """A variable: element ``place`` of a layout of telegrams of a list, with a SubIndex, of a sender."""
 
     list: ListKey

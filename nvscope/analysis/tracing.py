@@ -7,11 +7,11 @@ stay. So extremes are kept as they were, however long it goes on.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 from nvscope.analysis.watching import Scene
@@ -25,8 +25,7 @@ _BUCKET = 4
 Numbers = npt.NDArray[Any]
 
 
-@dataclass(frozen=True, slots=True)
-class Points:
+class Points(Struct, frozen=True):
     """Values of a variable, in the order in which they came; all are of shape (n,).
 
     Those that are not ``kept`` are no number, and part those around them. ``apart``: nobody knows what was between it
@@ -86,8 +85,7 @@ class Traced(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
-class Trace:
+class Trace(Struct, frozen=True):
     """The values of a variable, in the order in which they came; a value that stays as it is.
 
     ``value`` has the numbers as the type has them, ``run`` a number that is another one behind a gap: where nothing

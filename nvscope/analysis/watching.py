@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from nvscope.analysis.inquiry import Analysis, Inquiry
 from nvscope.analysis.read_values import last_values, meant
@@ -34,8 +36,7 @@ if TYPE_CHECKING:
     from nvscope.view.documents.variables import VariableStream
 
 
-@dataclass(frozen=True)
-class Scene:
+class Scene(Struct, frozen=True, dict=True):
     """What is known at a moment: figures and causes, how fast lists come, the last frames, the values of variables.
 
     ``contacts`` are who sends to whom. ``variables`` are empty without definitions. ``node_names`` are those that
@@ -98,8 +99,7 @@ class Scene:
         return RecentSource(self.recent, self.snapshot.infos, self.channels, first_frame, stop_frame)
 
 
-@dataclass(frozen=True, slots=True)
-class Watching:
+class Watching(Struct, frozen=True):
     """How a source is watched: ``ring_bytes`` are kept of the last frames, 0 for none, ``others`` observe too.
 
     ``node_names`` are those that are shown, None for those of the project. ``clock`` tells the moments of causes, None

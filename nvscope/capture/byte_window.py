@@ -10,10 +10,10 @@ import io
 import mmap
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import PAD_BYTES, U8
 from nvscope.capture import bus_error
@@ -24,8 +24,7 @@ _TAIL_BYTES = 4096
 _RELEASE_BYTES = 8 << 20
 
 
-@dataclass(frozen=True, slots=True)
-class View:
+class View(Struct, frozen=True):
     """A stretch of a file in memory.
 
     ``data[start:end]`` are bytes that were not read yet; ``data[0]`` is at ``origin`` in the file. Records that begin

@@ -5,15 +5,17 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Generator, Iterator, Sequence
-from dataclasses import dataclass, replace
 from weakref import ReferenceType, ref
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.batch import PacketBatch
 from nvscope.capture.between import Between
 from nvscope.capture.byte_window import CHUNK_BYTES, SMALL_FILE_BYTES
 from nvscope.capture.content import STDIN, Content, ContentSizes
 from nvscope.capture.datalogger.names import closed_files, told_of_closed
-from nvscope.capture.pieces import Stopped
+from nvscope.capture.pieces import READ_ONLY, Stopped
 from nvscope.capture.reader import Place, Progress, Reader, ReadingSizes, WindowReader, reader_of
 from nvscope.capture.source import Attachment, SourceInfo
 from nvscope.capture.stoppable import StoppableBatches
@@ -22,15 +24,12 @@ from nvscope.errors import NvscopeError, UnreadableInput
 from nvscope.near_files import perhaps
 from nvscope.resources import NO_DESCRIPTORS, too_many_open
 
-_READ_ONLY = os.O_RDONLY | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
-
 _PEEK_SIZES = ReadingSizes(batch_packets=1, stride_bytes=4096)
 _PEEK_BYTES = 64 << 10
 _FEWEST_PACKETS, _FEWEST_BYTES = 1024, 256 << 10
 
 
-@dataclass(frozen=True, slots=True)
-class _Opened:
+class _Opened(Struct, frozen=True):
     """A file that is being read."""
 
     format_name: str
@@ -217,7 +216,7 @@ class CaptureFile:
     def _descriptor(self) -> int:
         if self._copy is not None:
             return os.dup(self._copy)
-        return sys.stdin.fileno() if self.path == STDIN else os.open(self.path, _READ_ONLY)
+        return sys.stdin.fileno() if self.path == STDIN else os.open(self.path, READ_ONLY)
 
     def _unreadable(self, error: OSError) -> NvscopeError:
         if error.errno in NO_DESCRIPTORS:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import stat
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from itertools import chain
 from typing import Protocol
+
+from msgspec import Struct
 
 from nvscope.capture.byte_window import (
     CHUNK_BYTES,
@@ -20,7 +21,7 @@ from nvscope.capture.byte_window import (
 from nvscope.capture.compressed import COMPRESSIONS, Decompressed, compression_of
 from nvscope.capture.datalogger.names import is_newest
 from nvscope.capture.formats import READABLE, TEXT_HEAD_BYTES, NoCapture, either, is_enough
-from nvscope.capture.pieces import FilePieces, PipePieces, read_at
+from nvscope.capture.pieces import FilePieces, PipePieces, is_whole_file, read_at
 from nvscope.capture.time_span import TimeSpan
 from nvscope.errors import UnreadableInput
 
@@ -30,8 +31,7 @@ EXPECTED = f"{READABLE}, plain or compressed with {either(COMPRESSIONS)}"
 """What a person may give as a capture file."""
 
 
-@dataclass(frozen=True, slots=True)
-class ContentSizes:
+class ContentSizes(Struct, frozen=True):
     """How much is in memory at a time: ``small_file_bytes`` and ``chunk_bytes`` are those of the windows."""
 
     small_file_bytes: int = SMALL_FILE_BYTES
@@ -76,7 +76,7 @@ class Content:
         status = os.fstat(descriptor)
         if stat.S_ISDIR(status.st_mode):
             raise UnreadableInput("a directory, expected a file", where=path)
-        self.regular = stat.S_ISREG(status.st_mode) and (path != STDIN or not os.lseek(descriptor, 0, os.SEEK_CUR))
+        self.regular = is_whole_file(descriptor) if path == STDIN else stat.S_ISREG(status.st_mode)
         self.size_bytes = status.st_size if self.regular else None
         self._input: Input = FilePieces(descriptor, stopped) if self.regular else PipePieces(descriptor, stopped)
         self._pieces = iter(self._input)

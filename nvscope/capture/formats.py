@@ -9,10 +9,11 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from msgspec import Struct
 
 from nvscope.errors import UnreadableInput
 from nvscope.whole_files import is_stdout
@@ -31,8 +32,7 @@ class NoCapture(UnreadableInput):
     """A file that is empty, or is of no known capture format."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CaptureFormat:
+class CaptureFormat(Struct, frozen=True, kw_only=True):
     """One capture format; ``name`` is what reports call it, ``suffixes`` those of its files.
 
     A binary format is told by ``magics``, any of which its files begin with, a text format by ``is_line``: given one of

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec.structs import replace
 
 from dissectors.batch import I64, PAD_BYTES, U8, PacketBatch
 from nvscope.capture.spans import copy_spans

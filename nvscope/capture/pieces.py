@@ -4,8 +4,15 @@ from __future__ import annotations
 
 import os
 import select
+import stat
 import sys
 from collections.abc import Callable, Iterator
+
+READ_ONLY = os.O_RDONLY | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+"""How a file is opened whose bytes are wanted."""
+
+OF_A_STREAM = READ_ONLY | getattr(os, "O_NONBLOCK", 0)
+"""How a pipe is: it is open at once, whether or not anybody writes into it."""
 
 _PIECE_BYTES = 256 << 10
 _IDLE_SECONDS = 0.1
@@ -22,6 +29,11 @@ def read_at(descriptor: int, size_bytes: int, position: int) -> bytes:
         return os.read(descriptor, size_bytes)
     finally:
         os.lseek(descriptor, before, os.SEEK_SET)
+
+
+def is_whole_file(descriptor: int) -> bool:
+    """Return whether a regular file is open of which nothing has been read."""
+    return stat.S_ISREG(os.fstat(descriptor).st_mode) and not os.lseek(descriptor, 0, os.SEEK_CUR)
 
 
 class Stopped(BaseException):

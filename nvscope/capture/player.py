@@ -5,7 +5,8 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 LEAST_RATE, MOST_RATE = 0.1, 100.0
 """Slower, nothing seems to happen; faster, nothing can be seen of what happens."""
@@ -18,16 +19,14 @@ _LEAST_ROUND_S = 1.0
 """What is repeated takes so long at least, or nobody could see it: what is left of that, it stands at the end."""
 
 
-@dataclass(frozen=True, slots=True)
-class Turn:
+class Turn(Struct, frozen=True):
     """What may pass now: packets up to a time, ``most`` of them; without any, the time up to which nothing comes."""
 
     through_ns: int
     most: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
+class Place(Struct, frozen=True):
     """Where a capture is: the time up to which it was told, None before its first packet, and how many packets were.
 
     ``rate`` is how many times as fast as it was it goes on; ``paused``, it stands. ``is_going``: it is on its way to

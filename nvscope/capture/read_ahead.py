@@ -21,10 +21,10 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, fields
 from typing import IO, Any, Never
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import U8, U16, PacketBatch
 from nvscope.capture.byte_window import MappedWindow
@@ -37,8 +37,7 @@ _ROW_BYTES = sum(column.itemsize for column in _COLUMNS)
 _FREE = b"\0"
 
 
-@dataclass(frozen=True, slots=True)
-class _Message:
+class _Message(Struct, frozen=True):
     """What the copy says: ``rows`` packets are in the next slot, and it has come so far; or, without, that it ended.
 
     ``data`` is what the packets lie in where that is not the map. ``link`` is one number where all share it.
@@ -216,7 +215,7 @@ def _set_state(reader: WindowReader, message: _Message, *, anew: bool = False) -
 
 def _progress_names() -> list[str]:
     # When the first and the last packet came is noted where batches are passed on.
-    return [entry.name for entry in fields(Progress) if entry.name not in ("start_ns", "end_ns")]
+    return [name for name in Progress.__struct_fields__ if name not in ("start_ns", "end_ns")]
 
 
 def _next_message(messages: IO[bytes]) -> _Message | None:

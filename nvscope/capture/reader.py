@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import ClassVar
+
+from msgspec import Struct, field
 
 from dissectors.batch import PacketBatch
 from nvscope.capture.byte_window import View
@@ -17,8 +18,7 @@ from nvscope.capture.formats import BEGUN, NoCapture, format_of
 from nvscope.capture.source import Attachment, LostSpan, Truncation
 
 
-@dataclass(frozen=True, slots=True)
-class ReadingSizes:
+class ReadingSizes(Struct, frozen=True):
     """How a reader cuts its work; any choice gives the same packets. ``lanes`` 0: as many as are fast.
 
     Of files with ``ahead_bytes`` and more to read, a second process reads ahead where it can (``read_ahead``).
@@ -30,8 +30,7 @@ class ReadingSizes:
     ahead_bytes: int = 128 << 20
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
+class Place(Struct, frozen=True):
     """The place of a file in a series of them: those of one ``part`` follow each other without one between them.
 
     ``missing`` says what should come before it and cannot be read, '' where nothing speaks for that.
@@ -41,8 +40,7 @@ class Place:
     missing: str = ""
 
 
-@dataclass(slots=True)
-class Progress:
+class Progress(Struct):
     """What a reader has found so far: only it writes here, and whoever wants to know reads, at any time.
 
     The fields are those of ``SourceInfo``; ``left_out`` tells what could not be read before the end, '' if nothing.

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from dissectors.batch import I64, PacketBatch
 from nvscope.capture.batch_builder import BatchBuilder
@@ -25,8 +26,7 @@ _FIRST_STRIDE_BYTES = 64 << 10
 _SMALL_RECORD_BYTES = 768
 
 
-@dataclass(frozen=True, slots=True)
-class Taken:
+class Taken(Struct, frozen=True):
     """The packets of some records, where in the view the records end, and why they end there if not by choice.
 
     ``incomplete`` is a record that is not whole in the view, ``fault`` says what is wrong with a record that is.

@@ -11,6 +11,8 @@ from enum import Enum
 from types import MappingProxyType, TracebackType
 from typing import NamedTuple, Protocol, Self, runtime_checkable
 
+from msgspec import Struct
+
 from dissectors.batch import PacketBatch
 
 
@@ -31,8 +33,7 @@ class DropsPart(Enum):
     RING = "ring", "in the ring of a capture that was full"
 
 
-@dataclass(frozen=True, slots=True)
-class Truncation:
+class Truncation(Struct, frozen=True):
     """Where a file stops in the middle of a record, or from where on something of it is missing.
 
     ``is_whole`` where all of its frames were read, and they lack what a recording should have: times, a date.
@@ -43,8 +44,7 @@ class Truncation:
     is_whole: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Attachment:
+class Attachment(Struct, frozen=True):
     """A file that a recording brings with it, such as a definition; ``read`` returns its bytes each time it is called.
 
     ``media_type`` tells its kind (``text/plain``), ``time_ns`` when it was last changed, None where nobody says.
@@ -110,8 +110,7 @@ class SourceInfo:
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Circumstances:
+class Circumstances(Struct, frozen=True):
     """Under which circumstances packets are recorded: what a recording tells of itself beside them.
 
     ``drops`` and ``clock_steps`` are those so far, None where nobody knows. ``capture_filter`` is what was asked for,

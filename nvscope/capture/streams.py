@@ -12,7 +12,7 @@ from typing import IO
 from nvscope.capture.capture_file import CaptureFile
 from nvscope.capture.content import STDIN
 from nvscope.capture.formats import TEXT_HEAD_BYTES, NoCapture, is_enough
-from nvscope.capture.pieces import PipePieces, Stopped
+from nvscope.capture.pieces import OF_A_STREAM, PipePieces, Stopped, is_whole_file
 from nvscope.capture.source import SourceInfo
 from nvscope.errors import CaptureError, UnreadableInput
 
@@ -29,9 +29,6 @@ def is_stream(word: str) -> bool:
     except (OSError, ValueError):
         return False
     return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
-
-
-_READ_ONLY = os.O_RDONLY | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
 
 
 class KeptStreams:
@@ -73,13 +70,13 @@ class KeptStreams:
             try:
                 if word == STDIN and sys.stdin is None:
                     raise UnreadableInput("stdin is closed", where=word, next_step="name a file instead")
-                self._keep(word, sys.stdin.fileno() if word == STDIN else os.open(word, _READ_ONLY))
+                self._keep(word, sys.stdin.fileno() if word == STDIN else os.open(word, OF_A_STREAM))
             except OSError as error:
                 raise UnreadableInput(error.strerror or str(error), where=word) from error
 
     def _keep(self, word: str, descriptor: int) -> None:
         try:
-            if word == STDIN and _is_whole_file(descriptor):
+            if word == STDIN and is_whole_file(descriptor):
                 self.copies[word] = descriptor
                 return
             copy = self._made()
@@ -135,11 +132,6 @@ class KeptStreams:
             return tempfile.TemporaryFile(prefix="nvscope-")
         except OSError as error:
             raise _not_kept(error) from error
-
-
-def _is_whole_file(descriptor: int) -> bool:
-    """Return whether a file is open of which nothing has been read."""
-    return stat.S_ISREG(os.fstat(descriptor).st_mode) and not os.lseek(descriptor, 0, os.SEEK_CUR)
 
 
 def _not_kept(error: OSError) -> CaptureError:

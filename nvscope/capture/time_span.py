@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.batch import PacketBatch
 
@@ -14,8 +14,7 @@ TIME_LIMIT_NS = (1 << 62) - 1
 _FIRST_NS, _LAST_NS = -(1 << 63), (1 << 63) - 1
 
 
-@dataclass(frozen=True, slots=True)
-class TimeSpan:
+class TimeSpan(Struct, frozen=True):
     """From ``start_ns`` to ``end_ns`` since 1970, both included; nothing is outside unless one of them is given."""
 
     start_ns: int = _FIRST_NS

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Generator, Iterator, Mapping, Sequence
-from dataclasses import replace
 from heapq import heapify, heapreplace
 from itertools import chain
 from types import MappingProxyType
@@ -23,6 +22,7 @@ from typing import Literal, Protocol
 from weakref import ReferenceType, ref
 
 import numpy as np
+from msgspec.structs import replace
 
 from dissectors.batch import I64, End, PacketBatch
 from dissectors.can.frame import channels_of

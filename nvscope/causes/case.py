@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors.batch import I64, Bool
 from dissectors.can.pdo import channel_name
@@ -41,8 +41,7 @@ PAUSE_PERCENT = 250
 """An interval that is longer than so much of the nominal one is a pause (diagnosis.md, section 5)."""
 
 
-@dataclass(slots=True)
-class Draft:
+class Draft(Struct):
     """A cause that is being judged: everything but what follows from the symptoms that it explains.
 
     ``keys`` are lists that it concerns and of which nothing was seen; ``at_most`` is its severity where the findings

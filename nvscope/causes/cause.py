@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from nvscope.causes.kind import CauseKind
 from nvscope.findings.finding import Finding
@@ -11,8 +12,7 @@ from nvscope.findings.kind import Severity
 from nvscope.list_key import ListKey
 
 
-@dataclass(frozen=True, slots=True)
-class Cause:
+class Cause(Struct, frozen=True):
     """A cause of one kind; what it does not concern is empty or None.
 
     ``lists`` are those concerned, ``nodes`` the nodes as numbers of the summary. ``until_ns`` is None where it is still

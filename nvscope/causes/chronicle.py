@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.batch import I64
 from nvscope.causes.case import PAUSE_PERCENT, Case
@@ -41,8 +42,7 @@ _VALUES = np.array(_BY_VALUE)[:, np.newaxis]
 _Span = tuple[int, int]
 
 
-@dataclass(frozen=True)
-class Chronicle:
+class Chronicle(Struct, frozen=True, dict=True):
     """What happened to lists from ``start_ns`` to ``end_ns``; all of it is a copy of what was known then.
 
     ``lists`` are by number. ``marks`` are the columns list, since, until and ``Mark``, int64 of shape (n,), by list.

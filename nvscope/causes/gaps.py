@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 from nvscope.causes.case import Case
@@ -24,8 +24,7 @@ _AWRY = 4  # an interval is some whole ones if it is off by less than a fourth o
 _CLUSTER_NS = 2_000_000_000
 
 
-@dataclass(frozen=True, slots=True)
-class Losses:
+class Losses(Struct, frozen=True):
     """Gaps, by when the first missing telegram was due; columns of shape (n,).
 
     ``row`` is the symptom; ``due_ns`` and ``last_due_ns`` are of the first and the last of the ``lost`` telegrams.
@@ -48,7 +47,7 @@ class Losses:
 
     def take(self, chosen: Bool | I64) -> Losses:
         """Return some of them: in the same order, or in that of the rows chosen."""
-        return Losses(*(getattr(self, name)[chosen] for name in self.__slots__))
+        return Losses(*(getattr(self, name)[chosen] for name in self.__struct_fields__))
 
     def by(self, *columns: I64) -> Iterator[tuple[tuple[int, ...], Losses]]:
         """Yield those of equal numbers in some columns, which are as long, in the order of their first ones."""

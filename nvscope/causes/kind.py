@@ -6,13 +6,12 @@ one capture is said where the cause is made; in a row is what is true of all cau
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 from nvscope.findings.kind import Severity
 
 
-@dataclass(frozen=True, slots=True)
-class CauseKind:
+class CauseKind(Struct, frozen=True):
     """One kind of cause, and what an engineer in front of the plant should know about it.
 
     ``brief`` is what it does to a list, ``measured`` the same with ``{time}`` for how long, or counters of the list:

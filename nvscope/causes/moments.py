@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 from nvscope.causes.gaps import Losses
@@ -14,8 +13,7 @@ from nvscope.engine.runs import runs_of, spans
 PAIR = 2
 
 
-@dataclass(frozen=True, slots=True)
-class Moments:
+class Moments(Struct, frozen=True):
     """Some losses by moment, by when each moment began.
 
     ``losses`` are all that there are; ``place`` are those in moments, ``start`` and ``stop`` where in it each moment

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors.batch import I64, Bool
 from nvscope.check.lists import names_of
@@ -21,8 +21,7 @@ from nvscope.view.rows.frames import FrameRows
 _NO_LIST = -1
 
 
-@dataclass(frozen=True, slots=True)
-class OfLists:
+class OfLists(Struct, frozen=True):
     """Some lists: those with one of the ``keys``, and those that one of the ``patterns`` fits."""
 
     keys: frozenset[ListKey] = frozenset()
@@ -52,8 +51,7 @@ class OfLists:
 EVERY_LIST = OfLists(patterns=("*",))
 
 
-@dataclass(frozen=True, slots=True)
-class Asked:
+class Asked(Struct, frozen=True):
     """Telegrams of one batch, in the order in which they came.
 
     ``stream`` are the numbers of their streams, ``list`` those of their lists, -1 of what is of none. ``time_ns`` is
@@ -94,8 +92,7 @@ class LazyRows:
         return FrameRows.of(self.told, self.packet)
 
 
-@dataclass(frozen=True, slots=True)
-class Runs:
+class Runs(Struct, frozen=True):
     """The telegrams of a batch by stream, or the frames of CAN; and the number of the list that each run is of."""
 
     rows: DataRows
@@ -110,8 +107,7 @@ class Runs:
         return np.append(first, rows.time_ns[start : stop - 1])
 
 
-@dataclass(slots=True)
-class _Batch:
+class _Batch(Struct):
     """What was made of a batch so far."""
 
     told: Told

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar, cast
+
+from msgspec import Struct, field
 
 from nvscope.capture.recordings import recordings
 from nvscope.capture.source import SourceInfo
@@ -30,8 +31,7 @@ if TYPE_CHECKING:  # most plants have no Parameter Manager, and then nothing of 
     from nvscope.tracker.parameter.transactions import Transactions
 
 
-@dataclass(frozen=True, slots=True)
-class Evidence:
+class Evidence(Struct, frozen=True):
     """What is known of captures when rules are judged.
 
     ``summary`` and ``subjects`` are of the time behind the warm-up, which begins at ``since_ns`` and ends at
@@ -154,8 +154,7 @@ class Evidence:
 Common = TypeVar("Common")
 
 
-@dataclass(frozen=True, slots=True)
-class Setting:
+class Setting(Struct, frozen=True):
     """What is known before captures are read, and what a rule says of whatever it checks.
 
     ``nominal_ns`` are the intervals that lists should have; rules are judged since ``since_ns``, None for the first
@@ -190,8 +189,7 @@ Judge = Callable[[Evidence, Collection[ListKey], Mapping[str, Any]], Iterator[Ju
 """Given what is known, the lists that a rule is for and its parameters, yields a verdict for each subject."""
 
 
-@dataclass(frozen=True, slots=True)
-class Check:
+class Check(Struct, frozen=True):
     """One kind of rule: its name, what its subjects are, its parameters, and what breaks it.
 
     ``worst`` says what is measured, ``fails`` when it is broken; ``example`` is what stands in a file behind
@@ -208,7 +206,7 @@ class Check:
     fails: str
     example: str
     judge: Judge
-    parameters: tuple[Parameter, ...] = field(default=())
+    parameters: tuple[Parameter, ...] = ()
     watch: Watch | None = None
     by_moment: bool = False
     at_times: bool = False

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from nvscope.check.check import Evidence
 from nvscope.check.lists import CalledLists
@@ -23,8 +25,7 @@ from nvscope.tracker.figures import Of
 _ON_THE_WIRE = re.compile(r"(?:udp/\d+/|can/[^/]+/)?(?:\d+x?|0x[0-9a-fA-F]+)")
 
 
-@dataclass(frozen=True, slots=True)
-class Decided:
+class Decided(Struct, frozen=True):
     """A rule, its verdict, that of each of its subjects, in the order of lists and streams, and its lists."""
 
     rule: Rule
@@ -33,8 +34,7 @@ class Decided:
     lists: Sequence[ListKey] = ()
 
 
-@dataclass(slots=True)
-class WatchedRule:
+class WatchedRule(Struct):
     """A rule, what watches for it, and why it cannot be judged, "" where it can; the rules of the file it names.
 
     ``stage`` is where it is judged.

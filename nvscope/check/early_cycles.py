@@ -7,10 +7,10 @@ together, a rule can look at those before, too.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct
 
 from nvscope.check.asked_rows import AskedRows, OfLists
 from nvscope.check.judged_cycles import JudgedCycles
@@ -24,8 +24,7 @@ _OPEN = 4
 """A telegram that was overtaken still belongs to one of so many cycles."""
 
 
-@dataclass(slots=True)
-class _Cycle:
+class _Cycle(Struct):
     """One cycle: which streams are in it, its first frame, and its first and last time."""
 
     streams: set[int]

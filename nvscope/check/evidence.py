@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.batch import PacketBatch
 from dissectors.datalogger.logged import NO_TABLE
@@ -28,8 +29,7 @@ _RESERVED = re.compile(r"(?i)con|prn|aux|nul|com[0-9]|lpt[0-9]")
 """What Windows takes for devices, whatever is behind a dot."""
 
 
-@dataclass(slots=True)
-class RuleEvidence:
+class RuleEvidence(Struct):
     """The frames of one rule: from when to when, which of them have comments, and the name of its file.
 
     ``written`` counts frames, ``left_out`` those beyond the limit; ``of_databases`` rows, which are no frames.

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
+from msgspec import Struct
 
 from nvscope.causes.cause import Cause
 from nvscope.check.check import Setting
@@ -18,8 +18,7 @@ from nvscope.findings.finding import Finding
 from nvscope.tracker.event_kinds import FRAMES_KEPT
 
 
-@dataclass(frozen=True, slots=True)
-class HappenedWhile:
+class HappenedWhile(Struct, frozen=True):
     """An observer of when something ``holds``."""
 
     holds: WhileSo

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from nvscope.tracker.event_kinds import FRAMES_KEPT
 
 
-@dataclass(slots=True)
-class JudgedCycles:
+class JudgedCycles(Struct):
     """How many cycles of a sender's list there were, and of these torn ones, with the first frames of the first.
 
     ``skew_ns`` is how far the parts of one are apart at most, ``widest`` the frame and time with which that one began,

@@ -7,8 +7,9 @@ What somebody learns from is taken for good; how sure a limit is follows from ho
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
+
+from msgspec import Struct, field
 
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.capture.source import SourceInfo
@@ -47,8 +48,7 @@ _MOST_OUTSIDE = 0.01
 Value = str | int | float | bool | Sequence[str | int]
 
 
-@dataclass(frozen=True, slots=True)
-class Learnt:
+class Learnt(Struct, frozen=True):
     """A rule that captures taught: its keys but for the id and the check, and what people should know of it.
 
     ``told`` is what was seen, and how sure that makes it; ``thin``: too little was seen to break a build by it.
@@ -61,8 +61,7 @@ class Learnt:
     thin: bool = False
 
 
-@dataclass(slots=True)
-class Lesson:
+class Lesson(Struct):
     """All that captures taught, by what it is about; and what they could not teach, and why."""
 
     sections: dict[str, list[Learnt]] = field(default_factory=dict)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from nvscope.check.learnt_limits import round_interval
 from nvscope.check.lists import CalledLists
@@ -17,8 +18,7 @@ _LEAST_INTERVALS = 5
 _NEAR_NOMINAL = 0.02
 
 
-@dataclass(frozen=True, slots=True)
-class LearntList:
+class LearntList(Struct, frozen=True):
     """What is known of a list before limits are learnt: what rules call it, and what was measured of it.
 
     ``interval_ns`` is that of a list whose streams, of which it has so many ``parts``, all come in the same cycle; None

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
+
+from msgspec import Struct
 
 from nvscope.check.deciding import Decided
 from nvscope.check.learnt_limits import THIN, how_sure, share_with_room, time_with_room
@@ -27,8 +28,7 @@ def loosest_transactions() -> Iterator[dict[str, Any]]:
     yield {"id": ERRORS, "check": "transaction", "max_errors": "100%"}
 
 
-@dataclass(slots=True)
-class LearntPair:
+class LearntPair(Struct):
     """What was seen of the requests of a node to another one, on all ports."""
 
     protocol: str

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from difflib import get_close_matches
 from itertools import islice
 from typing import Any
+
+from msgspec import Struct
 
 from nvscope.duration import parse_duration
 from nvscope.errors import UsageError
@@ -33,8 +34,7 @@ class Unfit(UsageError):
         self.key, self.expression = key, expression
 
 
-@dataclass(frozen=True, slots=True)
-class Parameter:
+class Parameter(Struct, frozen=True):
     """A key of a check: its name, what may stand there, what it says, and what it is where it is left out."""
 
     name: str

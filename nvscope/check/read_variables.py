@@ -7,11 +7,11 @@ watch of its own with its first value.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors.batch import I64
 from nvscope.analysis.read_values import ReadSource, meant, read_source
@@ -33,8 +33,7 @@ _OF_TYPES = ("variable", "values")
 """Keys of a rule that may fit variables of one type and not those of another."""
 
 
-@dataclass(frozen=True, slots=True)
-class ReadPlace:
+class ReadPlace(Struct, frozen=True):
     """A variable that is in no list; ``field`` says of what type its values are, and reads nothing."""
 
     name: str
@@ -53,7 +52,6 @@ def are_all_read(parameters: Mapping[str, Any]) -> bool:
     return bool(named) and all(is_read(one) for one in named)
 
 
-@dataclass(slots=True)
 class RefusedWatch(Watch):
     """In place of a watch of a variable of which the rule cannot be asked, and why; ``vacuous``: there is none."""
 
@@ -64,16 +62,14 @@ class RefusedWatch(Watch):
         """Judge nothing."""
 
 
-@dataclass(slots=True)
-class _Watched:
+class _Watched(Struct):
     """A variable and what watches it, and what it was where values last from row to row."""
 
     watch: Watch
     lasting: LastingValue = field(default_factory=LastingValue)
 
 
-@dataclass(slots=True)
-class _Reader:
+class _Reader(Struct):
     read: ReadValues
     watched: dict[int, _Watched | None] = field(default_factory=dict)
 

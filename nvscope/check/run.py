@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.analysis.watching import Scene, Watched, Watching
@@ -34,8 +35,7 @@ _LOOK_S = 1.0
 _OF_ANSWERS = ("acknowledged", "boot_up")
 
 
-@dataclass(frozen=True, slots=True)
-class Checked:
+class Checked(Struct, frozen=True):
     """All rules with their verdicts, in the order of their files, and what was known at the end."""
 
     decided: Sequence[Decided]
@@ -56,8 +56,7 @@ class Checked:
         return [one for one in self.decided if one.verdict is verdict]
 
 
-@dataclass(frozen=True, slots=True)
-class Judging:
+class Judging(Struct, frozen=True):
     """How rules are judged: ``ring_bytes`` of the last frames are kept; with ``fast``, the first failure ends it.
 
     That is a rule of severity error that is broken by what came so far, looked at each second of our time.

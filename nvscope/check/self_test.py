@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.batch import I64, Bool
 from nvscope.check.asked_rows import Asked, AskedRows
@@ -39,8 +40,7 @@ _LIST = ListKey.udp(0, 0)
 Value = int | float | bool | str | None
 
 
-@dataclass(frozen=True, slots=True)
-class Tested:
+class Tested(Struct, frozen=True):
     """A test of a rule, whether what was expected came, and why not, "" where it did; with what came."""
 
     test: RuleTest
@@ -125,8 +125,7 @@ def _wrong(test: RuleTest, verdict: Verdict, judged: Judged) -> str:
     return ""
 
 
-@dataclass(frozen=True, slots=True)
-class SeriesRows:
+class SeriesRows(Struct, frozen=True):
     """Steps in place of telegrams: ``row`` is the number of each, ``ts_ns`` when it was."""
 
     row: I64

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors.batch import I64
 from nvscope.check.asked_rows import EVERY_LIST, AskedRows, OfLists
@@ -21,8 +21,7 @@ from nvscope.tracker.state import TrackerState
 from nvscope.tracker.timing import BatchIntervals
 
 
-@dataclass(slots=True)
-class StreamIntervals:
+class StreamIntervals(Struct):
     """The intervals of a stream: how many, how many lie outside, which is farthest from what it should be, and when."""
 
     key: ListKey
@@ -117,8 +116,7 @@ class IntervalWatcher:
             known.times_ns += time_ns[first].tolist()
 
 
-@dataclass(slots=True)
-class StreamSpread:
+class StreamSpread(Struct):
     """The intervals of a stream by bucket, the extremes, and the frames that ended the first that were too short."""
 
     key: ListKey

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from nvscope.check.check import Setting
 from nvscope.check.lists import names_of
@@ -18,8 +19,7 @@ MOST_VARIABLES = 10_000
 _PREFIX = "var."
 
 
-@dataclass(frozen=True, slots=True)
-class VariablePlace:
+class VariablePlace(Struct, frozen=True):
     """A variable of a list, what it is called, and the field that reads it."""
 
     list: ListKey
@@ -27,8 +27,7 @@ class VariablePlace:
     field: TelegramField
 
 
-@dataclass(frozen=True, slots=True)
-class _Called:
+class _Called(Struct, frozen=True):
     """A variable of a list: its name, that of its field, and what else it is called, in lower case."""
 
     list: ListKey

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from copy import copy
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors.batch import I64, Bool
 from nvscope.check.asked_rows import Asked, OfLists
@@ -33,8 +33,7 @@ NUMBERS = (FieldType.UNSIGNED, FieldType.SIGNED, FieldType.REAL, FieldType.BOOL,
 """The types that values can be computed with; a duration is in ns."""
 
 
-@dataclass(frozen=True, slots=True)
-class Values:
+class Values(Struct, frozen=True):
     """The values of a variable in telegrams of one batch, in their order; shapes (n,).
 
     Those of one ``segment`` have nothing between them that was not to be judged.
@@ -53,8 +52,7 @@ class Values:
         return column.astype(np.int64) if column.dtype.kind == "b" else column
 
 
-@dataclass(slots=True)
-class Watch:
+class Watch(Struct):
     """What is known of one variable so far: how many values were judged, which broke the rule, and where first."""
 
     place: Any
@@ -161,7 +159,6 @@ def overtaken(stream: I64, counter: I64, highest: dict[int, int]) -> Bool:
     return late
 
 
-@dataclass(slots=True)
 class RangeWatch(Watch):
     """Whether values lie between two limits, in the unit of the field; None: there is none on that side.
 
@@ -192,7 +189,6 @@ class RangeWatch(Watch):
         self.breaks(values, np.flatnonzero(out))
 
 
-@dataclass(slots=True)
 class EnumWatch(Watch):
     """Whether values are some of those that are allowed."""
 
@@ -216,7 +212,6 @@ class EnumWatch(Watch):
         self.breaks(values, row)
 
 
-@dataclass(slots=True)
 class _Stepwise(Watch):
     """Looks at what a value is to the one before it in its stream."""
 
@@ -253,7 +248,6 @@ def _steps(numbers: Any) -> Any:
     return np.diff(numbers.astype(np.int64))
 
 
-@dataclass(slots=True)
 class MonotonicWatch(_Stepwise):
     """Whether values go one way only; ``wrap``: behind so many they begin anew, 0 for never."""
 
@@ -270,7 +264,6 @@ class MonotonicWatch(_Stepwise):
         self.breaks(values, row[forward <= 0] if self.strict else row[forward < 0])
 
 
-@dataclass(slots=True)
 class RateWatch(_Stepwise):
     """Whether values change no faster than so much a second."""
 
@@ -286,7 +279,6 @@ class RateWatch(_Stepwise):
         self.breaks(values, row[timed][~(per_second <= self.most * (1 + _ROUNDED))])
 
 
-@dataclass(slots=True)
 class FrozenWatch(Watch):
     """For how long a value stays as it is while its list is sent; a longer silence says nothing."""
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum
+
+from msgspec import Struct
 
 from nvscope.list_key import ListKey
 
@@ -20,8 +21,7 @@ class Verdict(Enum):
 _WORST_FIRST = tuple(Verdict)
 
 
-@dataclass(frozen=True, slots=True)
-class Judged:
+class Judged(Struct, frozen=True):
     """One subject of a rule, as far as it is one: a list, a stream or a variable of it, a CAN channel, the capture.
 
     Or a ``node`` that asks another one, by a ``protocol``: ``partner`` is who is asked, on which ``port``; without a

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 from nvscope.check.asked_rows import AskedRows
@@ -20,8 +20,7 @@ TOO_SHORT_SO = "when was so for a shorter time than the rule needs"
 NO_WHOLE_WINDOW = "when was so in no whole window"
 
 
-@dataclass(frozen=True, slots=True)
-class So:
+class So(Struct, frozen=True):
     """When something was so in a batch.
 
     ``true`` has for each packet whether it was, by the last that is known up to it; ``since_ns`` since when, where it

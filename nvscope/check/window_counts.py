@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64
 from nvscope.check.asked_rows import OfLists
@@ -28,8 +28,7 @@ _PATIENCE_NS = 100_000_000
 """So long windows wait behind their ends: what was overtaken by then has not been missing in them."""
 
 
-@dataclass(frozen=True, slots=True)
-class Counted:
+class Counted(Struct, frozen=True):
     """The windows of some lists that have ended and had anything in them, sorted by list and window.
 
     ``list`` and ``window`` are numbers, windows from 0 at ``begin_ns``; ``values`` are figures by name, ``frame`` is
@@ -199,8 +198,7 @@ class WindowCounts:
         return Counted(rows.list, rows.window, frame, rows.values, self._begin_ns, until, breaks)
 
 
-@dataclass(frozen=True, slots=True)
-class _Rows:
+class _Rows(Struct, frozen=True):
     """Lists in windows, the first frame there, the first one with an event, and figures; sorted where joined."""
 
     list: I64

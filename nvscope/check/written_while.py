@@ -110,7 +110,7 @@ class WrittenWhile:
 
         found = malformed_writes(told)
         found = found.take(self._judged(found.packet + told.first_frame, told.packets.ts_ns[found.packet]))
-        for one in zip(*(getattr(found, name).tolist() for name in found.__match_args__[1:]), strict=True):
+        for one in zip(*(getattr(found, name).tolist() for name in type(found).__match_args__[1:]), strict=True):
             *ends, port, parameter = one
             pair = Pair(SDO, address.text(*ends[:2]), address.text(*ends[2:]), port)
             if (pair, parameter) not in self._malformed and len(self._malformed) >= MOST_PLACES:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Annotated
 
 import typer
+from msgspec.structs import replace
 
 from nvscope.cli.decode_as import DecodeOption
 from nvscope.cli.definitions import GvlOption, ProjectOption, flaws_told_first

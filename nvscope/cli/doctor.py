@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from msgspec.structs import replace
 
 from nvscope.cli.completion import interfaces
 from nvscope.cli.definitions import GvlOption, ProjectOption, project_of, tell_of_flaws

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from msgspec.structs import replace
 
 from nvscope.cli.definitions import ProjectOption, project_of, tell_of_flaws
 from nvscope.cli.help import Command, Group

@@ -8,11 +8,11 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Annotated, Any, Protocol, Self, get_type_hints
 
 import typer
+from msgspec import Struct
 
 from nvscope.cli.limits import limits
 from nvscope.cli.sources import duration_ns
@@ -103,8 +103,7 @@ PromiscuousOption = Annotated[
 ]
 
 
-@dataclass(frozen=True, slots=True)
-class LiveOptions:
+class LiveOptions(Struct, frozen=True):
     """What was asked of live sources."""
 
     interfaces: Sequence[str] = ()

@@ -6,7 +6,8 @@ import os
 import stat
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from nvscope.capture.compressed import compression_of
 from nvscope.capture.content import STDIN
@@ -22,8 +23,7 @@ _STDOUT, _STDERR = 1, 2
 _BINARY = {known.name for known in FORMATS if known.magics and not known.only_can}
 
 
-@dataclass(frozen=True, slots=True)
-class NamedFiles:
+class NamedFiles(Struct, frozen=True):
     """The captures, of which there is one at least where no interface was named, and the definitions."""
 
     captures: list[str]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
+from msgspec import Struct
 
 from nvscope.capture.content import STDIN
 from nvscope.capture.player import LEAST_RATE, MOST_RATE
@@ -100,8 +100,7 @@ def replay(
     )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class How:
+class How(Struct, frozen=True):
     """How a capture is replayed: so many times as fast, again at its end, from a time on, to a time, without pauses."""
 
     rate: float
@@ -156,7 +155,7 @@ def show(
         told = "stdin" if path == STDIN else "a pipe"
         raise UsageError(f"{told} cannot be played: it is read once", next_step="name a file")
     asked = asked_range(how.start, how.until, utc=utc, options=_RANGE)
-    from dataclasses import replace
+    from msgspec.structs import replace
 
     from nvscope.analysis.extent import span_of
     from nvscope.analysis.inquiry import Inquiry

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import typer
+from msgspec.structs import replace
 
 from nvscope.cli.completion import lists
 from nvscope.cli.counts import at_least_one
@@ -137,7 +138,7 @@ def report(
     plant, ports = plant_of(project, gvl, paths, channel_map, decode)
     plant = replace(plant, buses=plant.buses.overridden(bit_rates or ()))
     if max_streams is not None:
-        plant = replace(plant, limits=replace(plant.limits, max_streams=max_streams))
+        plant = replace(plant, limits=dataclasses.replace(plant.limits, max_streams=max_streams))
 
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.cli.memory import keep_freed_memory

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from msgspec import Struct
 
 from nvscope.capture.live.can.word import PREFIX
 from nvscope.cli.terminal import echo
@@ -73,8 +73,7 @@ class Stop:
             self.source.stop()
 
 
-@dataclass(frozen=True, slots=True)
-class Target:
+class Target(Struct, frozen=True):
     """What ``--to`` and the options beside it say: where telegrams go, or on which buses frames of CAN."""
 
     route: Route | CanRoute

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
+
+from msgspec import Struct
 
 from nvscope.analysis.read_values import nothing_asked, read_source
 from nvscope.capture.datalogger.names import PREFIX, closed_files, number_of, title_of, told_of_closed
@@ -30,8 +31,7 @@ class VariablesRead(NamedTuple):
         return cls(source.infos, source.channels)
 
 
-@dataclass(frozen=True)
-class VariablesAsked:
+class VariablesAsked(Struct, frozen=True):
     """What was asked of which captures, and how it is to be told."""
 
     inquiry: Inquiry

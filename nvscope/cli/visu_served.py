@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from nvscope.cli.definitions import flaws_told_first, tell_of_lists
 from nvscope.cli.live import LiveOptions, captured
@@ -25,8 +27,7 @@ if TYPE_CHECKING:
 _TABLE = ".toml"
 
 
-@dataclass(frozen=True, slots=True)
-class Asked:
+class Asked(Struct, frozen=True):
     """What was named to be served, and how lists are read."""
 
     sources: Sequence[str]
@@ -61,8 +62,7 @@ class Asked:
         return tables[0]
 
 
-@dataclass(frozen=True, slots=True)
-class Listening:
+class Listening(Struct, frozen=True):
     """A source that is listened to while its lists are served."""
 
     source: Source
@@ -79,8 +79,7 @@ class Listening:
         return tell_of_losses(self.session.stop())
 
 
-@dataclass(frozen=True, slots=True)
-class Served:
+class Served(Struct, frozen=True):
     """What is answered for: ``name`` and ``what`` tell people. ``listen`` begins to listen, where there is a source."""
 
     name: str

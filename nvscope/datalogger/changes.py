@@ -6,9 +6,8 @@ those behind it, by which an audit sees that changes were missed.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
+from msgspec.structs import replace
 
 from dissectors.batch import I64, Bool
 from nvscope.datalogger.rows import Rows

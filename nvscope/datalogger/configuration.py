@@ -6,8 +6,9 @@ Source: the DataLogger's reference, "Attributes for file-based configuration", a
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
+
+from msgspec import Struct
 
 from nvscope.definition.position import Position
 from nvscope.duration import format_duration
@@ -82,8 +83,7 @@ def _flag(text: str) -> bool:
     return word in {"true", "1"}
 
 
-@dataclass(frozen=True, slots=True)
-class Attribute:
+class Attribute(Struct, frozen=True):
     """An attribute of an element; ``read`` raises NotMeant. ``default`` is what holds without it, as a value.
 
     ``field`` is that of ``Session``, where it is kept. One that is ``required`` has no default.
@@ -139,16 +139,14 @@ ATTRIBUTES = (
 DEFAULTS: Mapping[str, Any] = {one.field: one.default for one in ATTRIBUTES if not one.required}
 
 
-@dataclass(frozen=True, slots=True)
-class NamedVariable:
+class NamedVariable(Struct, frozen=True):
     """A variable as the configuration names it, and where it does."""
 
     uri: str
     position: Position
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Session:
+class Session(Struct, frozen=True, kw_only=True):
     """One session; its fields are those of ``ATTRIBUTES``, times in nanoseconds.
 
     ``path`` is '' where nothing is said, and of one in memory; ``max_bytes`` is None where a file never is full.

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any
+
+from msgspec import Struct
 
 from dissectors.datalogger.tables import MOST_VARIABLES
 from nvscope.datalogger.configuration import ATTRIBUTES, DEFAULTS, NamedVariable, NotMeant, Session
@@ -28,8 +29,7 @@ _MEND = "Correct the file there, or have `nvscope datalog config` write one."
 _LONGEST_NAME = 1_000
 
 
-@dataclass(frozen=True, slots=True)
-class Configuration:
+class Configuration(Struct, frozen=True):
     """What a file says: a session, and what of the file nobody knows, as sentences with their places."""
 
     session: Session

@@ -7,10 +7,10 @@ acknowledgement sends it once more. Which ones these are, ``nvscope.datalogger.r
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U16, U64, Bool
 from dissectors.columns import Columns
@@ -27,8 +27,7 @@ BLOCK = 512
 """So many telegrams of a stream are judged at a time, by those and as many before and behind them."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Telegrams(Columns):
+class _Telegrams(Columns, Struct, frozen=True):
     """Telegrams of a stream in their order, as ``Seen`` has them."""
 
     time_ns: I64
@@ -38,8 +37,7 @@ class _Telegrams(Columns):
     frame: I64
 
 
-@dataclass(slots=True)
-class _Stream:
+class _Stream(Struct):
     """The last telegrams of a stream; of the first ``judged`` of them it is known what they are."""
 
     defined_ns: int | None

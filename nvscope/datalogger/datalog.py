@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 from nvscope.capture.source import LostSpan
@@ -26,8 +26,7 @@ MOST_SENDERS = 8
 _NEVER, _LONGEST = -(1 << 63), (1 << 63) - 1
 
 
-@dataclass(frozen=True, slots=True)
-class Heard:
+class Heard(Struct, frozen=True):
     """What came in a time: frames, and telegrams by list that could be decoded, or could not (``left_out``).
 
     ``copies`` are those of the former that came again, and make no row where each cycle makes one. ``unseen`` are, by

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import replace
 from difflib import get_close_matches
 from typing import Any
+
+from msgspec.structs import replace
 
 from dissectors.datalogger.tables import MOST_VARIABLES
 from nvscope.datalogger.configuration import ATTRIBUTES, DEFAULTS, NotMeant, Session

@@ -7,11 +7,11 @@ import sqlite3
 from bisect import bisect_left
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass
 from fractions import Fraction
 from itertools import cycle, islice
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64
 from dissectors.datalogger.leaves import Block
@@ -33,8 +33,7 @@ _ROWID_BEFORE = 1 << 17
 """What rowids of a day need, which are longer than those of the first rows."""
 
 
-@dataclass(frozen=True, slots=True)
-class Growth:
+class Growth(Struct, frozen=True):
     """The size of a database in bytes, behind each ``step_rows`` rows; the first one is that of an empty one."""
 
     step_rows: int

@@ -12,9 +12,9 @@ An instant stands behind all packets that had come by then. It is told by the nu
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64
 from nvscope.datalogger.sender_cycles import SenderCycles
@@ -33,8 +33,7 @@ _MOST_SENDERS = 1_000
 """Of more senders of a list, nothing is remembered but cycles that may go on."""
 
 
-@dataclass(frozen=True, slots=True)
-class Instants:
+class Instants(Struct, frozen=True):
     """Moments, and the frames behind which they are; int64 (n,), frames rising."""
 
     time_ns: I64

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from difflib import get_close_matches
 from enum import Enum
+
+from msgspec import Struct
 
 from dissectors.datalogger.tables import SQL_TYPES
 from nvscope.datalogger.configuration import NamedVariable, Session
@@ -31,8 +32,7 @@ class Content(Enum):
     TEXT = "text"
 
 
-@dataclass(frozen=True, slots=True)
-class Logged:
+class Logged(Struct, frozen=True):
     """A variable that is logged: ``uri`` names its column, ``element`` of the list ``key`` is where it comes from.
 
     ``declared`` is the type of the column.
@@ -52,16 +52,14 @@ class Logged:
         return Content.REAL if scalar and scalar.kind is ScalarKind.REAL else Content.INTEGER
 
 
-@dataclass(frozen=True, slots=True)
-class Resolved:
+class Resolved(Struct, frozen=True):
     """The variables of a session, by the names of their columns, and the mistakes in those that are left out."""
 
     logged: tuple[Logged, ...]
     left_out: tuple[ConfigurationError, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Known:
+class _Known(Struct, frozen=True):
     """An element of a list."""
 
     key: ListKey

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field
 from operator import itemgetter
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors.batch import I64
 from nvscope.capture.source import LostSpan, SourceInfo
@@ -35,8 +35,7 @@ _Stream = tuple[ListKey, int, str]
 """List, SubIndex and sender."""
 
 
-@dataclass(frozen=True, slots=True)
-class Judged:
+class Judged(Struct, frozen=True):
     """What is known of senders: what the Counter of each stream counts, None where it is not believed.
 
     ``intervals_ns`` are those of lists that are sent cyclically. ``filled`` are gaps that late telegrams have filled,
@@ -74,8 +73,7 @@ class Judged:
         return Judged(scopes, intervals, frozenset(filled), lost)
 
 
-@dataclass(slots=True)
-class _Gap:
+class _Gap(Struct):
     """A gap in front of a frame and its ``counter``; of ``count`` telegrams, some may still be missing."""
 
     frame: int

@@ -10,11 +10,11 @@ from __future__ import annotations
 import sqlite3
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors.datalogger.tables import TIMESTAMP, LogTable, quoted
 from dissectors.datalogger.timestamps import ISO_BYTES, iso_times, raw_times
@@ -26,8 +26,7 @@ _IDS = ("rowid", "_rowid_", "oid")
 _NO_TIME = -(1 << 63)
 
 
-@dataclass(slots=True)
-class Deleted:
+class Deleted(Struct):
     """Rows that made room: ``own`` of the run, ``before`` of earlier runs in its table, ``others`` by their table."""
 
     own: int = 0
@@ -40,8 +39,7 @@ class Deleted:
         return self.own + self.before + self.others.total()
 
 
-@dataclass(slots=True)
-class _Table:
+class _Table(Struct):
     """A table that has rows; ``rowid`` is what their ids are called in it, ``until`` the last of those there before."""
 
     name: str
@@ -49,8 +47,7 @@ class _Table:
     until: int
 
 
-@dataclass(frozen=True, slots=True)
-class _Part:
+class _Part(Struct, frozen=True):
     """Rows of a table that follow each other, up to an id, the latest of them and those in front of it at a time."""
 
     table: _Table

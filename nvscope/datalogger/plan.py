@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Collection, Hashable, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.batch import Bool
 from dissectors.datalogger.tables import LogTable
@@ -40,8 +41,7 @@ _APART_NS = 10_000_000
 """So far apart telegrams of one cycle may be where no interval of their list is known."""
 
 
-@dataclass(frozen=True, slots=True)
-class Planned:
+class Planned(Struct, frozen=True):
     """A session that can be logged; ``tasks`` are lists with the columns that are taken in each of their cycles.
 
     Without any, all are taken in an interval; ``rest`` are those that are, beside tasks; None for none.
@@ -73,8 +73,7 @@ class Planned:
         return self.session.files == 1 or not self.path
 
 
-@dataclass(frozen=True, slots=True)
-class Targets:
+class Targets(Struct, frozen=True):
     """Where sessions are written: to ``path`` in place of what one says, or all to a ``folder``, by their names."""
 
     path: str | None = None

@@ -21,10 +21,10 @@ telegram has one, equally late, or the Counter is known to move by itself.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U16, U64, Bool
 
@@ -44,8 +44,7 @@ _MOST_LATE = 8
 """More repeats than so many do not come behind one new telegram, and late, where a Counter goes on and on."""
 
 
-@dataclass(frozen=True)
-class Seen:
+class Seen(Struct, frozen=True, dict=True):
     """Telegrams of one stream in their order.
 
     ``values`` and ``content`` are numbers of what a telegram holds, without and with its Counter. ``defined_ns`` is the

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 from nvscope.expression.typed_columns import Numbers
 
 
-@dataclass(frozen=True, slots=True)
-class Rows:
+class Rows(Struct, frozen=True):
     """Data sets in their order, of a session with v variables.
 
     ``time_ns`` (n,) are their timestamps, ``consistent`` (n,) is False where data was lost in front of one. ``cells``

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, Bool
 from nvscope.datalogger.logged import Content, Logged, declared_type
@@ -18,8 +18,7 @@ from nvscope.view.rows.defined import DefinedRows, Place
 _NANS = {size: np.array([np.nan], f"f{size}").view(f"i{size}")[0] for size in (4, 8)}
 
 
-@dataclass(frozen=True, slots=True)
-class _Source:
+class _Source(Struct, frozen=True):
     """Elements of one type that follow each other in telegrams of a place, from ``at`` on.
 
     ``columns`` are theirs, counted within their group; ``size_bytes`` is that of all of them.
@@ -36,8 +35,7 @@ class _Source:
         return np.argsort(self.columns)
 
 
-@dataclass(slots=True)
-class _Group:
+class _Group(Struct):
     """Columns that come from the same places: the last telegram of any of these says what they are."""
 
     places: dict[int, list[_Source]]

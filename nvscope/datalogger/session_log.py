@@ -8,9 +8,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
 
 import numpy as np
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from dissectors.batch import I64, Bool
 from nvscope.datalogger.changes import Changed, Counts
@@ -40,8 +41,7 @@ _BLOCKS_KEPT = 4
 """While another program holds the file, so many blocks wait for it; then the oldest rows are lost."""
 
 
-@dataclass(frozen=True, slots=True)
-class Schedule:
+class Schedule(Struct, frozen=True):
     """When values are taken, and which columns are then; None: all.
 
     ``keys`` are the lists that it needs: what they lose is lost in front of its next row.
@@ -52,8 +52,7 @@ class Schedule:
     columns: Bool | None = None
 
 
-@dataclass(slots=True)
-class Counted:
+class Counted(Struct):
     """What became of a session: rows that were written, how many of them are not consistent, and what was lost.
 
     ``overwritten`` are data sets that the ring buffer had no room for, ``not_taken`` those that no time was left for,

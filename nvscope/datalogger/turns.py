@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 from nvscope.datalogger.instants import Cycles, Instants, Interval
@@ -17,8 +17,7 @@ from nvscope.view.rows.defined import DefinedRows
 _LATEST = (1 << 63) - 1
 
 
-@dataclass(frozen=True, slots=True)
-class Taken:
+class Taken(Struct, frozen=True):
     """Values at instants: when (n,), behind which frames (n,), by which schedule (n,), and what is known (n, v).
 
     ``known`` is None where all is.

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Any
 
+from msgspec import Struct
+
 from nvscope.errors import UsageError
 from nvscope.toml_table import Place, ValueKind, key, mapping, read_table
 
@@ -76,8 +78,7 @@ def _buses(value: Any, place: Place) -> tuple[tuple[str, BusSettings], ...]:
 BUS_TABLES = ValueKind("[{name}.CHANNEL]", _buses, BusSettings)
 
 
-@dataclass(frozen=True, slots=True)
-class Buses:
+class Buses(Struct, frozen=True):
     """What is given of buses, by names of channels or patterns of such: the first entry that fits goes first."""
 
     given: Sequence[tuple[str, BusSettings]] = ()

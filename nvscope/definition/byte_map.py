@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Hashable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from nvscope.definition.model import ListDefinition
 from nvscope.definition.packing import TelegramLayout
@@ -27,8 +29,7 @@ from nvscope.definition.variables import (
 _INDEX = re.compile(r"\[[^\]]*\]")
 
 
-@dataclass(frozen=True, slots=True)
-class Names:
+class Names(Struct, frozen=True):
     """The elements of a list as they are compared, in capitals.
 
     ``counted`` has the name of each with indexes counted from 0, ``plain`` all of them without indexes.
@@ -48,8 +49,7 @@ class Relation(Enum):
     MISSING = "missing"  # A writes nothing there
 
 
-@dataclass(frozen=True, slots=True)
-class Stretch:
+class Stretch(Struct, frozen=True):
     """Elements of one side that follow each other: ``count`` of them, from the name ``first`` to ``last``.
 
     ``type`` is what all of them have, empty where they differ; ``first_type`` that of the first.
@@ -62,8 +62,7 @@ class Stretch:
     first_type: str
 
 
-@dataclass(frozen=True, slots=True)
-class Run:
+class Run(Struct, frozen=True):
     """Bytes of a telegram's data, ``first_byte`` to ``last_byte``, and what each side has there.
 
     The elements of A need not begin and end with these bytes: parts of them may lie in the neighbours.
@@ -116,8 +115,7 @@ def _from_zero(kind: Type) -> Type:
     return kind
 
 
-@dataclass(frozen=True, slots=True)
-class _Placed:
+class _Placed(Struct, frozen=True):
     start: int
     end: int
     element: Element

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from nvscope.definition.model import ListDefinition
 from nvscope.definition.packing import TelegramLayout, pack
@@ -23,8 +25,7 @@ _MOST_ELEMENTS = 5_000
 _SIZES = (1, 2, 4, 8)
 
 
-@dataclass(frozen=True, slots=True)
-class Cause:
+class Cause(Struct, frozen=True):
     """One change after which a definition would fit, told as a sentence, and what to do about it.
 
     ``next_step`` is empty where exporting again is what helps. ``complete``: with this change all SubIndexes would fit.

@@ -7,7 +7,8 @@ A list takes one identifier for each frame, counted up from its own (Network Fun
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from dissectors.can.canopen import Service, services_within
 from nvscope import units
@@ -19,8 +20,7 @@ _MOST_NEIGHBOURS = 100
 """So many lists that overlap one list are named; where there are more, the identifiers are all alike."""
 
 
-@dataclass(frozen=True, slots=True)
-class CobIds:
+class CobIds(Struct, frozen=True):
     """The COB-IDs from ``first`` to ``last`` of a list on CAN."""
 
     list: ListDefinition

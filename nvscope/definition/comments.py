@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from nvscope.definition.source import Source
 
@@ -18,8 +19,7 @@ _CONDITION = re.compile(r"\{\s*+(?:IF|ELSIF|ELSE|END_IF)\b", re.IGNORECASE)
 _LINE = re.compile(r"[^\r\n]+")
 
 
-@dataclass(frozen=True, slots=True)
-class Attribute:
+class Attribute(Struct, frozen=True):
     """``{attribute 'name' := 'value'}``; it belongs to what is declared next."""
 
     offset: int

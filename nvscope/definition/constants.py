@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from nvscope.definition.constant_functions import FUNCTIONS, OPERATORS, TRUNCATED, as_type, conversion
 from nvscope.definition.operands import INTEGERS, NO_INTEGER, Operand, Result, bounds_of
@@ -21,8 +22,7 @@ SIZE_FUNCTIONS = frozenset({"SIZEOF", "XSIZEOF"})
 _LARGEST = 1 << 64
 
 
-@dataclass(frozen=True, slots=True)
-class Names:
+class Names(Struct, frozen=True):
     """What names in an expression stand for: the values of constants, and the sizes of types in bytes."""
 
     value_of: Callable[[Name], Operand]

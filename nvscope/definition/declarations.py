@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from functools import cache
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 from lark import Lark, Token, UnexpectedToken
+from msgspec import Struct
+from msgspec.structs import replace
 
 from nvscope.definition.comments import Attribute, blank, blank_comments
 from nvscope.definition.lexer import KEYWORDS, DeclarationLexer, NoToken
@@ -56,8 +57,7 @@ _MOST_PARSED = 20_000_000
 """Characters that are parsed again for the sake of what can be read."""
 
 
-@dataclass(frozen=True, slots=True)
-class Declared:
+class Declared(Struct, frozen=True):
     """What a text declares, in its order; ``left_out`` is what could not be read of it.
 
     ``recognised`` is False where nothing tells that the text is of this language: there are neither declarations nor

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Hashable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import zip_longest
+
+from msgspec import Struct
 
 from nvscope.definition.byte_map import Names, Relation, Run, meaning_of, names_of, runs_of
 from nvscope.definition.known_telegrams import KnownTelegram, known_telegrams
@@ -29,8 +30,7 @@ _SEEN_ON_CAN = frozenset({"list_id", "protocol"})
 _SAME = frozenset({Relation.SAME, Relation.RENAMED})
 
 
-@dataclass(frozen=True)
-class TelegramDifference:
+class TelegramDifference(Struct, frozen=True, dict=True):
     """One SubIndex on both sides, on CAN one COB-ID; None where a side does not have it.
 
     ``runs`` end before the first element that has no place.
@@ -69,8 +69,7 @@ class TelegramDifference:
         return any(side.unknown is not None and not side.layout.elements for side in (self.a, self.b) if side)
 
 
-@dataclass(frozen=True, slots=True)
-class SettingDifference:
+class SettingDifference(Struct, frozen=True):
     """A setting, by its name in ``ListDefinition``, and its values."""
 
     name: str
@@ -78,8 +77,7 @@ class SettingDifference:
     b: str | int | bool | None
 
 
-@dataclass(frozen=True, slots=True)
-class VariableDifference:
+class VariableDifference(Struct, frozen=True):
     """A variable that is not the same on both sides.
 
     ``change`` is ``added``, ``removed``, ``moved``, ``retyped`` or ``renamed``; ``a`` and ``b`` say what a side has,
@@ -92,8 +90,7 @@ class VariableDifference:
     b: str = ""
 
 
-@dataclass(frozen=True)
-class ListDifference:
+class ListDifference(Struct, frozen=True):
     """A list that both sides have.
 
     ``telegrams`` are compared up to the first SubIndex behind which nobody knows what a side has; there are none where
@@ -132,8 +129,7 @@ class ListDifference:
         return same and not self.settings and not self.variables
 
 
-@dataclass(frozen=True)
-class Difference:
+class Difference(Struct, frozen=True):
     """Two definitions compared: lists that both have, and those that only one has."""
 
     lists: tuple[ListDifference, ...]

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from math import prod
+
+from msgspec import Struct
 
 from nvscope.definition.variables import Array, Structure, Type, Variable
 
@@ -35,8 +36,7 @@ def first_parts(name: str, longest: int) -> Iterator[int]:
         yield end.start()
 
 
-@dataclass(frozen=True, slots=True)
-class _Row:
+class _Row(Struct, frozen=True):
     """Variables or members one behind the other: by folded name where each begins, counted in elements, and its type.
 
     ``count`` is how many elements they are together, ``longest`` the length of the longest name.

@@ -25,8 +25,9 @@ import ipaddress
 import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
+
+from msgspec import Struct
 
 from nvscope.definition.comments import blank
 from nvscope.definition.declarations import parse_declarations
@@ -92,8 +93,7 @@ def _blank_bodies(text: str) -> str:
     return "".join(parts)
 
 
-@dataclass(frozen=True, slots=True)
-class _Mark:
+class _Mark(Struct, frozen=True):
     kind: str
     name: str
     offset: int

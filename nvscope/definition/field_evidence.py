@@ -8,10 +8,9 @@ the type is in lists. Cheap is plausible. Prices of neighbours add up, so that w
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, Bool
 
@@ -49,8 +48,7 @@ _FIRST_DAY_S, _LAST_DAY_S = 946_684_800, 2_208_988_800  # from 2000 to 2040
 _S_NS = 1_000_000_000
 
 
-@dataclass(frozen=True, slots=True)
-class Candidate:
+class Candidate(Struct, frozen=True):
     """A possible field: ``price`` in bits as the type that fits best; ``prices`` those of all types that could be."""
 
     offset: int

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 HEAD_BYTES = 512
 """So many bytes tell what a file is."""
@@ -17,8 +18,7 @@ _PROLOG = rb"(?:<\?xml[^>]*>\s*)?(?:<!--.*?-->\s*)*"
 _BINARY = re.compile(rb"[\x00-\x08]|PK\x03\x04")
 
 
-@dataclass(frozen=True, slots=True)
-class ForeignFile:
+class ForeignFile(Struct, frozen=True):
     """A kind of file that holds no definitions: ``begin`` matches its first bytes, behind a byte order mark and blanks.
 
     Where the first bytes are not public it is known by its ``suffixes``, if it is no text.

@@ -6,7 +6,8 @@ A draft is packed by ``nvscope.definition.packing``; where that does not give th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from nvscope.definition.gvl_file import gvl_file
 from nvscope.definition.infer import Field, Layout, Proposal
@@ -21,8 +22,7 @@ _MS_NS = 1_000_000
 _NOWHERE = Position("draft", 1, 1)
 
 
-@dataclass(frozen=True, slots=True)
-class Draft:
+class Draft(Struct, frozen=True):
     """A list as it is proposed; ``problem`` says why its telegrams would be others than those on the wire, if so.
 
     ``notes`` are sentences for the head of the file. ``interval_ns`` is None where the list is not sent in a cycle.

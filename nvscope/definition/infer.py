@@ -7,9 +7,9 @@ Each field therefore has its probability, a grade made of it, and what speaks fo
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U8
 from nvscope.definition.field_evidence import Candidate, candidates, opaque_candidates
@@ -35,8 +35,7 @@ _WORDS = {
 _S_NS = 1_000_000_000
 
 
-@dataclass(frozen=True, slots=True)
-class Field:
+class Field(Struct, frozen=True):
     """One proposed field of a telegram's data.
 
     ``probability`` is that of its place and size, together with that of the type; ``others`` are further types of the
@@ -53,16 +52,14 @@ class Field:
     others: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Layout:
+class Layout(Struct, frozen=True):
     """Fields of a telegram in order; ``behind_bits`` is how much less plausible it is than the best, as bits."""
 
     fields: tuple[Field, ...]
     behind_bits: float
 
 
-@dataclass(frozen=True, slots=True)
-class Proposal:
+class Proposal(Struct, frozen=True):
     """What lies in the data of a telegram: layouts, the most plausible first.
 
     None is there where Items and Length leave no room for any; ``reason`` then says why.

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
 from typing import NamedTuple
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from nvscope.definition.declared_types import DeclaredTypes
 from nvscope.definition.operands import INTEGERS, bounds_of
@@ -33,8 +35,7 @@ from nvscope.definition.syntax_nodes import MAX_DEPTH
 from nvscope.definition.variables import Scalar, ScalarKind
 
 
-@dataclass(frozen=True, slots=True)
-class InitialValue:
+class InitialValue(Struct, frozen=True):
     """A value that does not fit, the ``variable`` or constant that has it, and its type, with the subrange it has.
 
     ``list_name`` is empty for the member of a declared type.

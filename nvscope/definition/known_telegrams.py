@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from msgspec import Struct
+from msgspec.structs import replace
 
 from nvscope.definition.model import ListDefinition
 from nvscope.definition.packing import TelegramLayout, known_fronts, pack
@@ -10,8 +11,7 @@ from nvscope.definition.pdos import frames_of, unplaced
 from nvscope.definition.variables import Element
 
 
-@dataclass(frozen=True, slots=True)
-class KnownTelegram:
+class KnownTelegram(Struct, frozen=True):
     """One telegram, on CAN one frame, as far as it is known.
 
     ``layout`` has the elements in front of ``unknown``, the element from which on nobody knows what lies where; None
@@ -31,8 +31,7 @@ class KnownTelegram:
         return items, self.layout.layout.size_bytes if entry.on_can else self.layout.length
 
 
-@dataclass(frozen=True, slots=True)
-class KnownTelegrams:
+class KnownTelegrams(Struct, frozen=True):
     """The telegrams of a list by SubIndex; where it is not ``whole``, nobody knows what follows the last of them."""
 
     telegrams: tuple[KnownTelegram, ...]

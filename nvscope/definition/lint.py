@@ -7,8 +7,9 @@ why that matters, and what to do.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Literal
+
+from msgspec import Struct
 
 from nvscope.definition import codes
 from nvscope.definition import lint_searches as searches
@@ -19,8 +20,7 @@ from nvscope.definition.syntax import FileSyntax
 Severity = Literal["error", "warning", "note"]
 
 
-@dataclass(frozen=True, slots=True)
-class Rule:
+class Rule(Struct, frozen=True):
     """One kind of mistake: ``summary`` is what it finds in a few words, ``why`` and ``next_step`` are sentences."""
 
     id: str
@@ -31,8 +31,7 @@ class Rule:
     find: Callable[[Subject], Iterator[Place]]
 
 
-@dataclass(frozen=True, slots=True)
-class Mistake:
+class Mistake(Struct, frozen=True):
     """A rule, and where it found something."""
 
     rule: Rule

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import ipaddress
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
+
+from msgspec import Struct
 
 from dissectors.can.canopen import MAX_COB_ID
 from nvscope.definition.cob_ids import CobIds, canopen_uses, overlaps, taken_by
@@ -31,8 +32,7 @@ _MOST_NAMESAKES = 100
 _MOST_VERSIONS = 5
 
 
-@dataclass(frozen=True, slots=True)
-class Packed:
+class Packed(Struct, frozen=True):
     """A list, and its telegrams by SubIndex, as far as they are known; ``whole`` where nothing of it has no place."""
 
     list: ListDefinition
@@ -56,8 +56,7 @@ class Packed:
         return taken_by(self.list)
 
 
-@dataclass(frozen=True, slots=True)
-class Subject:
+class Subject(Struct, frozen=True):
     """What is looked at: the files as they are written, and the lists and mistakes that follow from them.
 
     ``lists`` are those that are surely sent; ``nameless`` are all without an identifier, which may be no such lists.
@@ -71,8 +70,7 @@ class Subject:
     assumed: Sequence[AssumedBase] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
+class Place(Struct, frozen=True):
     """Where a rule found something, of which list (empty for types), and what."""
 
     position: Position

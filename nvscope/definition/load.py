@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from nvscope.definition.exp import is_export, read_exp
 from nvscope.definition.model import DEFAULT_PORT, Definition, Problem
@@ -24,8 +25,7 @@ MAX_ALL_CHARACTERS = 32_000_000
 _MOST_GIVEN = 3
 
 
-@dataclass(frozen=True, slots=True)
-class ReadFiles:
+class ReadFiles(Struct, frozen=True):
     """What files declare, as it is written, by path; ``left_out`` are those in which something is wrong."""
 
     files: dict[str, FileSyntax]

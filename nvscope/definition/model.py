@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from operator import attrgetter
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
 
 from nvscope.list_key import ANY_CHANNEL, ListKey
 
@@ -18,8 +19,7 @@ DEFAULT_PORT = 1202
 """The UDP port of lists for which nothing says one."""
 
 
-@dataclass(frozen=True, slots=True)
-class UnknownName:
+class UnknownName(Struct, frozen=True):
     """A type or a constant that a list needs and no file declares; ``nearest`` is what was perhaps meant, or ""."""
 
     name: str
@@ -28,8 +28,7 @@ class UnknownName:
     constant: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Problem:
+class Problem(Struct, frozen=True):
     """Something in a definition file that cannot be, in the words of an error."""
 
     what: str
@@ -37,8 +36,7 @@ class Problem:
     next_step: str
 
 
-@dataclass(frozen=True, slots=True)
-class AssumedBase:
+class AssumedBase(Struct, frozen=True):
     """An enumeration that is taken for an INT, since its file does not say of what type it is."""
 
     name: str
@@ -49,8 +47,7 @@ Flaw = UnknownName | Problem | AssumedBase
 """Why a variable is of unknown size, or less is known of a type than its declaration should say."""
 
 
-@dataclass(frozen=True, slots=True)
-class ListDefinition:
+class ListDefinition(Struct, frozen=True):
     """One network variables list.
 
     What no file says is None: ``list_id`` (the COB-ID), ``interval_ns``, ``min_gap_ns``. ``order`` of the variables is
@@ -92,8 +89,7 @@ class ListDefinition:
         return ListKey.udp(self.port, self.list_id) if self.protocol.upper() == "UDP" else None
 
 
-@dataclass(frozen=True, slots=True)
-class Definition:
+class Definition(Struct, frozen=True):
     """All lists of all files, and the files that had to be ``left_out`` because of a mistake in them, with that.
 
     ``parameters`` are those of the Parameter Manager, which only the project file tells; None where it tells none.

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from nvscope.definition.constants import INTEGERS, Names, Operand, as_kind, check_fits, evaluate, integer
 from nvscope.definition.nearest_files import nearest
@@ -47,8 +49,7 @@ class UnknownConstant(Exception):
         self.name, self.position = name, position
 
 
-@dataclass(frozen=True, slots=True)
-class _Constant:
+class _Constant(Struct, frozen=True):
     """A constant, or a value of an enumeration: ``before`` is what it counts on from where it has no expression.
 
     ``type`` is what it is declared as where that has a name.

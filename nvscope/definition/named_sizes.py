@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from nvscope.definition.constants import SIZE_FUNCTIONS
 from nvscope.definition.position import Position
@@ -29,8 +30,7 @@ from nvscope.definition.written import expression_text
 _NOWHERE = Source("", "")
 
 
-@dataclass(frozen=True, slots=True)
-class NamedSize:
+class NamedSize(Struct, frozen=True):
     """A bound or length that depends on a constant.
 
     ``what`` it is, of which ``variable`` (with its type, where it is a member), in which list (empty: a type), and the

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 from nvscope.definition.variables import Scalar, ScalarKind
 
 Value = bool | int | float
 
 
-@dataclass(frozen=True, slots=True)
-class Operand:
+class Operand(Struct, frozen=True):
     """A value, and its type where that is known: a bare number may be of any that holds it."""
 
     value: Value

@@ -14,8 +14,10 @@ that nothing is padded or split shows in telegrams of controllers.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.layout import Field, Layout
 from dissectors.netvar import HEADER
@@ -40,8 +42,7 @@ PDO_DATA_BYTES = 8
 MAX_SUBINDEX = 65_535
 
 
-@dataclass(frozen=True)
-class TelegramLayout:
+class TelegramLayout(Struct, frozen=True, dict=True):
     """One telegram of a list: what lies where in its data.
 
     ``sent_items`` is how many elements it has where some of them are told as one, since nobody knows their sizes.
@@ -111,8 +112,7 @@ def placed(telegrams: Sequence[TelegramLayout]) -> tuple[tuple[TelegramLayout, .
     return (*telegrams[:first], *front), tuple(behind)
 
 
-@dataclass(frozen=True, slots=True)
-class KnownFronts:
+class KnownFronts(Struct, frozen=True):
     """What is known of the telegrams of a list where sizes of some elements are not.
 
     ``by_subindex`` are those that the list surely has. ``beyond`` is that of all further SubIndexes, None where it has

@@ -6,10 +6,11 @@ Nothing that a controller's programming system exports has them: the project fil
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
 
 from nvscope import units
 
@@ -17,8 +18,7 @@ if TYPE_CHECKING:  # who knows no parameters does without
     from nvscope.definition.variables import Type
 
 
-@dataclass(frozen=True, slots=True)
-class ParameterDefinition:
+class ParameterDefinition(Struct, frozen=True):
     """A parameter of one node, or with ``node`` "" of each node that has no other one with this Index and SubIndex.
 
     ``type`` is that of the value, or of an element, of which a telegram carries as many as its Items says; None where
@@ -32,8 +32,7 @@ class ParameterDefinition:
     node: str = ""
 
 
-@dataclass(frozen=True)
-class Parameters:
+class Parameters(Struct, frozen=True, dict=True):
     """All parameters of which something is known."""
 
     known: tuple[ParameterDefinition, ...] = ()

@@ -7,8 +7,10 @@ Functionality in CoDeSys V2.3, section 2.3). How it is packed is described nowhe
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from itertools import takewhile
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.can.pdo import PdoList, PdoPart, PdoRules
 from nvscope.definition.model import Definition, ListDefinition
@@ -17,8 +19,7 @@ from nvscope.definition.variables import Element
 from nvscope.list_key import ListKey, told_of
 
 
-@dataclass(frozen=True, slots=True)
-class Pdo:
+class Pdo(Struct, frozen=True):
     """One frame of a list; ``layout`` is None of a list of which only the identifier is known.
 
     Where it holds an element of ``unknown`` size, ``layout`` is what is in front of that.

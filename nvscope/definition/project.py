@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from msgspec import Struct, field
 
 from nvscope.definition.buses import Buses
 from nvscope.definition.limits import Limits
@@ -21,8 +22,7 @@ if TYPE_CHECKING:  # where there is no project file, nothing that reads one is i
 PROJECT_NAME = "nvscope.toml"
 
 
-@dataclass(frozen=True, slots=True)
-class Project:
+class Project(Struct, frozen=True):
     """What a plant should be like. Without a project file ``path`` is None and all of it as by default.
 
     ``definition`` are the lists of the definition ``files`` with the settings of the project, and those that only the

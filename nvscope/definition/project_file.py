@@ -5,11 +5,14 @@ The dataclasses made of ``key`` are the table of all keys: reading, messages and
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from msgspec.structs import replace
 
 from nvscope.definition.buses import BUS_TABLES, MAX_CHANNEL_NAME, Buses, BusSettings, is_channel_name
 from nvscope.definition.limits import Limits
@@ -181,7 +184,7 @@ def _project(
     return Project(
         path, tuple(files), definition, dict(told.nodes), ports, told.limits, buses, dict(told.keys),
         dict(told.channels), security=security, webvisu=webvisu_of(told.webvisu, path, place) or None,
-        datalogger=replace(told.datalogger, place=place.below("datalogger")),
+        datalogger=dataclasses.replace(told.datalogger, place=place.below("datalogger")),
     )  # fmt: skip
 
 

@@ -9,6 +9,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from msgspec import Struct
+
 from nvscope.definition.project_nodes import canonical_address, of_unknown_node
 from nvscope.toml_table import FLAG, TEXT, Place, ValueKind, array, key
 
@@ -25,8 +27,7 @@ _S_NS = 1_000_000_000
 _LONGEST_NAME = 60
 
 
-@dataclass(frozen=True, slots=True)
-class Hours:
+class Hours(Struct, frozen=True):
     """A span of time of some days: minutes since midnight, local time, the last one excluded; days from 0, Monday.
 
     One that ends before it begins ends on the next day.

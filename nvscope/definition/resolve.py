@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import chain
+
+from msgspec import Struct
 
 from nvscope.definition.declared_types import DeclaredTypes
 from nvscope.definition.model import DEFAULT_PORT, Definition, Flaw, ListDefinition, Problem
@@ -24,8 +25,7 @@ MAX_ALL_NAME_CHARACTERS = 100_000_000
 """What all lists have together, which bounds the memory that their layouts take, to some 400 MB."""
 
 
-@dataclass(slots=True)
-class _Amount:
+class _Amount(Struct):
     """How many elements all lists have so far, and characters their names; a list counts once for each connection."""
 
     elements: int = 0

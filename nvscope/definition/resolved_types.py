@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from operator import attrgetter
+
+from msgspec.structs import replace
 
 from nvscope.definition.constants import INTEGERS, check_fits
 from nvscope.definition.declared_types import DeclaredTypes

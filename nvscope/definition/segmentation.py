@@ -5,10 +5,10 @@ its header says, at the least price; and how probable each field is among all se
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from dissectors.batch import I64
 from nvscope.definition.field_evidence import Candidate
@@ -18,8 +18,7 @@ F64 = npt.NDArray[np.float64]
 _BIT = np.log(2)
 
 
-@dataclass(frozen=True, slots=True)
-class Segmentation:
+class Segmentation(Struct, frozen=True):
     """Fields that fill a telegram; ``price`` is the sum of theirs, in bits."""
 
     fields: tuple[Candidate, ...]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64
 from nvscope.definition.element_names import ElementNames, first_parts, folded
@@ -22,8 +22,7 @@ def typed(list_name: str) -> str:
     return re.sub(r"\W", "_", list_name) or "_"
 
 
-@dataclass(frozen=True, slots=True)
-class SentElement:
+class SentElement(Struct, frozen=True):
     """An element in a telegram of a list, from ``offset`` of its data on.
 
     ``is_front``: the layout is only what is known of longer telegrams.

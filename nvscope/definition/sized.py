@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from msgspec import Struct
+from msgspec.structs import replace
 
 from nvscope.definition.model import Flaw
 from nvscope.definition.variables import Scalar, Type
 
 
-@dataclass(frozen=True, slots=True)
-class Sized:
+class Sized(Struct, frozen=True):
     """A resolved type. ``parts`` bounds both its elements and what has to be visited to describe it.
 
     ``depth`` is how many types lie within it, one in another, ``characters`` what all its elements add to their names,

@@ -6,16 +6,16 @@ An offset counts the characters of the file; the ``Source`` that belongs to it i
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any, ClassVar
+
+from msgspec import Struct, field
 
 from nvscope.definition.model import Problem
 from nvscope.definition.source import Source
 from nvscope.definition.variables import Scalar
 
 
-@dataclass(frozen=True, slots=True)
-class Name:
+class Name(Struct, frozen=True):
     """``a`` or ``a.b.c``."""
 
     text: str
@@ -23,8 +23,7 @@ class Name:
     depth: ClassVar[int] = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Number:
+class Number(Struct, frozen=True):
     """A literal integer; ``kind`` is the type in front of it, as in ``BYTE#5``, which need not hold it.
 
     ``based``: it is written with a base, as ``16#FF``.
@@ -37,8 +36,7 @@ class Number:
     depth: ClassVar[int] = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Real:
+class Real(Struct, frozen=True):
     """A literal real."""
 
     value: float
@@ -46,8 +44,7 @@ class Real:
     depth: ClassVar[int] = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Operation:
+class Operation(Struct, frozen=True):
     """``left operator right``, the operator in capitals. ``depth`` is how deep the expression is nested."""
 
     operator: str
@@ -57,8 +54,7 @@ class Operation:
     depth: int
 
 
-@dataclass(frozen=True, slots=True)
-class Call:
+class Call(Struct, frozen=True):
     """``INT_TO_DINT(value)``, ``MAX(a, b)``: a call of a function, which nobody has looked up yet."""
 
     function: str
@@ -67,8 +63,7 @@ class Call:
     depth: int
 
 
-@dataclass(frozen=True, slots=True)
-class TypeOperand:
+class TypeOperand(Struct, frozen=True):
     """A type where a value may stand that is not just a name: the ``STRING(10)`` of ``SIZEOF(STRING(10))``."""
 
     type: StringType | ArrayType | PointerType
@@ -79,8 +74,7 @@ class TypeOperand:
         return self.type.depth
 
 
-@dataclass(frozen=True, slots=True)
-class Opaque:
+class Opaque(Struct, frozen=True):
     """A value that is no number: a string, a time, values of an array or a structure.
 
     ``values`` are those of the latter in which a number is, ``nesting`` is how deep they are nested.
@@ -92,8 +86,7 @@ class Opaque:
     depth: ClassVar[int] = 0
 
 
-@dataclass(frozen=True, slots=True)
-class MemberValue(Opaque):
+class MemberValue(Opaque, frozen=True):
     """``name := value`` among the values of a structure, of which ``values`` has the one."""
 
     name: str = ""
@@ -102,8 +95,7 @@ class MemberValue(Opaque):
 Expression = Name | Number | Real | Operation | Call | TypeOperand | Opaque
 
 
-@dataclass(frozen=True, slots=True)
-class NamedType:
+class NamedType(Struct, frozen=True):
     """The name of a type, elementary or declared; with ``low`` and ``high`` a subrange.
 
     A ``generic`` function block has constants behind its name, on which its size depends.
@@ -116,8 +108,7 @@ class NamedType:
     depth: ClassVar[int] = 0
 
 
-@dataclass(frozen=True, slots=True)
-class StringType:
+class StringType(Struct, frozen=True):
     """STRING or WSTRING."""
 
     offset: int
@@ -126,8 +117,7 @@ class StringType:
     depth: ClassVar[int] = 0
 
 
-@dataclass(frozen=True, slots=True)
-class PointerType:
+class PointerType(Struct, frozen=True):
     """POINTER TO or REFERENCE TO something that does not matter: addresses mean nothing to a reader."""
 
     offset: int
@@ -135,8 +125,7 @@ class PointerType:
     depth: ClassVar[int] = 0
 
 
-@dataclass(frozen=True, slots=True)
-class ArrayType:
+class ArrayType(Struct, frozen=True):
     """``bounds`` holds (low, high) of each dimension."""
 
     offset: int
@@ -145,8 +134,7 @@ class ArrayType:
     depth: int
 
 
-@dataclass(frozen=True, slots=True)
-class StructureType:
+class StructureType(Struct, frozen=True):
     """STRUCT or UNION."""
 
     offset: int
@@ -156,8 +144,7 @@ class StructureType:
     depth: int
 
 
-@dataclass(frozen=True, slots=True)
-class EnumerationType:
+class EnumerationType(Struct, frozen=True):
     """``values`` holds each name and the expression behind it, None where it counts on.
 
     Without a ``base`` it is INT; ``base_told`` is False where the file does not say whether there is one.
@@ -170,8 +157,7 @@ class EnumerationType:
     depth: ClassVar[int] = 0
 
 
-@dataclass(frozen=True, slots=True)
-class InvalidType:
+class InvalidType(Struct, frozen=True):
     """What stands where a type should be and cannot be read."""
 
     problem: Problem
@@ -181,8 +167,7 @@ class InvalidType:
 TypeSyntax = NamedType | StringType | PointerType | ArrayType | StructureType | EnumerationType | InvalidType
 
 
-@dataclass(frozen=True, slots=True)
-class Declaration:
+class Declaration(Struct, frozen=True):
     """``a, b : TYPE := initial;`` of a structure, union or list."""
 
     names: tuple[Name, ...]
@@ -191,8 +176,7 @@ class Declaration:
     attributes: Mapping[str, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
-class TypeDeclaration:
+class TypeDeclaration(Struct, frozen=True):
     """A declared type; ``type`` None: a function block or the like, whose bytes no file describes."""
 
     name: Name
@@ -200,8 +184,7 @@ class TypeDeclaration:
     source: Source
 
 
-@dataclass(frozen=True, slots=True)
-class GlobalBlock:
+class GlobalBlock(Struct, frozen=True):
     """VAR_GLOBAL … END_VAR."""
 
     offset: int
@@ -209,8 +192,7 @@ class GlobalBlock:
     declarations: tuple[Declaration, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class ListSyntax:
+class ListSyntax(Struct, frozen=True):
     """A list of global variables.
 
     ``settings`` has an entry for each connection over which the list is sent: those fields of ``ListDefinition`` that
@@ -224,8 +206,7 @@ class ListSyntax:
     settings: tuple[Mapping[str, Any], ...] = ({},)
 
 
-@dataclass(frozen=True, slots=True)
-class FileSyntax:
+class FileSyntax(Struct, frozen=True):
     """What one file declares; ``left_out`` are declarations in it that cannot be read."""
 
     types: tuple[TypeDeclaration, ...] = ()

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import Any
 
 from lark import Token, Transformer, v_args
+from msgspec.structs import replace
 
 from nvscope.definition.scalars import find_scalar
 from nvscope.definition.source import Source

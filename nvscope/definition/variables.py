@@ -7,8 +7,9 @@ scalar, a string, or something whose bytes nobody has described.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from enum import Enum
+
+from msgspec import Struct, field
 
 from nvscope.definition.position import Position
 
@@ -30,8 +31,7 @@ class ScalarKind(Enum):
     RAW = "raw"  # pointers, BIT, function blocks: not described anywhere, shown as bytes
 
 
-@dataclass(frozen=True, slots=True)
-class Scalar:
+class Scalar(Struct, frozen=True):
     """An elementary type, under its IEC name; ``dtype`` is that of numpy, little-endian. ``unit_ns`` is 0 for numbers.
 
     ``low`` and ``high`` bound a subrange. ``size_bytes`` is 0 where nobody knows it: pointers, BIT, function blocks.
@@ -48,8 +48,7 @@ class Scalar:
     is_one: bool = True
 
 
-@dataclass(frozen=True, slots=True)
-class String:
+class String(Struct, frozen=True):
     """STRING(n) or WSTRING(n); ``length`` is n. Sent with the terminating NUL."""
 
     length: int = 80
@@ -64,8 +63,7 @@ class String:
         return (self.length + 1) * (2 if self.wide else 1)
 
 
-@dataclass(frozen=True, slots=True)
-class Enumeration:
+class Enumeration(Struct, frozen=True):
     """Named values of a scalar."""
 
     name: str
@@ -77,24 +75,21 @@ class Enumeration:
         return self.base.size_bytes
 
 
-@dataclass(frozen=True, slots=True)
-class Member:
+class Member(Struct, frozen=True):
     """A member of a structure or union."""
 
     name: str
     type: Type
 
 
-@dataclass(frozen=True, slots=True)
-class Structure:
+class Structure(Struct, frozen=True):
     """Members in the order in which they are sent, those of the structure it extends first."""
 
     name: str
     members: tuple[Member, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Union:
+class Union(Struct, frozen=True):
     """Members over the same bytes; how it is sent is unknown, taken for as many bytes as the largest member has."""
 
     name: str
@@ -105,8 +100,7 @@ class Union:
         return size_bytes_of(self)
 
 
-@dataclass(frozen=True, slots=True)
-class Array:
+class Array(Struct, frozen=True):
     """``bounds`` has a (low, high) for each dimension; the last index changes fastest."""
 
     bounds: tuple[tuple[int, int], ...]
@@ -117,8 +111,7 @@ Type = Scalar | String | Enumeration | Structure | Union | Array
 Elementary = Scalar | String | Enumeration | Union
 
 
-@dataclass(frozen=True, slots=True)
-class Variable:
+class Variable(Struct, frozen=True):
     """A variable of a list, as declared."""
 
     name: str
@@ -127,8 +120,7 @@ class Variable:
     attributes: Mapping[str, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
-class Element:
+class Element(Struct, frozen=True):
     """One item as it is sent: its full name (``stAxis.pos[1, 2]``) and its type."""
 
     name: str

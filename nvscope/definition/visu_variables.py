@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from types import MappingProxyType
+
+from msgspec import Struct, field
 
 from dissectors.webvisu import MOST_ADDRESS_CHARACTERS, TYPES, Place
 from nvscope.definition.source import DefinitionError, read_source
@@ -27,8 +28,7 @@ _SIZES = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class VisuVariables:
+class VisuVariables(Struct, frozen=True):
     """The variables of a list: their names by where they lie.
 
     ``listed`` are all of them in the order of the file, also several names of one place. ``stamp`` is what the file

@@ -6,8 +6,9 @@ import itertools
 import os
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from nvscope.definition.foreign_files import FOREIGN_FILES, HEAD_BYTES
 from nvscope.errors import ConfigurationError
@@ -35,8 +36,7 @@ _ROOT = re.compile(
 )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class DefinitionFile:
+class DefinitionFile(Struct, frozen=True):
     """A file that may hold definitions; ``given`` is what a person wrote, its own path or what it was found by.
 
     ``content`` is what is in it where it lies in another file, such as a recording; of one on disk it is None.

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from msgspec import Struct
+
 from nvscope.definition.project_nodes import by_address
 from nvscope.errors import ConfigurationError
 from nvscope.toml_table import TEXT, Place, ValueKind, array, integer, key
@@ -43,8 +45,7 @@ class WebVisuSettings:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class GivenList:
+class GivenList(Struct, frozen=True):
     """A file with names of variables; ``controller`` is the address of whose they are, '' where it may be any."""
 
     file: str
@@ -52,8 +53,7 @@ class GivenList:
     controller: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class WebVisu:
+class WebVisu(Struct, frozen=True):
     """The same, with the files read."""
 
     ports: tuple[int, ...] = ()

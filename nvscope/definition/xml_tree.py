@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from typing import Any
 
 from defusedxml.common import DefusedXmlException
 from defusedxml.ElementTree import ParseError, XMLParser
+from msgspec import Struct, field
 
 from nvscope.definition.comments import blank
 from nvscope.definition.source import Source
@@ -22,8 +22,7 @@ _MARKUP = re.compile(
 _ENTITIES = {"lt": "<", "gt": ">", "amp": "&", "quot": '"', "apos": "'"}
 
 
-@dataclass(slots=True)
-class Element:
+class Element(Struct):
     """An element; ``tag`` and the names of ``attributes`` are without namespace. It stands at ``start`` to ``end``."""
 
     tag: str

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from ipaddress import AddressValueError, IPv4Address, IPv4Interface
+
+from msgspec import Struct
 
 from nvscope.doctor.expected import EVERYBODY, Expected
 from nvscope.doctor.facts.machine import Interface, Machine
@@ -13,8 +14,7 @@ from nvscope.doctor.facts.traffic import Flow, ListenedTo, Stranger, Traffic
 from nvscope.doctor.result import State
 
 
-@dataclass(frozen=True)
-class Case:
+class Case(Struct, frozen=True, dict=True):
     """``machine`` is None where files were read. ``listened_ns`` is how long it was
     listened, None of files, and where nobody could.
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from enum import StrEnum
+
+from msgspec import Struct
 
 from nvscope.doctor import addresses, clock, firewall, interfaces, multicast, paths, permissions, ports, telegrams
 from nvscope.doctor.case import Case
@@ -18,8 +19,7 @@ class Where(StrEnum):
     TRAFFIC = "traffic"
 
 
-@dataclass(frozen=True, slots=True)
-class Check:
+class Check(Struct, frozen=True):
     """``looks_at`` is what is judged, in words that go on behind the title."""
 
     name: str

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from nvscope.doctor.case import Case
 from nvscope.doctor.checks import CHECKS, Where
@@ -17,8 +19,7 @@ SCHEMA = "nvscope.doctor/1"
 _FIRST = "set right what stands above, and ask once more"
 
 
-@dataclass(frozen=True, slots=True)
-class Diagnosis:
+class Diagnosis(Struct, frozen=True):
     """``results`` are those of all checks that apply, in the order of the table; ``not_told`` the names of the others.
 
     ``state`` is that of the whole: no problem, a problem although telegrams come, or nothing.

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ipaddress
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from dissectors.netvar import PORT
 from nvscope.capture.live.udp_socket import UdpAddress
@@ -17,8 +18,7 @@ IPv4 = ipaddress.IPv4Address
 EVERYBODY = IPv4("255.255.255.255")
 
 
-@dataclass(frozen=True, slots=True)
-class Target:
+class Target(Struct, frozen=True):
     """An address that lists are sent to, by their definitions."""
 
     address: IPv4
@@ -30,8 +30,7 @@ class Target:
         return first_few(self.lists, 1)
 
 
-@dataclass(frozen=True, slots=True)
-class Expected:
+class Expected(Struct, frozen=True):
     """What should come.
 
     ``ports`` are never empty; ``said`` tells whether somebody named them, or the usual one is taken. ``groups`` are

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
+
+from msgspec import Struct
 
 
 class State(StrEnum):
@@ -15,8 +16,7 @@ class State(StrEnum):
     OK = "ok"
 
 
-@dataclass(frozen=True, slots=True)
-class Result:
+class Result(Struct, frozen=True):
     """What was seen, and what to do next ("" where there is nothing to do).
 
     ``about`` is the interface, port, list or node that it is about, "" for all. ``brief`` says a problem in a few words

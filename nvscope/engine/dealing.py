@@ -7,11 +7,12 @@ is folded apart, and the parts are joined to the state that folding all at once 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.batch import I64, Bool
 from dissectors.sorter import SortedPackets
@@ -30,8 +31,7 @@ class SplitBy(Enum):
     BUS = "by CAN channel"
 
 
-@dataclass(frozen=True)
-class Share:
+class Share(Struct, frozen=True, dict=True):
     """The part number ``part`` of ``parts``, as of what ``keys`` number now; rows are the numbers that are its own.
 
     What is of no list goes to the first part.

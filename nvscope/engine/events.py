@@ -7,11 +7,11 @@ What an accumulator notes passes through ``Told``, batch by batch: columns that 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Protocol
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64
 
@@ -19,8 +19,7 @@ NOWHERE = -1
 """In place of the number of what an event does not concern, or of what nobody knows."""
 
 
-@dataclass(frozen=True, slots=True)
-class EventBatch:
+class EventBatch(Struct, frozen=True):
     """Events of one kind that a batch showed; those of one place in the order in which they happened.
 
     ``kind`` is a ``nvscope.tracker.event_kinds.EventKind``, or a member of an enumeration of a protocol's own.

@@ -6,17 +6,15 @@ who is asked are the two nodes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U16, Bool
 from dissectors.sorter import SortedPackets
 from nvscope.engine.keys import FrameKind, Keys
 
 
-@dataclass(frozen=True, slots=True)
-class ParameterRows:
+class ParameterRows(Struct, frozen=True):
     """Requests, replies and error replies, in the order of the capture, those with a fault among them.
 
     ``packet`` are their rows in the packet batch, ``sender`` and ``receiver`` the numbers of the nodes, the receiver

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from msgspec import Struct, field
 
 from dissectors.can.pdo import PdoRules
 from dissectors.dissector import Dissector
@@ -17,8 +17,7 @@ PARAMETER_TIMEOUT_NS = 500_000_000
 """The same of replies of the Parameter Manager."""
 
 
-@dataclass(frozen=True, slots=True)
-class Reading:
+class Reading(Struct, frozen=True):
     """How frames are read.
 
     ``ports`` decide by hand which UDP payloads are telegrams, None: by their identity. ``pdos`` say which lists CAN

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.batch import PacketBatch
 from dissectors.claims import Claims
@@ -23,8 +24,7 @@ _FOLLOWED = 1 << 15
 """Of connections, whose bytes are put together, less at a time: it stays near the processor."""
 
 
-@dataclass(frozen=True, slots=True)
-class Before:
+class Before(Struct, frozen=True):
     """What lies before frames that are read from the middle of a capture.
 
     ``frames`` is how many there are, ``start_ns`` the time of the first of them, ``last_ns`` that of the last.

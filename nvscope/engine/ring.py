@@ -5,10 +5,10 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import PacketBatch
 from nvscope.capture.packed import packed
@@ -31,8 +31,7 @@ _CHUNK_BYTES = 2048
 """What a chunk takes beside its frames."""
 
 
-@dataclass(frozen=True, slots=True)
-class Chunk:
+class Chunk(Struct, frozen=True):
     """Frames that follow each other, the first of which has the number ``first_frame``; ``before_ns`` is the time of
     the frame before it, its own where there is none."""
 
@@ -50,8 +49,7 @@ class Chunk:
         return self.packets.data.nbytes + _COLUMNS_BYTES * len(self.packets) + _CHUNK_BYTES
 
 
-@dataclass(frozen=True, slots=True)
-class Recent:
+class Recent(Struct, frozen=True):
     """The frames that a ring held at a moment; a value that stays as it is.
 
     Frames are told by their numbers in the capture, from 1. ``start_ns`` is the time of the capture's first frame,

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.batch import I64, U16, U64, Bool
 from dissectors.layout import gather_bytes
@@ -37,8 +38,7 @@ class StreamColumns(KeyedColumns):
     }
 
 
-@dataclass(frozen=True, slots=True)
-class DataRows:
+class DataRows(Struct, frozen=True):
     """Well-formed data telegrams, by stream, within a stream as captured.
 
     ``packet`` holds their rows in the packet batch. ``stream`` is the stream of each row; ``start`` and ``stop`` bound

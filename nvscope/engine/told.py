@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U16, Bool, PacketBatch
 from dissectors.can.frame import CanBatch
@@ -29,8 +29,7 @@ if TYPE_CHECKING:  # without being asked for all frames, nothing of them is impo
     from dissectors.other_frames import OtherFrames
 
 
-@dataclass(frozen=True, slots=True)
-class Laid:
+class Laid(Struct, frozen=True):
     """The telegrams of a batch laid out by stream.
 
     ``keys`` number what they are of, ``begun`` are the flows that begin here, ``count`` is how many telegrams there are

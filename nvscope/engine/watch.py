@@ -9,10 +9,10 @@ none of the other's.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors.batch import I32, I64, Bool, End
 from dissectors.sorter import SortedPackets
@@ -64,8 +64,7 @@ class _Listeners:
         return np.flatnonzero(self._count)
 
 
-@dataclass(slots=True)
-class _Heard:
+class _Heard(Struct):
     """What a source has seen, as masks over flows of UDP and channels of CAN."""
 
     flows: Bool = field(default_factory=lambda: np.zeros(0, np.bool_))

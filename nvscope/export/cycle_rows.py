@@ -9,11 +9,11 @@ its sender begins, so that any cut into tables gives the same rows in the same o
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 from nvscope.export.arrays import MOMENT, array_of, empty_table, numbers_in, numbers_of
@@ -28,8 +28,7 @@ _HEAD = 4
 _TIME, _FRAME, _SENDER, _SUBINDEX = range(_HEAD)
 
 
-@dataclass(frozen=True, slots=True)
-class _Rows:
+class _Rows(Struct, frozen=True):
     """Telegrams, grouped by sender and in order within; those of open cycles stand in front as one row each.
 
     ``begin_ns`` and ``begin_frame`` are those of the cycle for such a row, ``last_ns`` and ``subindex`` those of its

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U8
 from nvscope.view.rows.defined import DefinedRows, Place
@@ -16,8 +15,7 @@ _SLAB_BYTES = 256 << 10
 _LEAST_SLAB_BYTES = 4 << 10
 
 
-@dataclass(frozen=True, slots=True)
-class Taken:
+class Taken(Struct, frozen=True):
     """Telegrams in the order of the capture: what stands in front of their variables, int64 (n,), and these."""
 
     frame: I64

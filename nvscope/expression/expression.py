@@ -12,10 +12,11 @@ does not exist. Numbers compared with times and durations are seconds.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import reduce
 from itertools import pairwise
 from typing import TypeVar, cast
+
+from msgspec import Struct
 
 from dissectors.batch import Bool
 from nvscope.expression import literals, spans
@@ -36,8 +37,7 @@ Compiled = TypeVar("Compiled")
 _RELATIONS = {"comparison", "member", "stranger", "contains", "matches"}
 
 
-@dataclass(frozen=True, slots=True)
-class Expression:
+class Expression(Struct, frozen=True):
     """A compiled expression. ``fields`` are the names of the fields that it may read, in the order they occur.
 
     ``remembers``: it has functions of time. ``momentary``: some of them are true at the moment of a change, and so

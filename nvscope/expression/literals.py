@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import ipaddress
 import re
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from fractions import Fraction
 from typing import Literal
+
+from msgspec import Struct
 
 from nvscope.duration import UNITS_NS, parse_duration
 from nvscope.expression.typed_columns import FieldType
@@ -24,8 +25,7 @@ _IPV4_HIGH, _IPV4_LOW = (1 << 64) - 1, 0xFFFF_FFFF_0000_0000
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
-@dataclass(frozen=True, slots=True)
-class Constant:
+class Constant(Struct, frozen=True):
     """A literal as it was written, or, of kind ``number`` and ``duration`` (ns), the result of computing with some.
 
     Of kind ``pairs``, bytes such as ``00-2d`` that are no difference of numbers.
@@ -36,8 +36,7 @@ class Constant:
     value: Number = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Network:
+class Network(Struct, frozen=True):
     """An address, of which the first bits count; IPv4 ones as the dissectors have them in their high half."""
 
     high: int

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import unicodedata
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from nvscope.errors import UsageError
 
@@ -11,8 +12,7 @@ _SHOWN_CHARACTERS = 100
 _LEAD_CHARACTERS = 40
 
 
-@dataclass(frozen=True, slots=True)
-class Span:
+class Span(Struct, frozen=True):
     """A part of the text of an expression, from ``start`` up to ``stop``."""
 
     start: int

@@ -9,10 +9,10 @@ known, is passed over.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 from nvscope.expression.column_rows import identities, joined, picked
@@ -24,8 +24,7 @@ _NONE = -1
 _NEVER = np.iinfo(np.int64).min
 
 
-@dataclass(frozen=True, slots=True)
-class Subject:
+class Subject(Struct, frozen=True):
     """What a function of time is of: the fields that it names, and those of them that last."""
 
     named: tuple[str, ...]
@@ -50,8 +49,7 @@ def _moments(operands: Operands) -> Moments:
     return operands.moments
 
 
-@dataclass(frozen=True, slots=True)
-class _Order:
+class _Order(Struct, frozen=True):
     """Rows by stream, in their order within each: ``row``, and where in it the row before is, -1 for none here.
 
     ``stream`` are those that have rows, ``first`` and ``last`` the places of their first and last rows.

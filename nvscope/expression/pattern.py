@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 MAX_PATTERN_CHARACTERS = 500
 _ANY_CASE = "(?i)"
@@ -31,8 +32,7 @@ class PatternError(ValueError):
         self.position = position
 
 
-@dataclass(slots=True)
-class _State:
+class _State(Struct):
     """A place in the pattern: what may be read here (an atom), or that nothing need be (an anchor or a split)."""
 
     atom: Atom | str
@@ -156,8 +156,7 @@ class Pattern:
         return following
 
 
-@dataclass(slots=True)
-class _Tree:
+class _Tree(Struct):
     kind: str
     children: list[_Tree] = field(default_factory=list)
     atom: Atom | str = _SPLIT

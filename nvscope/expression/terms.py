@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from itertools import islice
 from typing import cast
 
 import numpy as np
 from lark import Token
+from msgspec import Struct, field
 
 from nvscope.expression import literals
 from nvscope.expression.folding import folded
@@ -74,8 +74,7 @@ _MOST_TEXTS = 5
 _LITERALS = {"digits", "colons", "iec_time", "iec_date", "string", "raw_string"}
 
 
-@dataclass(frozen=True, slots=True)
-class Typed:
+class Typed(Struct, frozen=True):
     """A value that differs from telegram to telegram; ``count`` of them where a name stands for several fields."""
 
     type: FieldType
@@ -88,8 +87,7 @@ class Typed:
     any_case: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Written:
+class Written(Struct, frozen=True):
     """A value that stands in the expression. ``is_name``: it may have been meant as the name of a field."""
 
     constant: Constant

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors.batch import I64, U8, U64
 
@@ -37,16 +37,14 @@ class FieldType(Enum):
     TEXT = "text"
 
 
-@dataclass(frozen=True, slots=True)
-class AddressColumn:
+class AddressColumn(Struct, frozen=True):
     """Addresses as two uint64 halves, as the dissectors give them."""
 
     high: U64
     low: U64
 
 
-@dataclass(frozen=True, slots=True)
-class BytesColumn:
+class BytesColumn(Struct, frozen=True):
     """Bytes of ``data`` from ``start`` up to ``stop``, int64."""
 
     data: U8
@@ -54,8 +52,7 @@ class BytesColumn:
     stop: I64
 
 
-@dataclass(frozen=True, slots=True)
-class TextColumn:
+class TextColumn(Struct, frozen=True):
     """Texts as int64 positions in a table of all that occur."""
 
     code: I64
@@ -65,8 +62,7 @@ class TextColumn:
 Column = Numbers | AddressColumn | BytesColumn | TextColumn
 
 
-@dataclass(frozen=True, slots=True)
-class Named:
+class Named(Struct, frozen=True):
     """What an expression may name: a field, or, with ``either``, a name that stands for several fields of one type.
 
     ``udp.port`` is either of two ports. ``refused`` says why a field that exists cannot stand in an expression,

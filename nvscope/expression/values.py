@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import reduce
 from typing import cast
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 from nvscope.expression import spans
@@ -17,8 +17,7 @@ from nvscope.expression.typed_columns import AddressColumn, BytesColumn, Column,
 Read = Callable[[str], tuple[Column, Bool | None]]
 
 
-@dataclass(frozen=True, slots=True)
-class Operand:
+class Operand(Struct, frozen=True):
     """A column, and in which telegrams it holds a value; None for in all of them."""
 
     column: Column
@@ -32,8 +31,7 @@ class Operand:
         return np.ones(len(self), np.bool_) if self.known is None else self.known
 
 
-@dataclass(frozen=True, slots=True)
-class Moments:
+class Moments(Struct, frozen=True):
     """When rows were, and which of them follow each other: what functions of time go by.
 
     ``time_ns`` are their times; ``stream`` is the number of the stream that each is of, from 0 on, int64. ``carried``
@@ -93,8 +91,7 @@ def numbers(operand: Operand) -> Numbers:
 Compute = Callable[[Operand, Operand], Operand]
 
 
-@dataclass(frozen=True, slots=True)
-class _Chain:
+class _Chain(Struct, frozen=True):
     """Values computed step by step from the left: a long sum is no deep recursion."""
 
     first: Evaluate
@@ -178,8 +175,7 @@ def common_bits(left: Operand, right: Operand) -> Operand:
     return Operand(wide_a & wide_b, both_known(a_known, b_known))
 
 
-@dataclass(frozen=True, slots=True)
-class Slice:
+class Slice(Struct, frozen=True):
     """Which bytes or characters of a value: from ``start`` (negative: from the end), so many or up to ``stop``.
 
     Neither ``stop`` nor ``length`` given: to the end.
@@ -212,8 +208,7 @@ class Slice:
         return text[begin:end] if 0 <= begin < end <= size else None
 
 
-@dataclass(frozen=True, slots=True)
-class Parts:
+class Parts(Struct, frozen=True):
     """Several parts of a value, joined; where it does not have all of each, they do not exist."""
 
     parts: tuple[Slice, ...]

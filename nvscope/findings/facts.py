@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors.carried import Carrier
 from nvscope.capture.formats import CAN_LOGS, DATABASES, are_databases
@@ -49,8 +49,7 @@ Logged = tuple[int | None, int | None, int | None, Events]
 """A place, and the events there."""
 
 
-@dataclass(frozen=True)
-class Facts:
+class Facts(Struct, frozen=True, dict=True):
     """What findings are judged from: the state, what follows from it, the sources, the limits, and the time.
 
     ``definition`` is what should be on the wire, None where nobody says. ``overdue``: waits whose deadline has passed

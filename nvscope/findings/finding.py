@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
 
 from nvscope.findings.kind import FindingKind
 from nvscope.tracker.event_kinds import FRAMES_KEPT
@@ -15,8 +16,7 @@ if TYPE_CHECKING:  # `explain` reads the rows beside the judges, and starts with
     from nvscope.tracker.events import EventRows
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
+class Finding(Struct, frozen=True):
     """A finding of one kind in one place; what it does not concern is None.
 
     ``list_number`` is a number of the state, ``node`` one of the summary. ``frames`` are the first ten of its events
@@ -70,8 +70,7 @@ class Finding:
         return max(self.count - len(self.frames), 0) if self.frames else 0
 
 
-@dataclass(frozen=True, slots=True)
-class Events:
+class Events(Struct, frozen=True):
     """Events of one kind and place, as logged by the tracker."""
 
     count: int

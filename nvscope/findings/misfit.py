@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
+
+from msgspec import Struct
 
 from nvscope.units import count_of
 
@@ -19,8 +20,7 @@ class Shape(NamedTuple):
         return f"{count_of(self.items, 'item')} in {count_of(self.size_bytes, 'byte')}"
 
 
-@dataclass(frozen=True, slots=True)
-class Misfit:
+class Misfit(Struct, frozen=True):
     """How the last telegram of a SubIndex differs from the only definition of its list.
 
     ``telegrams`` are those of the streams that are told about, ``telegrams_defined`` how many SubIndexes the definition

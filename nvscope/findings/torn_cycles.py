@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from nvscope.engine.runs import distinct
 from nvscope.findings.finding import Events
@@ -14,8 +14,7 @@ from nvscope.tracker.cycles import KNOWN_BIT, Cycles
 from nvscope.tracker.event_kinds import FRAMES_KEPT
 
 
-@dataclass(frozen=True, slots=True)
-class TornCycles:
+class TornCycles(Struct, frozen=True):
     """The torn cycles of one sender and list, of how many there were, and how far apart the parts of one are."""
 
     events: Events

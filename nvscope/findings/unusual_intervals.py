@@ -6,10 +6,10 @@ An interval that has a loss in it is long because of the loss: the sender kept i
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from msgspec.structs import replace
 
 from dissectors.batch import I64, Bool
 from nvscope.engine.runs import distinct

@@ -6,11 +6,11 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
 from types import MappingProxyType, TracebackType
 from typing import Any, Self
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors.batch import PacketBatch
 from dissectors.can.frame import CanBatch, Fault, dissect_can
@@ -29,8 +29,7 @@ _SEND_S = 1.0
 _UNSENDABLE = (Fault.SHORT, Fault.XL, Fault.TOO_LONG, Fault.CLASSIC_TOO_LONG, Fault.TRUNCATED)
 
 
-@dataclass(frozen=True, slots=True)
-class CanRoute:
+class CanRoute(Struct, frozen=True):
     """On which bus frames go, as a ``CanWord``: what ``words`` have for the name of their channel, else ``word``.
 
     UsageError, before a bus is opened, where one may have other nodes on it and ``allow_network`` is not set.

@@ -6,11 +6,11 @@ import ipaddress
 import socket
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from types import MappingProxyType, TracebackType
 from typing import Self
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors import address
 from dissectors.batch import PacketBatch
@@ -23,8 +23,7 @@ from nvscope.units import count_of
 _MOST_SOCKETS = 256
 
 
-@dataclass(frozen=True, slots=True)
-class Route:
+class Route(Struct, frozen=True):
     """Where telegrams go: to the address that ``addresses`` have for theirs, else to ``address``, else to their own.
 
     So with the ports. UsageError, before anything is opened, where that may be another machine and ``allow_network`` is

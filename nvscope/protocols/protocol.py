@@ -16,8 +16,9 @@ knows them by name. All members are called when they are needed, so that whoever
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
 
 if TYPE_CHECKING:
     from dissectors.dissector import Dissector
@@ -29,8 +30,7 @@ if TYPE_CHECKING:
     from nvscope.view.lines.shown import MakeLines, MakeTree
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Protocol:
+class Protocol(Struct, frozen=True, kw_only=True):
     """One protocol; ``title`` is what people call it, ``name`` what ``Told.parts``, rows of frames and fields do.
 
     ``dissector`` is None where frames are recognised without being asked for (``dissectors.sorter``). ``observe`` makes

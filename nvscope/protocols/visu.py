@@ -7,8 +7,9 @@ Connections over its ports are followed (``nvscope.tracker.streams``), and reque
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
+
+from msgspec.structs import replace
 
 from nvscope.protocols.protocol import Protocol
 from nvscope.tracker.visu.controllers import USUAL_PORTS

@@ -6,9 +6,9 @@ import os
 import time
 from collections import deque
 from contextlib import suppress
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import PacketBatch
 
@@ -16,8 +16,7 @@ _RECORD_BYTES = 32
 """What a packet takes in a file beside its bytes, in pcapng; in pcap it is half of that."""
 
 
-@dataclass(frozen=True, slots=True)
-class FileRule:
+class FileRule(Struct, frozen=True):
     """When a file is followed by another one; None for never.
 
     ``duration_ns`` is between the times of its packets, ``size_bytes`` that of the file: the packet that goes beyond it

@@ -9,11 +9,12 @@ import threading
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from dissectors.batch import PacketBatch
 from nvscope.capture.source import Sink
@@ -34,8 +35,7 @@ _SLUG = re.compile(r"[^a-z0-9]+")
 _LONGEST_SLUG = 60
 
 
-@dataclass(frozen=True, slots=True)
-class FlightRule:
+class FlightRule(Struct, frozen=True):
     """What of an event is recorded: from ``pre_ns`` before it to ``post_ns`` behind it.
 
     Of more than ``per_minute`` events the rest is counted; with less than ``free_bytes`` on the disk, all are.
@@ -47,8 +47,7 @@ class FlightRule:
     free_bytes: int = 1_000_000_000
 
 
-@dataclass(slots=True)
-class Flights:
+class Flights(Struct):
     """What was recorded: the files, and how many events are in none, by why."""
 
     files: list[str] = field(default_factory=list)

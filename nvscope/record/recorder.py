@@ -7,10 +7,11 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.batch import PacketBatch
 from nvscope.capture.formats import written_as
@@ -29,8 +30,7 @@ FLUSH_NS = 300_000_000
 """With what a packet waits for in front of the recorder, it is in the file within a second."""
 
 
-@dataclass(frozen=True, slots=True)
-class Recording:
+class Recording(Struct, frozen=True):
     """What a recorder has done: ``path`` is the last of its ``files``; frames and bytes are those of all of them.
 
     ``failure`` is why it ended, "" where it goes on or somebody ended it.
@@ -44,8 +44,7 @@ class Recording:
     failure: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Beside:
+class Beside(Struct, frozen=True):
     """What each file of a recording has beside its packets, as far as its format can hold that.
 
     ``channels`` are the names of the channels by number, ``attachments`` files, ``circumstances`` are asked for at the

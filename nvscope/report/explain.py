@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
+
+from msgspec import Struct
 
 from nvscope.errors import UsageError
 from nvscope.findings.catalogue import CATALOGUE
@@ -29,8 +30,7 @@ _TEXT_WIDTH = 90
 _CODE = re.compile(r"(nv)?[0-9]+", re.IGNORECASE)
 
 
-@dataclass(frozen=True, slots=True)
-class _Named:
+class _Named(Struct, frozen=True):
     """All that has a name."""
 
     causes: Sequence[CauseKind] = ()

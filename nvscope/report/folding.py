@@ -8,7 +8,8 @@ equally bad it shows the first, as an example.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from nvscope import units
 from nvscope.findings.badness import badness
@@ -25,8 +26,7 @@ _SHOWN_FRAMES = 10
 _BY_THEMSELVES = {kind.code for kind in OF_ONE_LIST}
 
 
-@dataclass(slots=True)
-class Entry:
+class Entry(Struct):
     """A finding, or what is said at once of several.
 
     ``shown`` is the one whose message stands for all, with how bad it is; ``differ``: others have other messages,

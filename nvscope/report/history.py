@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
 from functools import lru_cache
 from typing import IO, Any
+
+from msgspec.structs import replace
 
 from nvscope import units
 from nvscope.report.ansi import paint

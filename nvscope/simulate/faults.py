@@ -8,10 +8,10 @@ faults alone what an observer can count.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors.batch import I32, I64, U8, Bool
 from dissectors.netvar import CHECKSUM_PRESENT, HEADER
@@ -49,8 +49,7 @@ class Label(IntEnum):
     COPY = 2
 
 
-@dataclass(frozen=True, slots=True)
-class Variant:
+class Variant(Struct, frozen=True):
     """In what telegrams differ from the others of their stream; None is no difference."""
 
     items: int | None = None
@@ -58,8 +57,7 @@ class Variant:
     ascii_identity: bool = False
 
 
-@dataclass(slots=True)
-class Journey:
+class Journey(Struct):
     """What becomes of the telegrams of a schedule; columns have its shape (n,).
 
     ``seen`` is clear for what never arrives in one piece. ``kept_bytes`` of the UDP payload are captured, all if it is
@@ -112,8 +110,7 @@ def make_journey(scenario: Scenario, schedule: Schedule) -> Journey:
     return journey
 
 
-@dataclass(frozen=True, slots=True)
-class Struck:
+class Struck(Struct, frozen=True):
     """The telegrams that a fault struck, as columns of shape (n,), stream by stream."""
 
     stream: I32

@@ -5,9 +5,8 @@ Counted along the true running numbers and the labels that the faults gave, not 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64
 from nvscope.simulate.faults import Label
@@ -17,8 +16,7 @@ from nvscope.simulate.ordering import order_by
 _CLEAR_SHARE = 0.01
 
 
-@dataclass(frozen=True, slots=True)
-class Figures:
+class Figures(Struct, frozen=True):
     """What the counters tell, by stream; columns of shape (streams,)."""
 
     lost: I64

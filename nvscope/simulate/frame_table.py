@@ -5,11 +5,11 @@ Bytes come into being only when a batch is rendered; until then a frame takes ab
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from dissectors.batch import I32, I64, U8, U16, Bool
 from nvscope.simulate.absence import captured_rows, present_rows
@@ -24,8 +24,7 @@ from nvscope.simulate.template import Role, Template
 from nvscope.simulate.visu.frames import add_pages
 
 
-@dataclass(frozen=True, slots=True)
-class FrameTable:
+class FrameTable(Struct, frozen=True):
     """The frames of a scenario, shape (n,), in the order of the capture.
 
     ``ordinal``, ``counter``, ``flags`` and ``checksum`` fill the template. ``label``, ``number`` and ``epoch`` are what

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import ipaddress
 import struct
-from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, LinkType
 from dissectors.netvar import HEADER
@@ -47,16 +47,14 @@ class Values(StrEnum):
     NOISE = "noise"
 
 
-@dataclass(frozen=True, slots=True)
-class Host:
+class Host(Struct, frozen=True):
     """An end of a conversation; ``mac`` has six bytes."""
 
     address: IPAddress
     mac: bytes
 
 
-@dataclass(frozen=True)
-class Frame:
+class Frame(Struct, frozen=True, dict=True):
     """One frame.
 
     ``ip``, ``payload``: where the IP header and the payload of UDP begin, -1 if there are none. A frame with ``values``
@@ -186,8 +184,7 @@ def udp_datagram(source: IPAddress, destination: IPAddress, ports: tuple[int, in
     return head[:6] + (checksum(pseudo + head + payload).replace(b"\0\0", b"\xff\xff")) + payload
 
 
-@dataclass(frozen=True, slots=True)
-class Wire:
+class Wire(Struct, frozen=True):
     """The link layer of a capture and the hosts on it; it puts packets into frames."""
 
     link: LinkType

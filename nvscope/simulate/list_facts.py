@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64
 from dissectors.netvar import CHECKSUM_PRESENT
@@ -21,8 +20,7 @@ from nvscope.simulate.replies import (
 from nvscope.simulate.template import Role
 
 
-@dataclass(frozen=True, slots=True)
-class ListFacts:
+class ListFacts(Struct, frozen=True):
     """A list of an observation; its rows are those of the frame table, in the order of the capture.
 
     ``rows`` are all of its frames, ``judged`` those whose header is captured. ``rejected`` are refusals that quote it,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import ipaddress
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 from nvscope.list_key import ListKey
@@ -19,8 +19,7 @@ _CLUSTER_NS = 2_000_000_000
 LONG_RUN = 5
 
 
-@dataclass(frozen=True, slots=True)
-class PutIn:
+class PutIn(Struct, frozen=True):
     """One thing that goes wrong, in the words of a cause: its kind, where, and from when to when.
 
     Times are those of the scenario, from 0. ``until_ns`` is None where it is still so at the end. ``nodes`` are
@@ -35,8 +34,7 @@ class PutIn:
     channel: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Sent:
+class Sent(Struct, frozen=True):
     """A list that a node sends over UDP from the time ``from_ns`` to ``until_ns``; ``number`` is that of its writer.
 
     ``further`` tells that another node sends the list, too, and did so before.
@@ -59,8 +57,7 @@ class Sent:
         return self.plan.mode == "cyclic"
 
 
-@dataclass(frozen=True, slots=True)
-class Gap:
+class Gap(Struct, frozen=True):
     """Telegrams of a stream that are lost in a row, the first of which was sent at ``sent_ns``."""
 
     sent_ns: int

@@ -6,11 +6,12 @@ after the other, so all its telegrams have an order, and its Counter follows fro
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from dissectors.batch import I32, I64, U8, U16, Bool
 from dissectors.netvar import ACKNOWLEDGE_WANTED, CHECKSUM_PRESENT
@@ -26,8 +27,7 @@ FRAME_GAP_NS = 25_000
 _SLOT_SHARE = 10
 
 
-@dataclass(frozen=True, slots=True)
-class Writer:
+class Writer(Struct, frozen=True):
     """A node that sends a list. ``first_stream`` is the stream of SubIndex 0; the others follow."""
 
     node: int
@@ -39,8 +39,7 @@ class Writer:
     name: str
 
 
-@dataclass(frozen=True, slots=True)
-class Stream:
+class Stream(Struct, frozen=True):
     """What one node sends in one (list, SubIndex). ``scope`` is what an observer should find Counter to count."""
 
     writer: int
@@ -53,8 +52,7 @@ class Stream:
     scope: str
 
 
-@dataclass(frozen=True)
-class Schedule:
+class Schedule(Struct, frozen=True, dict=True):
     """All telegrams as columns of shape (n,), node by node in the order of sending.
 
     ``ordinal`` counts from 0 within the stream. ``sequence`` numbers what one counter runs through, ``number`` is the

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
+
+from msgspec import Struct
 
 from nvscope.list_key import ListKey
 from nvscope.simulate.frames import Frame, IPAddress
@@ -22,8 +23,7 @@ class Role(IntEnum):
     OTHER = 7
 
 
-@dataclass(frozen=True, slots=True)
-class Template:
+class Template(Struct, frozen=True):
     """Frames that differ in the columns only, and what is true of all of them.
 
     ``key`` is that of the list, None where there is none. ``malformed`` is the kind of a malformed telegram, as the

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import LinkType
 from dissectors.varieties import NO_TELEGRAM
@@ -21,8 +21,7 @@ CLOCK_STEP_NS = 1_000_000
 """A clock that goes back by more has stepped; less is the order in which queues and interfaces wrote their frames."""
 
 
-@dataclass(frozen=True, slots=True)
-class CaptureSummary:
+class CaptureSummary(Struct, frozen=True):
     """What ``CaptureState`` has counted, and the CAN frames among the frames, as they were at a moment.
 
     ``clock_ns`` is the latest time since the clock last stepped back, None where it never did.

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections import Counter
 from collections.abc import Collection
 from copy import copy, deepcopy
-from dataclasses import dataclass, replace
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from nvscope.engine.keys import Keys
 from nvscope.tracker.can.bus import CanBusSummary
@@ -24,8 +26,7 @@ _ONLY_COUNTED = ("senders.timing.unusual.rows",)
 """Of these, nothing but the count is a figure, and there may be many."""
 
 
-@dataclass(frozen=True)
-class Counted:
+class Counted(Struct, frozen=True):
     """What was counted from ``start_ns`` up to ``end_ns``; a start of None is the beginning.
 
     ``later - earlier`` is what was counted between two moments of one state; extremes of that are unknown, since they
@@ -105,7 +106,7 @@ def _within(bus: CanBusSummary, window_ns: int) -> CanBusSummary:
     if bus.load is None or bus.bit_rate is None or not window_ns:
         return bus
     busy_s = bus.bit_rate.seconds(bus.bits, bus.fast_bits)
-    return replace(bus, load=replace(bus.load, mean=100 * busy_s * 1_000_000_000 / window_ns))
+    return replace(bus, load=dataclasses.replace(bus.load, mean=100 * busy_s * 1_000_000_000 / window_ns))
 
 
 def _kept(state: TrackerState) -> TrackerState:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 from dissectors.keys import KeyTable
@@ -29,8 +29,7 @@ class LastError(KeyedColumns):
     COLUMNS: ClassVar = {name: (np.int64(0), 1) for name in ("count", "error", "time_ns", "own", "frame")}
 
 
-@dataclass(frozen=True, slots=True)
-class ErrorEvents:
+class ErrorEvents(Struct, frozen=True):
     """Some error events of one kind; ``node`` is -1 where nobody is to blame. Shapes (n,)."""
 
     error: DiagError

@@ -7,11 +7,12 @@ that of its streams on one list.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from enum import Enum
 from operator import attrgetter
 from types import MappingProxyType
 from typing import Literal
+
+from msgspec import Struct, field
 
 from nvscope.tracker.diagnosis import ERROR_ORDER
 from nvscope.tracker.measured import Measured
@@ -59,8 +60,7 @@ class Provided(Enum):
     SENT = "what is asked for had been sent before"
 
 
-@dataclass(frozen=True, slots=True)
-class Figure:
+class Figure(Struct, frozen=True):
     """One figure: its name, its unit, what it tells, of what, how windows join, and how it is read.
 
     ``keys`` say where a report has it in JSON, as a path within ``PLACES``; what is not there is in no report.

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64
 from nvscope.engine.events import EventBatch
@@ -20,8 +20,7 @@ from nvscope.tracker.scopes import scopes_in_force
 from nvscope.tracker.state import TrackerState
 
 
-@dataclass(frozen=True, slots=True)
-class Step:
+class Step(Struct, frozen=True):
     """How an event changes a figure: by ``by``, or so many times its amount where ``of_amount`` is set."""
 
     kind: EventKind
@@ -62,8 +61,7 @@ Parts = Mapping[str, tuple[I64, I64]]
 """By figure, frames (rising, each once) and what they add to it."""
 
 
-@dataclass(frozen=True, slots=True)
-class LateCounts:
+class LateCounts(Struct, frozen=True):
     """What was told of frames that waited in vain: ``frame`` by number, ``time_ns`` when their time was over."""
 
     frame: I64

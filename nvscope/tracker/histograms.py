@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64
 from nvscope.engine.runs import runs_of
@@ -20,8 +19,7 @@ def known_extreme(interval_ns: int) -> int | None:
     return None if interval_ns in (UNKNOWN_LEAST, UNKNOWN_MOST) else interval_ns
 
 
-@dataclass(frozen=True, slots=True)
-class StreamPercentiles:
+class StreamPercentiles(Struct, frozen=True):
     """What histograms tell, a row a stream that has intervals, rising: columns of shape (n,).
 
     ``at_ns`` has the percentiles by percent: each is the middle of its bucket, within the extremes.
@@ -128,8 +126,7 @@ class Histograms:
         return percentiles_of_streams(percents, groups[order], buckets[order], counts[order], *extremes)
 
 
-@dataclass(frozen=True, slots=True)
-class Histogram:
+class Histogram(Struct, frozen=True):
     """Counted intervals of one stream by bucket, rising; and the exact extremes."""
 
     bucket: I64

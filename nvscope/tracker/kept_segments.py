@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from operator import attrgetter
+
+from msgspec import Struct
 
 from dissectors.batch import U8
 from nvscope.tracker.other_copies import differing
 from nvscope.tracker.pieces import PieceKind
 
 
-@dataclass(slots=True)
-class Kept:
+class Kept(Struct):
     """Something that waits behind a hole, or is about to be passed on, at ``begin`` along the stream.
 
     ``source`` is where its data is in the batch's buffer, the data itself, or None where it was not captured; of SYN

@@ -6,10 +6,10 @@ add up to that of their list, and those of several windows to that of the whole.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64
 from dissectors.keys import KeyTable
@@ -23,8 +23,7 @@ _BUCKET_OFFSET = 1 << 20
 _PERCENTS = (50, 99)
 
 
-@dataclass(frozen=True, slots=True)
-class LatencyFigures:
+class LatencyFigures(Struct, frozen=True):
     """How long acknowledgements took, in ns; None where there were none. Percentiles are within 0.5 %.
 
     ``count`` is None where nobody knows: acknowledgements were left out.

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from dissectors.batch import I64
 from nvscope.engine.rows import DataRows
@@ -21,8 +21,7 @@ _NEVER = np.iinfo(np.int64).max
 Counts = npt.NDArray[np.int32]
 
 
-@dataclass(frozen=True, slots=True)
-class PaceSeen:
+class PaceSeen(Struct, frozen=True):
     """How many well-formed data telegrams, and data frames of CAN, came in each second up to a moment.
 
     ``counts`` has a row a second, the oldest first, and a column a list by its number: int32 of shape

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors.batch import I64
 from dissectors.columns import Columns
@@ -53,8 +53,7 @@ NEVER = int(np.iinfo(np.int64).max)
 """The order, or the frame, of what does not happen."""
 
 
-@dataclass(frozen=True, slots=True)
-class Pieces(Columns):
+class Pieces(Columns, Struct, frozen=True):
     """What a batch brings, by stream, and of each in its order; columns of int64, shape (n,).
 
     ``stream`` is twice the number of the connection, plus 1 for what the server sends. ``kind`` is a ``PieceKind``.
@@ -101,8 +100,7 @@ class OtherBytes(NamedTuple):
     copy: bytes
 
 
-@dataclass(frozen=True, slots=True)
-class Brought:
+class Brought(Struct, frozen=True):
     """Pieces, and the bytes of those that were kept from earlier batches.
 
     ``again`` are bytes that had been passed on before, a row each with the columns of ``Again``, ``others`` those that

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 from dissectors.columns import Columns
@@ -48,8 +48,7 @@ class StreamColumns(KeyedColumns):
             getattr(self, name)[:] = initial
 
 
-@dataclass(frozen=True, slots=True)
-class Segments(Columns):
+class Segments(Columns, Struct, frozen=True):
     """Segments by stream, those of one stream in the order of the capture; columns of int64, shape (n,).
 
     ``payload`` is an offset in the batch's buffer.

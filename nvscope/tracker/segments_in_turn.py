@@ -13,10 +13,10 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from heapq import heappop, heappush
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors.batch import U8
 from dissectors.headers import ACK, FIN, RST, SYN
@@ -44,8 +44,7 @@ FORGOTTEN_NS = 240 * 10**9
 """A connection that has ended is forgotten after twice the longest life of a segment (RFC 9293, section 3.4.2)."""
 
 
-@dataclass(slots=True)
-class _Stream:
+class _Stream(Struct):
     """One direction of a connection; ``at`` is how far it is, counted from where it was when it was made."""
 
     number: int

@@ -5,9 +5,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
 
 if TYPE_CHECKING:  # the kinds of steps are known without numpy
     from dissectors.batch import I64, U8, U16, U64
@@ -39,8 +40,7 @@ _NONE, _REGULAR, _SAME, _OVERTAKEN, _LATE, _RESTART, _GAP = (int(step) for step 
 _MOVING = (_REGULAR, _GAP, _RESTART)
 
 
-@dataclass(slots=True)
-class Steps:
+class Steps(Struct):
     """The steps of some sequences laid end to end.
 
     ``step`` uint8 (``Step``) and ``distance`` uint16 (counter less current counter, mod 65536) have one entry a

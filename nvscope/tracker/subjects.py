@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
+
+from msgspec import Struct
 
 from nvscope.tracker.can.bus import CanBusSummary
 from nvscope.tracker.can.summary import CanListSummary, CanStreamSummary
@@ -25,8 +26,7 @@ NO_LATENCY = LatencyFigures()
 NO_COUNTERS: Mapping[str, int | None] = MappingProxyType({})
 
 
-@dataclass(frozen=True, slots=True)
-class Subject:
+class Subject(Struct, frozen=True):
     """One of them: its numbers, as far as it has them, or the name of its ``channel``, and what was ``measured``.
 
     ``list`` and ``node`` are the numbers of the summary.

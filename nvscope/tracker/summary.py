@@ -6,12 +6,12 @@ Everything here is computed when asked for, from integers, and changes nothing i
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from itertools import pairwise
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors import address
 from dissectors.batch import I64, Bool
@@ -57,8 +57,7 @@ class ListSummary(NamedTuple):
     streams: Sequence[StreamSummary]
 
 
-@dataclass(frozen=True, slots=True)
-class Summary:
+class Summary(Struct, frozen=True):
     """What follows from a state; lists by port and Index, nodes by address, streams by node and SubIndex.
 
     ``addresses`` and ``address_order`` are by number of node: those of the state, and behind them readers of which it

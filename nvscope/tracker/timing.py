@@ -10,10 +10,10 @@ too: where a stream is always late, they are the events.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U64, Bool
 from nvscope.engine.dealing import Share
@@ -97,8 +97,7 @@ class IntervalColumns(KeyedColumns):
     }
 
 
-@dataclass(frozen=True, slots=True)
-class BatchIntervals:
+class BatchIntervals(Struct, frozen=True):
     """The intervals of a batch: of which stream, ending when, how long; columns of shape (n,).
 
     ``usual`` tells of each row of the batch whether it ended one, while the stream's usual interval was known. Those of

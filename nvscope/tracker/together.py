@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from msgspec import Struct, field
 
 from nvscope.engine.keys import NOBODY_KEY
 from nvscope.engine.limit import Missing
@@ -29,8 +29,7 @@ def _nothing() -> Mapping[Any, Any]:
     return MappingProxyType({})
 
 
-@dataclass(frozen=True, slots=True)
-class Together:
+class Together(Struct, frozen=True):
     """Intervals and latencies by number of list, and by list and node; latencies also by stream.
 
     What has none is not there. On CAN, nobody knows who sends.

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
 from typing import ClassVar, NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, Bool
 from dissectors.columns import Columns
@@ -44,8 +44,7 @@ class PlaceColumns(KeyedColumns):
     COLUMNS: ClassVar = {"sender": (np.int64(NOBODY_YET), 1), "wanted_ns": (np.int64(NEVER), 1)}
 
 
-@dataclass(frozen=True, slots=True)
-class Messages:
+class Messages(Struct, frozen=True):
     """Well-formed telegrams of one service, as captured. Shapes (n,).
 
     ``destination`` is -1 for broadcasts, ``target`` the stream of the place that the destination sends, -1 for none.
@@ -64,8 +63,7 @@ class Messages:
         return len(self.packet)
 
 
-@dataclass(frozen=True, slots=True)
-class BootUpWaits(Columns):
+class BootUpWaits(Columns, Struct, frozen=True):
     """Boot-up requests that nobody has answered yet: by when, in which frame, for what, and who asked. Shapes (n,)."""
 
     deadline_ns: I64
@@ -75,11 +73,10 @@ class BootUpWaits(Columns):
     node: I64
 
 
-NO_REQUESTS = BootUpWaits(*(np.empty(0, np.int64) for _ in fields(BootUpWaits)))
+NO_REQUESTS = BootUpWaits(*(np.empty(0, np.int64) for _ in BootUpWaits.__struct_fields__))
 
 
-@dataclass(frozen=True, slots=True)
-class Waits(Columns):
+class Waits(Columns, Struct, frozen=True):
     """Waits of data telegrams that have ended: from when to when, and in which frame. Shapes (n,).
 
     ``peer`` is the node that ended it, or of one that nobody did, the node to which the telegram was sent; -1 for all.
@@ -92,7 +89,7 @@ class Waits(Columns):
     peer: I64
 
 
-NO_WAITS_ENDED = Waits(*(np.empty(0, np.int64) for _ in fields(Waits)))
+NO_WAITS_ENDED = Waits(*(np.empty(0, np.int64) for _ in Waits.__struct_fields__))
 
 
 class Overdue(NamedTuple):

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.batch import PacketBatch
 from nvscope.capture.derived import DerivedSource
@@ -21,8 +22,7 @@ from nvscope.tracker.joins import Extremes, extremes_of, forget_extremes
 from nvscope.tracker.state import TrackerState
 
 
-@dataclass(frozen=True, slots=True)
-class Window:
+class Window(Struct, frozen=True):
     """What was counted from ``start_ns`` to ``end_ns``, the latter not included; numbers are from 0.
 
     One that is not ``complete`` ends where the traffic does.

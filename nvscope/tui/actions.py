@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from enum import Enum
+
+from msgspec import Struct
 
 from nvscope.errors import ConfigurationError
 from nvscope.toml_table import nearest
@@ -24,8 +25,7 @@ class Group(Enum):
     PROGRAM = "Program"
 
 
-@dataclass(frozen=True, slots=True)
-class Action:
+class Action(Struct, frozen=True):
     """Something that a person can do: ``name`` is what the command line and the project file call it.
 
     ``keys`` are as people write them: ``q``, ``ctrl-d``, ``space``. ``takes`` is what may stand behind the name on the

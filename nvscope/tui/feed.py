@@ -5,8 +5,10 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from typing import Protocol
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.analysis.watching import Scene, Watched, Watching, scene_at, session_of
@@ -23,8 +25,7 @@ _LONGEST_REST_S = 2.0
 _PATIENCE_S = 2.0
 
 
-@dataclass(frozen=True, slots=True)
-class Span:
+class Span(Struct, frozen=True):
     """From when to when there is something to be looked at."""
 
     start_ns: int

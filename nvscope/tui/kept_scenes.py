@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from nvscope.analysis.watching import Scene
 from nvscope.engine.ring import Recent

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
+
+from msgspec import Struct, field
 
 from nvscope.analysis.recent_frames import FoundFrames
 from nvscope.analysis.watching import Scene
@@ -21,8 +22,7 @@ STRIP_NS = 120_000_000_000
 """Strips show two minutes of what is live, and the whole of a capture."""
 
 
-@dataclass(frozen=True)
-class Choice:
+class Choice(Struct, frozen=True):
     """The filter that is in force: its expression, and the keys of the lists that chosen frames belong to.
 
     ``lists`` is None as long as nobody has looked yet. ``suspended``: it is known, and chooses nothing now.
@@ -33,8 +33,7 @@ class Choice:
     suspended: bool = False
 
 
-@dataclass(frozen=True)
-class Look:
+class Look(Struct, frozen=True, dict=True):
     """A scene, and how it is shown: ``utc`` times, a filter, ``live`` where time goes on by itself.
 
     ``at_ns`` is the moment that a person went to, None for what is now. ``frozen`` is what is shown while time goes on.

@@ -5,7 +5,8 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from nvscope.analysis.recent_frames import FoundFrames, RecentFrames, Wanted
 from nvscope.analysis.watching import Scene
@@ -23,8 +24,7 @@ OnProblem = Callable[[Wanted, NvscopeError], None]
 OnFailure = Callable[[BaseException], None]
 
 
-@dataclass(frozen=True, slots=True)
-class _Task:
+class _Task(Struct, frozen=True):
     scene: Scene
     wanted: Wanted
     sparingly: bool

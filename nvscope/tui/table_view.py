@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
+from msgspec import Struct, field
 from textual.message import Message
 
 from nvscope.tui.moving import step_of
@@ -19,8 +19,7 @@ _MAY_GO = 3
 """Columns of at most this importance go for a strip that shows something."""
 
 
-@dataclass(frozen=True, slots=True)
-class Table:
+class Table(Struct, frozen=True):
     """What a table shows: its columns, how many rows, and the cells of a row when they are asked for.
 
     ``key`` tells what a row is about, so that the cursor stays on it where rows move; ``find`` knows where it is then,
@@ -41,8 +40,7 @@ class Table:
 _NO_TABLE = Table((), 0, lambda _: (), lambda row: row)
 
 
-@dataclass(slots=True)
-class _Fitted:
+class _Fitted(Struct):
     """How a table fits, as long as nothing changes: its fitting, and lines by row."""
 
     found: Fitting | None = None

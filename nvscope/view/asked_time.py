@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import Enum
+
+from msgspec import Struct
 
 from nvscope.duration import parse_duration
 from nvscope.errors import UsageError
@@ -35,8 +36,7 @@ class Reference(Enum):
     FRAME = "frames"
 
 
-@dataclass(frozen=True, slots=True)
-class AskedTime:
+class AskedTime(Struct, frozen=True):
     """``number`` in ns (``FRAME``: the number of the frame), counted from a reference."""
 
     number: int
@@ -58,8 +58,7 @@ class AskedTime:
         return self.number
 
 
-@dataclass(frozen=True, slots=True)
-class AskedRange:
+class AskedRange(Struct, frozen=True):
     """A part of captures, both ends included: times as AskedTime, None for no bound, and how they were asked for."""
 
     start: AskedTime | None

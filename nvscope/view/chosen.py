@@ -8,7 +8,8 @@ sent all the same, and a Counter that runs over several lists has no gap because
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from nvscope.causes.cause import Cause
 from nvscope.findings.finding import Finding

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from nvscope.tracker.buckets import bucket_bounds, bucket_of
 from nvscope.tracker.can.summary import CanListSummary, CanStreamSummary
@@ -42,8 +42,7 @@ class Bar(NamedTuple):
     longer: int
 
 
-@dataclass(frozen=True, slots=True)
-class IntervalShape:
+class IntervalShape(Struct, frozen=True):
     """The intervals of what one node sends of a list, each between two telegrams of one SubIndex."""
 
     histogram: Histogram

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from nvscope.definition.project import Project
 from nvscope.tracker.histograms import Histogram
 from tests.check.scenario_captures import capture_of
 from tests.program import run_text
+from tests.records import replace
 
 _SAMPLES = st.lists(st.integers(0, 12), min_size=1, max_size=25)
 

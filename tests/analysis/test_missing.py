@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from dataclasses import replace
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
@@ -22,6 +21,7 @@ from tests.definition.lists import BOOL, INT, REAL, list_of
 from tests.oracle.builders import data_frame, link_frame, telegram, unreachable, whole
 from tests.oracle.frame import Frame
 from tests.oracle.pcap import write_pcap
+from tests.records import replace
 
 MS = 1_000_000
 READER = ip_address("10.0.0.9")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from nvscope.analysis.news import News
 from nvscope.causes.cause import Cause
 from nvscope.causes.incomplete import CAPTURE_INCOMPLETE
@@ -13,6 +11,7 @@ from nvscope.findings.finding import Finding
 from nvscope.findings.kind import Severity
 from nvscope.findings.loss import TELEGRAM_GAP
 from nvscope.list_key import ListKey
+from tests.records import replace
 
 
 def silent(node: int, since_ns: int, until_ns: int | None = None, title: str = "silent") -> Cause:

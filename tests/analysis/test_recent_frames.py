@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -27,6 +26,7 @@ from nvscope.view.lines import cells
 from nvscope.view.rows.frames import FrameRows, PacketRows
 from tests.laws import examples
 from tests.packets import Batches
+from tests.records import replace
 
 ROOT = Path(__file__).parents[2]
 PLANT = str(ROOT / "captures" / "plant.pcapng.gz")

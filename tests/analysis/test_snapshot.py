@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import Struct
 
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.analysis.snapshot import snapshot
@@ -36,6 +37,11 @@ def changeable(value: Any, path: str) -> Iterator[str]:
             yield path
         for field in fields(value):
             yield from changeable(getattr(value, field.name), f"{path}.{field.name}")
+    elif isinstance(value, Struct):
+        if not value.__struct_config__.frozen:
+            yield path
+        for name in value.__struct_fields__:
+            yield from changeable(getattr(value, name), f"{path}.{name}")
     elif isinstance(value, MappingProxyType):
         for key, own in value.items():
             yield from changeable(own, f"{path}[{key!r}]")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -27,6 +26,7 @@ from tests.laws import examples
 from tests.oracle.builders import START
 from tests.oracle.tcp_line import Line
 from tests.packets import Batches, batch_of
+from tests.records import replace
 from tests.tracker.datalogger.logs import Row, write_log
 from tests.tracker.visu.test_names import listed, loads
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from dissectors.batch import I64, U8, U16
 from dissectors.netvar import ACKNOWLEDGE_WANTED, CHECKSUM_PRESENT
+from tests.records import replace
 
 NODES = 10
 LISTS = 50

@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 import subprocess
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -22,6 +21,7 @@ from tests.capture import build
 from tests.capture.reference import Packet
 from tests.capture.test_sinks import batch_of
 from tests.capture.test_timeline import FakeFile
+from tests.records import replace
 
 _slow = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 _bounds = st.one_of(st.none(), st.integers(-1, 14))

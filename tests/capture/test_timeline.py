@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import random
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +23,7 @@ from nvscope.capture.timeline import Timeline
 from tests.capture import build
 from tests.capture.reference import Packet
 from tests.capture.test_sinks import batch_of
+from tests.records import replace
 
 
 def plain_merge(tracks: Sequence[list[Packet]]) -> list[Packet]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,6 +13,7 @@ from tests.causes.plants import causes_in
 from tests.definition.lists import INT, list_of
 from tests.oracle.builders import data_frame, telegram
 from tests.oracle.frame import Frame
+from tests.records import replace
 
 MS = 1_000_000
 OLD, NEW = (4, None), (5, None)  # items, checksum

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 from tests.causes.defined_plants import sent, told
 from tests.definition.lists import BOOL, INT, LREAL, REAL, list_of
+from tests.records import replace
 
 SPEED = replace(list_of([BOOL, INT, REAL, LREAL], list_id=12), name="Speed")
 POWER = replace(list_of([INT, INT], list_id=13), name="Power")

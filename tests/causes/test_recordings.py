@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,6 +16,7 @@ from tests.definition.lists import list_of
 from tests.findings.defined import SENT
 from tests.oracle.builders import data_frame, telegram
 from tests.oracle.frame import Frame
+from tests.records import replace
 
 PLANT = """
 title = "two controllers"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from nvscope.simulate.scenario import Scenario
 from nvscope.simulate.scenario_file import load_scenario
 from nvscope.view.documents.causes import cause_rows
 from tests.causes.told import causes_of
+from tests.records import replace
 from tests.simulate.simulation import Simulation, project_of
 
 FOLDER = Path(__file__).parents[1] / "scenarios" / "causes"

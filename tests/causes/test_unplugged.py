@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from dissectors.batch import PacketBatch
 from nvscope.analysis.snapshot import snapshot
@@ -16,6 +15,7 @@ from nvscope.tracker.evidence.witness import Witness
 from nvscope.tracker.state import TrackerState
 from tests.definition.lists import telegram
 from tests.packets import Batches, batch_of
+from tests.records import replace
 
 START_NS = 1_700_000_000_000_000_000
 MS = 1_000_000

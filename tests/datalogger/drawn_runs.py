@@ -6,14 +6,13 @@ and which variables there are; these are another table then.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from hypothesis import strategies as st
 
 from tests.datalogger.drawn_plants import START_NS, Plant
 from tests.datalogger.oracle import SECOND_NS, DefinedList, Session
 from tests.datalogger.oracle_losses import Packet
 from tests.datalogger.plant_faults import MS
+from tests.records import replace
 
 LONGEST_NS = 5 * SECOND_NS
 EDGE = 8

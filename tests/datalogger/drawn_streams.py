@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import random
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from tests.datalogger.drawn_plants import START_NS
 from tests.datalogger.oracle_losses import Packet
 from tests.datalogger.plant_faults import MS
+from tests.records import replace
 
 HABITS = ("moving", "with values", "still", "toggling", "of four bits", "of eight bits")
 VALUES = {"constant": 0.0, "slow": 0.1, "often": 0.5, "always": 1.0}

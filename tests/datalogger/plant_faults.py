@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 from tests.datalogger.oracle import SECOND_NS
 from tests.datalogger.oracle_losses import Packet
+from tests.records import replace
 
 MS = 1_000_000
 

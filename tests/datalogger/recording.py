@@ -51,7 +51,7 @@ def record_in_batches(
     """Record captures so many packets at a time."""
     project = read_project(folder / "nvscope.toml")
     inquiry = InBatches([str(path) for path in captures], project)
-    object.__setattr__(inquiry, "packets", packets)
+    vars(inquiry)["packets"] = packets
     session = read_configuration(str(folder / "log.xml")).session
     targets = Targets(str(folder / "log.db"), None)
     planned = plan([session], inquiry.defined_layouts(), project.datalogger, targets, partly=False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -23,6 +22,7 @@ from tests.datalogger.recording import (
     told,
 )
 from tests.laws import examples
+from tests.records import replace
 
 SEEDS = st.integers(0, 100_000)
 

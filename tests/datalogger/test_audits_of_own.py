@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import re
 from contextlib import closing
-from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from itertools import pairwise
 from pathlib import Path
@@ -21,6 +20,7 @@ from tests.datalogger.oracle_files import rows_of
 from tests.datalogger.plant_faults import MS
 from tests.datalogger.recording import files_of, opened, record
 from tests.laws import examples
+from tests.records import replace
 
 KINDS_OF_NOTES = {("NV951", "note"), ("NV954", "note")}
 """Losses are told, of the ring buffer, of telegrams, and between runs; and new starts."""

@@ -43,7 +43,7 @@ def session(*uris: str, general: str = "") -> Session:
     path = CAPTURES / "datalogger" / "vendor-example.dl.config"
     found = read_configuration(str(path)).session
     named = tuple(NamedVariable(uri, Position("c.xml", line, 5)) for line, uri in enumerate(uris, 1))
-    changed = {name: getattr(found, name) for name in found.__dataclass_fields__} | {"variables": named}
+    changed = {name: getattr(found, name) for name in found.__struct_fields__} | {"variables": named}
     return Session(**changed | ({"task": general} if general else {}))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,6 +13,7 @@ from nvscope.definition.model import Problem
 from nvscope.definition.wanted_files import DefinitionFile
 from nvscope.view.lines.definition_flaws import definition_flaws
 from tests.fuzz.definition_floods import gvl
+from tests.records import replace
 
 
 def lists_of(folder: Path, *declarations: str) -> list[str]:

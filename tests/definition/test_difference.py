@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,6 +16,7 @@ from nvscope.definition.packing import pack
 from nvscope.definition.scalars import SCALARS
 from nvscope.definition.variables import Scalar, ScalarKind, String, Type, Variable
 from tests.definition.lists import INT, VARIABLES, list_of
+from tests.records import replace
 
 CONSTANTS = "TYPE Axis : STRUCT pos : LREAL; vel : REAL; END_STRUCT END_TYPE\n"
 

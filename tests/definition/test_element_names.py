@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -18,6 +17,7 @@ from nvscope.definition.scalars import SCALARS
 from nvscope.definition.sent_elements import SentElement, SentElements, typed
 from nvscope.definition.variables import Array, Member, Structure, Type, Variable, elements
 from tests.definition.lists import HERE, INT, REAL, TYPES, VARIABLES, list_of
+from tests.records import replace
 
 NAMES = st.sampled_from(["a", "A", "b", "a.b", "b[0]", "Größe", "ΤΕΛΟΣ", "a b", "test"])
 

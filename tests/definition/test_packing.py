@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -13,6 +12,7 @@ from nvscope.definition.packing import PACKED_DATA_BYTES, pack
 from nvscope.definition.variables import Array, Member, String, Structure, Type, elements, size_bytes_of
 from nvscope.errors import ConfigurationError
 from tests.definition.lists import BOOL, BYTE, INT, LREAL, REAL, UDINT, VARIABLES, list_of
+from tests.records import replace
 
 AXIS = Structure("Axis", (Member("pos", LREAL), Member("vel", REAL)))
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from nvscope.definition.layouts import Layouts
@@ -13,6 +11,7 @@ from nvscope.definition.variables import Array, Member, Structure
 from nvscope.errors import UsageError
 from nvscope.list_key import ListKey
 from tests.definition.lists import INT, list_of
+from tests.records import replace
 
 UDP = replace(list_of([INT], list_id=7), name="Axis")
 NAMED = replace(list_of([INT], list_id=0x181), name="Press", protocol="CAN", channel="Line_A")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ from nvscope.view.documents.layout import layout_document
 from nvscope.view.documents.variables import variables_document
 from tests.definition.lists import INT, REAL, UNKNOWN, list_of, telegram
 from tests.packets import batch_of, observed
+from tests.records import replace
 from tests.tracker.variables.test_values import START_NS
 
 POINTER = SCALARS["POINTER"]

@@ -6,7 +6,6 @@ import json
 import random
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -32,6 +31,7 @@ from tests.laws import examples
 from tests.oracle.frame import Frame
 from tests.oracle.traffic import generate
 from tests.packets import Batches, batch_of, cut, document_of, observed, tracked
+from tests.records import replace
 from tests.tracker.can.test_state import batch
 
 DATA = (FrameKind.DATA, FrameKind.PDO)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -36,6 +35,7 @@ from nvscope.view.rows.frames import PacketRows
 from tests.engine.traffic import BOTH, CHANNELS, length_of, reading_of, traffic
 from tests.laws import examples
 from tests.packets import Batches, document_of
+from tests.records import replace
 from tests.tracker.counted_tables import named
 from tests.tracker.event_rows import named as events_named
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -27,6 +26,7 @@ from tests.oracle.builders import LINKS, data_frame, telegram
 from tests.oracle.frame import Frame
 from tests.oracle.traffic import generate
 from tests.packets import Batches, batch_of, cut, document_of, observed, tracked
+from tests.records import replace
 
 S = 1_000_000_000
 A, B, ALL = "10.0.0.1", "10.0.0.2", "255.255.255.255"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import pairwise
 
 from dissectors.batch import PacketBatch
@@ -18,6 +17,7 @@ from tests.definition.lists import INT, LREAL, UDINT, list_of
 from tests.oracle.builders import LINKS
 from tests.oracle.traffic import generate
 from tests.packets import batch_of, cut, recorded
+from tests.records import replace
 from tests.tracker.can.test_state import batch
 
 DEFINITION = Definition(

@@ -205,7 +205,7 @@ def test_a_choice_of_packets_leaves_the_others_out(tmp_path: Path) -> None:
 
 
 def test_a_variable_named_as_a_column_keeps_its_value(tmp_path: Path) -> None:
-    from dataclasses import replace  # noqa: PLC0415
+    from tests.records import replace  # noqa: PLC0415
 
     entry = list_of([INT, STATE, INT])
     names = ("ip.src", "x", "x.name")
@@ -313,7 +313,7 @@ def test_several_definitions_share_the_columns_of_equal_variables(tmp_path: Path
 
 
 def test_a_list_of_which_nothing_can_be_looked_for(tmp_path: Path) -> None:
-    from dataclasses import replace  # noqa: PLC0415
+    from tests.records import replace  # noqa: PLC0415
 
     with pytest.raises(UsageError, match="of none does a file say a list identifier"):
         lists_to_write(Layouts(Definition((replace(list_of([INT]), list_id=None),))))

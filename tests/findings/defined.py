@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Definition, ListDefinition
@@ -15,6 +14,7 @@ from nvscope.tracker.state import TrackerState
 from nvscope.tracker.variables.values import Values
 from tests.definition.lists import BOOL, INT, LREAL, REAL, list_of, telegram
 from tests.packets import batch_of, observed
+from tests.records import replace
 
 START_NS = 1_700_000_000_000_000_000
 STRING = String(9)

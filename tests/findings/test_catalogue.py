@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-import dataclasses
-
 import pytest
 
 from nvscope.findings.catalogue import CATALOGUE
@@ -119,7 +117,7 @@ def test_kinds_refer_only_to_codes_that_exist(code: str) -> None:
 def test_the_table_cannot_be_changed() -> None:
     with pytest.raises(TypeError):
         CATALOGUE["NV999"] = CATALOGUE["NV101"]  # type: ignore[index]
-    with pytest.raises(dataclasses.FrozenInstanceError):
+    with pytest.raises(AttributeError):
         CATALOGUE["NV101"].name = "other"  # type: ignore[misc]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 from hypothesis import given
@@ -20,6 +19,7 @@ from nvscope.tracker.summary import summarize
 from nvscope.view.documents.report import report_document
 from tests.definition.lists import LREAL, list_of
 from tests.packets import observed
+from tests.records import replace
 from tests.tracker.can.test_state import START_NS, Frame, batch
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -17,6 +15,7 @@ from tests.definition.lists import HERE, LREAL, VARIABLES, list_of, telegram
 from tests.findings.defined import SENT, START_NS, Sent, all_findings, findings, named
 from tests.laws import examples
 from tests.packets import batch_of, observed
+from tests.records import replace
 
 
 def test_what_fits_is_no_finding() -> None:

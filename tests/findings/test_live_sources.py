@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import pytest
 
@@ -14,6 +13,7 @@ from nvscope.findings.finding import Finding
 from nvscope.findings.judge import judge
 from tests.findings.test_timing import MS, START_NS, sent
 from tests.packets import batch_of, tracked
+from tests.records import replace
 
 ETH0 = SourceInfo("eth0", "interface", is_live=True)
 SECOND_NS = 1_000_000_000

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -23,6 +22,7 @@ from tests.laws import examples
 from tests.oracle.traffic import generate
 from tests.oracle.wire import SECOND, A, B, C, Wire
 from tests.packets import Batches, batch_of, cut, document_of, recorded, tracked
+from tests.records import replace
 
 DAY = 86_400 * SECOND
 Finding = dict[str, Any]

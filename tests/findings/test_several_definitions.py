@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import pytest
 
@@ -18,6 +17,7 @@ from tests.definition.lists import BOOL, HERE, INT, LINT, LREAL, REAL, TIME, UDI
 from tests.findings.defined import SENT, START_NS, judged, mismatch, named
 from tests.oracle.frame import Frame
 from tests.packets import batch_of, observed
+from tests.records import replace
 
 
 def test_with_the_files_of_both_sides_it_is_said_who_is_wrong() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 from itertools import accumulate
 
 import pytest
@@ -20,6 +19,7 @@ from tests.definition.lists import BOOL, list_of, telegram
 from tests.laws import examples
 from tests.oracle.frame import Frame
 from tests.packets import batch_of, tracked
+from tests.records import replace
 
 START_NS = 1_700_000_000_000_000_000
 MS = 1_000_000

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -17,6 +16,7 @@ from tests.definition.lists import BOOL, list_of, telegram
 from tests.laws import examples
 from tests.oracle.frame import Frame
 from tests.packets import batch_of, tracked
+from tests.records import replace
 
 MS = 1_000_000
 DEFINED = Definition((replace(list_of([BOOL]), interval_ns=50 * MS),))

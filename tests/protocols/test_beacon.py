@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +33,7 @@ from tests.oracle.pcap import write_pcap
 from tests.packets import Batches, batch_of
 from tests.protocols import beacon
 from tests.protocols.beacon import BEACON
+from tests.records import replace
 
 READING = Reading(dissectors=dissectors_of([BEACON]))
 START_NS = 1_700_000_000_000_000_000

@@ -6,7 +6,7 @@ import json
 import random
 import tempfile
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +34,7 @@ from tests.capture.reference import Packet
 from tests.fuzz.program import run
 from tests.laws import examples
 from tests.packets import Batches, Shown
+from tests.records import replace
 
 SEEDS = st.integers(0, 100_000)
 FILTERS = (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import permutations
 
 import pytest
@@ -12,6 +11,7 @@ from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
 from nvscope.view.documents.report import report_document
 from tests.packets import batch_of, observed
+from tests.records import replace
 from tests.schemas.validation import mistakes_in
 
 

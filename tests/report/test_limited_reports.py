@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +26,7 @@ from tests.engine.traffic import CHANNELS, reading_of, traffic
 from tests.laws import examples, some
 from tests.oracle.builders import ACKNOWLEDGEMENT, BOOT_UP_REQUEST, MILLISECOND, START, data_frame, telegram
 from tests.packets import batch_of, observed
+from tests.records import replace
 from tests.report.limited import invented
 from tests.simulate.simulation import project_of, simulated
 from tests.tracker.can.test_state import batch

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 from tests.datalogger.audit.built import DECLARED, Row, altered, every_value, later, only_changes, with_cells, write
+from tests.records import replace
 
 _BEHIND, _CUT = 60, 30
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import tomllib
 from collections.abc import Iterator
-from dataclasses import fields
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -53,8 +52,8 @@ class Simulation:
             self._findings += self._visu.findings
         self._findings += self._of_security() if self.project or scenario.scan else []
         for batch in self.batches:
-            for column in fields(batch):
-                if isinstance(values := getattr(batch, column.name), np.ndarray):
+            for name in batch.__struct_fields__:
+                if isinstance(values := getattr(batch, name), np.ndarray):
                     values.flags.writeable = False
 
     @property

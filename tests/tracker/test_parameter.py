@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec import Struct, structs
 
 from nvscope.engine.reading import Reading
 from nvscope.findings.judge import judge
@@ -46,7 +47,12 @@ def told(state: TrackerState) -> tuple[list[dict[str, Any]], list[tuple[Any, ...
 def written(state: TrackerState) -> list[dict[str, Any]]:
     """Return what is known of all writes."""
     known = state.parameters.known
-    return [] if known is None else [asdict(one) for one in known.writes.kept]
+    return [] if known is None else [_told(one) for one in known.writes.kept]
+
+
+def _told(one: Struct) -> dict[str, Any]:
+    whole = structs.asdict(one)
+    return {key: structs.asdict(value) if isinstance(value, Struct) else value for key, value in whole.items()}
 
 
 def written_by_rules(frames: list[Frame], timeout_ns: int = 500 * MILLISECOND) -> list[dict[str, Any]]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from functools import reduce
 from operator import add
 from pathlib import Path
@@ -32,6 +31,7 @@ from tests.laws import examples, some
 from tests.oracle.builders import ACKNOWLEDGEMENT, START, data_frame, telegram
 from tests.oracle.frame import Frame
 from tests.packets import Batches, batch_of, cut, document_of
+from tests.records import replace
 from tests.simulate.simulation import project_of, simulated
 from tests.tracker.can.test_state import batch as can_batch
 from tests.tracker.counted_tables import Who, all_figures, named, tables

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import sys
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from nvscope.analysis.watching import Scene, scenes_by_second
 from nvscope.tui.kept_scenes import KeptScenes
 from nvscope.tui.look import STRIP_NS
 from nvscope.tui.table_view import LONGEST_STRIP
+from tests.records import replace
 
 CAPTURES = Path(__file__).parents[2] / "captures"
 PLANT = str(CAPTURES / "plant.pcapng.gz")

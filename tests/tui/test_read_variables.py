@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 
 from nvscope.analysis.inquiry import Inquiry
@@ -13,6 +12,7 @@ from nvscope.definition.project import Project
 from nvscope.tui.views.variables import VariablesView
 from nvscope.view.lines.read_rows import ReadRow
 from tests.program import run_text
+from tests.records import replace
 from tests.tracker.datalogger.logs import Row, write_log
 from tests.tui.screen import Screen, on_replay, on_screen
 

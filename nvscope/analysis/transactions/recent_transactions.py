@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import chain
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 from nvscope.analysis.transactions.parameter_transactions import ParameterTransactions
@@ -29,8 +29,7 @@ MOST_PAIRS = 1_000
 _ROOM = Room(said=20, characters=120)
 
 
-@dataclass(frozen=True, slots=True)
-class PairSeen:
+class PairSeen(Struct, frozen=True):
     """The last transactions of a pair, the oldest first; a write and what became of it are one.
 
     ``writes`` is how many writes were asked for, ``per_s`` how many requests came a second of late; None where nobody
@@ -51,8 +50,7 @@ class PairSeen:
 NOTHING_SEEN = PairSeen()
 
 
-@dataclass(frozen=True)
-class TransactionsSeen:
+class TransactionsSeen(Struct, frozen=True):
     """What is known of pairs at a moment, by their numbers: the last transactions of each, and how many write."""
 
     numbers: Mapping[Pair, int]

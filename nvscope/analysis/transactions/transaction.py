@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 from typing import Any, NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 
@@ -88,8 +88,7 @@ class Room(NamedTuple):
         return text if len(text) <= self.characters else f"{text[: self.characters - 1]}…"
 
 
-@dataclass(frozen=True, slots=True)
-class Transaction:
+class Transaction(Struct, frozen=True):
     """What is known of a request with one frame.
 
     ``frame`` is that of the reply, or of a write that was asked for, ``time_ns`` its time; of what nobody answered, the

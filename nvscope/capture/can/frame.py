@@ -12,10 +12,10 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I32, I64, PAD_BYTES, U8, U16, Bool, Direction, LinkType, PacketBatch
 from dissectors.can import frame as can
@@ -69,8 +69,7 @@ class CanFrame(NamedTuple):
         return HEAD_BYTES if self.identifier & REMOTE else HEAD_BYTES + max(self.length, len(self.data))
 
 
-@dataclass(slots=True)
-class CanRows:
+class CanRows(Struct):
     """Frames as columns of equal length: ``words`` (n, 4 or 18) is a row of memory for each, in the order of bytes."""
 
     words: Frames

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from enum import Enum
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from nvscope.units import count_of
 
@@ -42,8 +44,7 @@ class Harm(Enum):
         return harm
 
 
-@dataclass(frozen=True, slots=True)
-class Damage:
+class Damage(Struct, frozen=True):
     """Something that cannot be read: ``pages`` of them, the first of which is ``page``, from 1.
 
     What is lost are the ``rows``, the first ten of ``row_count``; or, where nobody can say which, those whose ids are

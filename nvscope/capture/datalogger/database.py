@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from nvscope.capture.can import sqlite_file
 from nvscope.capture.compressed import compression_of
@@ -34,8 +35,7 @@ class NothingYet(UnreadableInput):
     """A file without a byte, or a database without tables: as one is that a logger has only begun."""
 
 
-@dataclass(frozen=True)
-class LogDatabase:
+class LogDatabase(Struct, frozen=True):
     """A database with tables of DataLoggers.
 
     ``notes`` are sentences on its state that people should know. ``damages`` tells what of the definitions of tables

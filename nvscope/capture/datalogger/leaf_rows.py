@@ -10,9 +10,9 @@ Source: https://www.sqlite.org/fileformat2.html, sections 1.6 and 1.7.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.batch import I64, U8, Bool
 from dissectors.datalogger.varints import varints
@@ -26,8 +26,7 @@ POINTER_BYTES = 4
 _MOST_RECORD_BYTES = 1 << 31
 
 
-@dataclass(frozen=True, slots=True)
-class LeafRows:
+class LeafRows(Struct, frozen=True):
     """Rows in the order of their ids; ``leaf`` is the place of the page of each among those that were asked for.
 
     The record has ``length`` bytes, of which ``local`` lie at ``start``; if that is not all of them, the number of the

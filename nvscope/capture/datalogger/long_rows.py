@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, Bool
 from nvscope.capture.datalogger.damage import Harm
@@ -15,8 +14,7 @@ MOST_ROW_BYTES = 1 << 20
 """No row of a DataLogger is longer: 996 texts of 255 bytes take a quarter of it."""
 
 
-@dataclass(frozen=True, slots=True)
-class LongRows:
+class LongRows(Struct, frozen=True):
     """Records one behind the other in ``data``; those with a ``harm`` are not there, and have no bytes."""
 
     data: U8

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import os
 import struct
-from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, Bool
 
@@ -38,8 +38,7 @@ class NoByte(NotADatabase):
     """A file without a byte: what SQLite makes before it writes to it."""
 
 
-@dataclass(frozen=True, slots=True)
-class Header:
+class Header(Struct, frozen=True):
     """What a database says of itself; ``pages`` is None where whoever wrote it last did not count them.
 
     ``flaw`` is why SQLite does not open it though its pages can be found, '' where it does.

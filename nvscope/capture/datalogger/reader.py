@@ -7,9 +7,9 @@ come in the order of their times.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
+from msgspec.structs import replace
 
 from dissectors.batch import I64, PAD_BYTES, U8, Bool, LinkType, PacketBatch
 from dissectors.datalogger.logged import Logged, RowTable

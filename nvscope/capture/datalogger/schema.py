@@ -10,7 +10,8 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from dissectors.datalogger.records import Form
 from dissectors.datalogger.tables import LogTable, quoted, recognise
@@ -33,8 +34,7 @@ _MAKING = frozenset(
 )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class StoredTable:
+class StoredTable(Struct, frozen=True):
     """A table of a DataLogger and where its rows are.
 
     ``columns`` are its names, ``real`` the numbers of columns that hold real numbers. ``by_pages``: its rows can be
@@ -48,8 +48,7 @@ class StoredTable:
     by_pages: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Schema:
+class Schema(Struct, frozen=True):
     """The tables of DataLoggers, in the order of the file; the names of others; how many were not looked at."""
 
     tables: tuple[StoredTable, ...]

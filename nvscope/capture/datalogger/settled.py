@@ -14,7 +14,8 @@ import struct
 import tempfile
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from nvscope.capture.can.sqlite_file import left_beside, unread_beside
 
@@ -32,8 +33,7 @@ _WAL_CHECKSUMS = {0x377F0682: "<", 0x377F0683: ">"}
 """The order of bytes that checksums are made by, by what a -wal begins with."""
 
 
-@dataclass(frozen=True, slots=True)
-class Settled:
+class Settled(Struct, frozen=True):
     """Where a database is to be read, and what of that people should know (may be empty).
 
     ``doubt`` says why something may be missing that its writer had finished, '' where nothing speaks for that.

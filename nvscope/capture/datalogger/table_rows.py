@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, Bool
 from dissectors.datalogger.records import Cells, Records
@@ -24,8 +24,7 @@ _MOST_CELLS = 1 << 22
 _MOST_LONG_BYTES = 1 << 23
 
 
-@dataclass(frozen=True, slots=True)
-class Rows:
+class Rows(Struct, frozen=True):
     """Some rows of a table: their ids, which rise, and their values by column. None of them is faulty.
 
     The record of each lies at ``start`` of ``data`` and has ``length`` bytes.

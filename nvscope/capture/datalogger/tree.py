@@ -12,9 +12,9 @@ https://www.sqlite.org/fileformat2.html, section 1.6.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, Bool
 from dissectors.datalogger.varints import varints
@@ -29,8 +29,7 @@ _MOST_DEPTH = 20
 """As SQLite itself limits it."""
 
 
-@dataclass(frozen=True, slots=True)
-class Leaves:
+class Leaves(Struct, frozen=True):
     """Pages that should be leaves, and the bounds of their row ids: above ``low`` and not above ``high``.
 
     The first page of all has no lower bound: there, ``low`` itself is one of the ids.
@@ -41,8 +40,7 @@ class Leaves:
     high: I64
 
 
-@dataclass(frozen=True, slots=True)
-class _Branch:
+class _Branch(Struct, frozen=True):
     page: int
     low: int
     high: int

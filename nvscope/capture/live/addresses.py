@@ -11,7 +11,8 @@ from __future__ import annotations
 import socket
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 _MESSAGE = struct.Struct("=IHHII")
 _ADDRESS = struct.Struct("=BBBBI")
@@ -22,8 +23,7 @@ _ADDRESS_OF, _LOCAL, _BROADCAST = 1, 2, 4
 _BUFFER_BYTES = 1 << 16
 
 
-@dataclass(frozen=True, slots=True)
-class Address:
+class Address(Struct, frozen=True):
     """An IPv4 or IPv6 address of an interface with the ``prefix`` of its network, None where nobody tells.
 
     ``broadcast`` is the address that reaches all of the network, '' where there is none.

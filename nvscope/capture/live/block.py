@@ -12,10 +12,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I32, I64, U8, Bool, Direction, LinkType, PacketBatch
 from nvscope.capture.can.frame import FD_FRAME, KNOWN_FD_FLAGS
@@ -84,8 +84,7 @@ def _headers(data: U8, at: I64) -> np.ndarray[tuple[int], np.dtype[np.void]]:
     return headers
 
 
-@dataclass(frozen=True, slots=True)
-class BlockReader:
+class BlockReader(Struct, frozen=True):
     """Makes columns of the packets of blocks of ``block_bytes``, which lie one after the other in ``data``.
 
     ``skip_outgoing``: of packets that the interface sends, nothing is wanted: on a loopback and on CAN they come back.

@@ -16,10 +16,10 @@ from collections import deque
 from contextlib import suppress
 from typing import Protocol
 
+from nvscope.capture.pieces import OF_A_STREAM
 from nvscope.errors import UnreadableInput
 
 _PIECE_BYTES = 256 << 10
-_READ_ONLY = os.O_RDONLY | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
 _PIPE_BYTES = 1 << 20
 _LEAVING_NS = 500_000_000
 _MOST_AHEAD = 32
@@ -184,7 +184,7 @@ class FileFeed:
 
     def _open(self) -> bool:
         try:
-            self._descriptor = os.open(self._path, _READ_ONLY)
+            self._descriptor = os.open(self._path, OF_A_STREAM)
         except FileNotFoundError:
             return False
         except OSError as error:
@@ -255,4 +255,4 @@ def feed_of(path: str, descriptor: int | None = None) -> ByteFeed:
         return FileFeed(path)  # it waits for it, or says what is wrong
     if stat.S_ISDIR(status.st_mode):
         raise UnreadableInput("a directory, expected a file", where=path, next_step="name the file that grows")
-    return FileFeed(path) if stat.S_ISREG(status.st_mode) else PipeFeed(os.open(path, _READ_ONLY), owned=True)
+    return FileFeed(path) if stat.S_ISREG(status.st_mode) else PipeFeed(os.open(path, OF_A_STREAM), owned=True)

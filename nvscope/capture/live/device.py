@@ -6,8 +6,9 @@ import socket
 import struct
 import sys
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from dissectors.batch import LinkType
 
@@ -19,8 +20,7 @@ _SIOCGIFFLAGS, _SIOCGIFHWADDR = 0x8913, 0x8927
 _IFF_UP, _IFF_RUNNING = 0x1, 0x40
 
 
-@dataclass(frozen=True, slots=True)
-class Device:
+class Device(Struct, frozen=True):
     """A network device by ``name`` and ``index``; ``kind`` is the kernel's number for what it is (ARPHRD)."""
 
     name: str
@@ -55,8 +55,7 @@ class Device:
         return self.kind == _CAN
 
 
-@dataclass(frozen=True, slots=True)
-class DeviceState:
+class DeviceState(Struct, frozen=True):
     """Whether somebody has set a device up, and whether it has a carrier, which is a cable that works."""
 
     is_up: bool

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from ipaddress import ip_address, ip_network
 from typing import Any
+
+from msgspec import Struct
 
 from nvscope.capture.live.addresses import Address
 
 
-@dataclass(frozen=True, slots=True)
-class Layer2Device:
+class Layer2Device(Struct, frozen=True):
     """An interface by the ``name`` that people use; libpcap may call it otherwise. ``title`` is what it is called."""
 
     name: str

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from nvscope.capture.live.addresses import Address, addresses_of
 from nvscope.capture.live.device import device_of, names, state_of
 from nvscope.errors import CaptureError
 
 
-@dataclass(frozen=True, slots=True)
-class Listed:
+class Listed(Struct, frozen=True):
     """A source by the ``word`` that names it, what it is, whether it works, and its addresses; '' for what is unknown.
 
     ``title`` is what the system calls it where its name says nothing.

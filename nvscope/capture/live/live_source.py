@@ -8,9 +8,10 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import PacketBatch
 from nvscope.capture.live.heap import Heap
@@ -29,8 +30,7 @@ _LOOK_NS = 10_000_000
 _MOST_TIMES = 10_000
 
 
-@dataclass(frozen=True, slots=True)
-class Autostop:
+class Autostop(Struct, frozen=True):
     """When a live source ends by itself: after a time, a number of packets, or of bytes; None for never."""
 
     duration_ns: int | None = None

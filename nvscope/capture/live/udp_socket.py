@@ -14,9 +14,9 @@ import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import LinkType, PacketBatch
 from dissectors.netvar import PORT
@@ -42,8 +42,7 @@ _TIME = struct.Struct("@ll")
 _WORD = re.compile(r"(?:(?P<six>\[[^\]]*\])|(?P<four>[^:,\[\]]*))(?::(?P<port>[0-9]{1,5}))?(?P<groups>(?:,[^,]+)*)")
 
 
-@dataclass(frozen=True, slots=True)
-class UdpAddress:
+class UdpAddress(Struct, frozen=True):
     """Where a socket listens: an address of this machine, or all of them, a port, and the multicast groups it joins."""
 
     address: str

@@ -11,11 +11,11 @@ Its sequence is how many packets were recorded before it.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, PacketBatch
 from nvscope.capture.mcap.records import Damaged
@@ -33,8 +33,7 @@ MOST_ROWS, MOST_BYTES = 32_768, 4 << 20
 _HEAD = np.dtype([("count", "<u4"), ("flags", "<u4")])
 
 
-@dataclass(frozen=True, slots=True)
-class Column:
+class Column(Struct, frozen=True):
     """A column of a message: its name, its numpy type, which flag says that it is there, and what it tells.
 
     Without a flag it always is. With ``flag_is_single``, it always is, and the flag says that one entry is that of all

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import struct
 import zlib
-from dataclasses import dataclass, field
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors.batch import PAD_BYTES, U8
 from nvscope.capture.compressed import Unpackable, unpack_into
@@ -31,8 +31,7 @@ _MOST_UNPACKED_BYTES = 256 << 20
 _MOST_WORDS = 1_000
 
 
-@dataclass(slots=True)
-class Recovered:
+class Recovered(Struct):
     """What was recovered of a file, and what was lost.
 
     ``packets`` and ``messages`` (those of topics) are in the new file. ``lost_packets`` are those known to be missing

@@ -6,9 +6,9 @@ import struct
 import zlib
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import PAD_BYTES, U8, PacketBatch
 from nvscope.capture.batch_builder import join
@@ -21,8 +21,7 @@ MESSAGE_HEAD_BYTES = 22
 _BUFFERS = 3
 
 
-@dataclass(frozen=True, slots=True)
-class Packed:
+class Packed(Struct, frozen=True):
     """A chunk as it lies in the file: at which position, what it says of itself, and its compressed records."""
 
     position: int

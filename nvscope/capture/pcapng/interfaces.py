@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors.batch import I64, U16, U64, Bool
 from nvscope.capture.record_reader import MAX_PACKET_BYTES, MAX_SNAP_BYTES
@@ -23,8 +23,7 @@ _LIMIT_SECONDS = TIME_LIMIT_NS // 1_000_000_000
 _MAX_SECONDS, _MAX_OFFSET_SECONDS = 1 << 62, 1 << 61
 
 
-@dataclass(slots=True)
-class Interface:
+class Interface(Struct):
     """One interface of a section. ``longest`` are the captured bytes of a packet that are believed.
 
     ``statistics_drops`` are those of the last statistics, by where they were lost, None before any; they are of the

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, U32, U64, Bool
 from nvscope.capture.pcapng.blocks import ENHANCED_PACKET, OBSOLETE_PACKET, SIMPLE_PACKET, BlockFraming
@@ -12,8 +11,7 @@ from nvscope.capture.pcapng.blocks import ENHANCED_PACKET, OBSOLETE_PACKET, SIMP
 _UNKNOWN_DROPS = 0xFFFF
 
 
-@dataclass(slots=True)
-class PacketBlocks:
+class PacketBlocks(Struct):
     """Packet blocks, whatever is in them, before their interfaces are looked up."""
 
     at: I64

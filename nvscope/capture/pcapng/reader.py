@@ -5,10 +5,11 @@ from __future__ import annotations
 import struct
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from dissectors.batch import I64, U8, U32, Direction, PacketBatch
 from nvscope.capture.batch_builder import join
@@ -58,8 +59,7 @@ _MOST_DROPS = 1 << 40
 _DROPS_PARTS = {OPTION_INTERFACE_DROPS: DropsPart.INTERFACE, OPTION_SYSTEM_DROPS: DropsPart.KERNEL}
 
 
-@dataclass(slots=True)
-class _Stretch:
+class _Stretch(Struct):
     """Some blocks of one section that follow each other: where they begin, and their first four words."""
 
     view: View

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
 
 from nvscope.check.answered_while import AnsweredWhile, watch_answers
 from nvscope.check.check import Check, Evidence
@@ -23,8 +23,7 @@ from nvscope.units import count_of, duration
 _SECOND_NS = 1_000_000_000
 
 
-@dataclass(frozen=True, slots=True)
-class _Answers:
+class _Answers(Struct, frozen=True):
     """What came of what was asked of a list: how many answers, how many are missing, and how long others have waited.
 
     ``slowest_ns`` is how long the slowest answer took; None where there is none, or nobody knows any.

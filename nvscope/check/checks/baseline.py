@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import replace
 from typing import Any
+
+from msgspec.structs import replace
 
 from nvscope.check.check import Check, Evidence
 from nvscope.check.parameters import REQUIRED, RULE_FILE, Parameter

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.can.bits import Stuffing, wire_bits
 from dissectors.can.frame import CanBatch
@@ -26,8 +26,7 @@ _LATE = 10
 """A window gets no more once so many have begun behind it; clocks of several files step back by little."""
 
 
-@dataclass(slots=True)
-class Window:
+class Window(Struct):
     """The bits on a channel in one window, those at the data bit rate, when it began, and its first frame."""
 
     bits: int

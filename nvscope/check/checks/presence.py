@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
+
+from msgspec import Struct
 
 from nvscope.check.check import Check, Evidence
 from nvscope.check.counted_while import CountedWhile, telegrams_of, watch_at_times
@@ -34,8 +35,7 @@ def _first_ns(known: Evidence, watched: FirstTelegrams | None) -> Mapping[ListKe
     return found
 
 
-@dataclass(frozen=True, slots=True)
-class _Sent:
+class _Sent(Struct, frozen=True):
     """The first telegram of a stream that is judged: who sent it, when, and its frame."""
 
     node: int

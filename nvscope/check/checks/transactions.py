@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
+
+from msgspec.structs import replace
 
 from nvscope.check.asked_while import AskedWhile, Came, Tallies, Tally, asks_beyond, pairs_of, watch_asked
 from nvscope.check.check import Check, Evidence, Setting

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from dataclasses import replace
 from typing import Any, TypeVar
+
+from msgspec.structs import replace
 
 from nvscope.check.check import Check, Evidence, Setting
 from nvscope.check.doubt import doubt, doubt_of_clock, parts

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
+
+from msgspec import Struct, field
 
 from dissectors import address
 from nvscope.check.asked_while import asks_beyond
@@ -38,8 +39,7 @@ _UNCLEAR = (
 )
 
 
-@dataclass(slots=True)
-class _Writer:
+class _Writer(Struct):
     """What one node wrote: how often, and what of it is not allowed, or may not be."""
 
     count: int = 0

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
 from statistics import median_low
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from dissectors.batch import I64
 from nvscope import units
@@ -31,8 +32,7 @@ Progress = Callable[[int], None]
 """Is told how many bytes have been read."""
 
 
-@dataclass(slots=True)
-class AuditedFile:
+class AuditedFile(Struct):
     """A file and what became of it: ``read``, ``damaged`` (as far as that went), or ``unreadable``."""
 
     path: str
@@ -67,8 +67,7 @@ class AuditedFile:
             self.last_ns = last if self.last_ns is None else max(last, self.last_ns)
 
 
-@dataclass(slots=True)
-class AuditedTable:
+class AuditedTable(Struct):
     """A table of a series, with all of its files."""
 
     series: str
@@ -76,8 +75,7 @@ class AuditedTable:
     audit: TableAudit
 
 
-@dataclass(slots=True)
-class Audit:
+class Audit(Struct):
     """All that an audit tells; ``left_out`` findings are not kept, ``unfit`` is why the configuration is another's.
 
     ``limits`` say where more may be missing than is told.

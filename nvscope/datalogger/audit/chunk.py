@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, U64, Bool
 from dissectors.datalogger.records import Cells, Form
@@ -21,8 +20,7 @@ _WORD_BYTES = 8
 _MULTIPLIER = np.uint64(0x9E3779B97F4A7C15)
 
 
-@dataclass(frozen=True, slots=True)
-class Chunk:
+class Chunk(Struct, frozen=True):
     """Rows with their times, what they say of losses, and which of them follow each other.
 
     ``unsaid`` are the rows that say neither that data was lost before them nor that none was. ``stretch`` is a number

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 from nvscope.datalogger.audit.sums import total
@@ -16,8 +17,7 @@ MOST_FINDINGS = 10_000
 """So many findings of an audit are kept; how many more there were is told."""
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
+class Finding(Struct, frozen=True):
     """A finding: ``count`` places, the first of which are ``rows``; its times are those of the first and last."""
 
     kind: FindingKind
@@ -79,8 +79,7 @@ class Noted:
             self.most = max(self.most, int(amount.max()))
 
 
-@dataclass(frozen=True, slots=True)
-class Topic:
+class Topic(Struct, frozen=True):
     """A kind of finding and one of the ways in which it comes, with the sentence that tells it, and what to do next.
 
     Where ``severity`` and ``hint`` say nothing, they are those of the kind.

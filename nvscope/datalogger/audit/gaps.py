@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 from dissectors.columns import Columns
@@ -15,8 +15,7 @@ STEADY, STEADY_SHARE = 36, 8
 """So many rows that each come about as late as the one before have an interval of their own."""
 
 
-@dataclass(frozen=True, slots=True)
-class Gaps(Columns):
+class Gaps(Columns, Struct, frozen=True):
     """Rows that come later than they should: how long after the one before, when that was, and of which file.
 
     ``number`` counts the rows of the task. ``told``: the logger says that data was lost before them.
@@ -38,8 +37,7 @@ class Gaps(Columns):
         return Gaps.stacked(parts)
 
 
-@dataclass(frozen=True, slots=True)
-class SetBack:
+class SetBack(Struct, frozen=True):
     """A row before which the clock was set back: its number, the time of the row before, and its own."""
 
     number: int

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from dissectors.batch import I64
 
 
-@dataclass(frozen=True, slots=True)
-class Grouping:
+class Grouping(Struct, frozen=True):
     """Which task each variable is of, by its number: mostly, and in the parts of a table in which that is another.
 
     ``apart`` has the place in ``others`` of what holds in a part. Tasks that are the same everywhere have one number.

@@ -7,9 +7,10 @@ configuration holds for all.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.batch import I64, Bool
 from nvscope.datalogger.audit.gaps import Gaps, SetBack, are_late, are_no_clock_sets
@@ -20,8 +21,7 @@ MOST_SOME = 1 << 20
 """So many lengths that stand for those of parts are kept."""
 
 
-@dataclass(slots=True)
-class Regularity:
+class Regularity(Struct):
     """How many intervals are in parts that come at one of their own, of those of which that can be told.
 
     Of many parts of few rows, some seem to be regular by chance; so these tell something where most of them are, and
@@ -64,8 +64,7 @@ class Regularity:
         return self.tells and 3 * self.few_parts <= 4 * self.regular_few_parts and self.others_of_few <= most
 
 
-@dataclass(frozen=True, slots=True)
-class Late:
+class Late(Struct, frozen=True):
     """Rows that come too late by an interval each.
 
     ``slower_ns`` is how often the rows of its part come where that is less often than the configuration asks for, else
@@ -81,8 +80,7 @@ class Late:
         return Late(self.gaps.take(rows), self.interval_ns[rows], self.slower_ns[rows])
 
 
-@dataclass(frozen=True, slots=True)
-class Yardstick:
+class Yardstick(Struct, frozen=True):
     """What the rows of a task are judged by: the interval of the table, and that of the configuration.
 
     None where it is not known, or rows come at none.

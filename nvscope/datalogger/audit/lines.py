@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from nvscope import units
 from nvscope.datalogger.audit.audit import Audit, AuditedTable

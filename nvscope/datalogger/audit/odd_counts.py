@@ -7,9 +7,8 @@ follows it says later what it is.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 from nvscope.datalogger.audit import topics
@@ -17,8 +16,7 @@ from nvscope.datalogger.audit.counts import steps_of
 from nvscope.datalogger.audit.finding import Notes
 
 
-@dataclass(frozen=True, slots=True)
-class Counted:
+class Counted(Struct, frozen=True):
     """The cells of a chunk that have a counter of a variable, each with the one before it.
 
     ``follows``: nothing between the two says that a change was lost, or was stored without a counter. ``doubtful`` are
@@ -35,8 +33,7 @@ class Counted:
     may_be_none: bool
 
 
-@dataclass(frozen=True, slots=True)
-class _Waiting:
+class _Waiting(Struct, frozen=True):
     """A step of more than 1 to the last cell of a chunk, and where to tell of it."""
 
     notes: Notes

@@ -9,8 +9,9 @@ meanwhile says no.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from enum import Enum
+
+from msgspec import Struct, field
 
 
 class Zero(Enum):
@@ -23,8 +24,7 @@ class Zero(Enum):
     EQUAL = "equal"
 
 
-@dataclass(frozen=True, slots=True)
-class ZeroRow:
+class ZeroRow(Struct, frozen=True):
     """A row in which all counters that it has are 0; ``before_ns`` is the time of the row before it, if it has one."""
 
     rowid: int
@@ -35,8 +35,7 @@ class ZeroRow:
     variables: Mapping[int, Zero]
 
 
-@dataclass(slots=True)
-class Start:
+class Start(Struct):
     """Rows that may be the first ones behind a start of the logger."""
 
     rows: list[ZeroRow] = field(default_factory=list)

@@ -7,9 +7,10 @@ lost; so what stands between two rows that say this may have a rhythm of its own
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.batch import I64, Bool
 from nvscope.datalogger.audit.gaps import are_late
@@ -20,8 +21,7 @@ _MOST_SOME = 256
 """So many lengths of a part stand for all, where it is asked whether they are those of the table."""
 
 
-@dataclass(frozen=True, slots=True)
-class Rhythms:
+class Rhythms(Struct, frozen=True):
     """The rhythms of some parts: how many intervals, the median of them, and whether they come at that regularly.
 
     ``others`` are not as long as the median. Where rows of a part may be of other tasks and come at no interval,

@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
+
+from msgspec import Struct
 
 from nvscope.capture.datalogger.names import closed_files, is_called_database, parted
 
 _BESIDE = ("-wal", "-shm", "-journal")
 
 
-@dataclass(frozen=True, slots=True)
-class Member:
+class Member(Struct, frozen=True):
     """A file of a series; ``number`` is None for the one that is written last."""
 
     path: str
@@ -29,8 +29,7 @@ class Member:
         return self.number is None, self.number or 0
 
 
-@dataclass(frozen=True, slots=True)
-class Series:
+class Series(Struct, frozen=True):
     """The files of one logger, the oldest first; ``path`` is that of its last one, be it there or not.
 
     ``missing`` are numbers in the middle of which there is no file. ``taken_along`` says how many closed files were

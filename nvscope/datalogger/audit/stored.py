@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 from dissectors.datalogger.tables import LoggedVariable
@@ -12,8 +11,7 @@ from nvscope.datalogger.audit.chunk import Chunk
 from nvscope.datalogger.audit.counts import counts_of
 
 
-@dataclass(frozen=True, slots=True)
-class Stored:
+class Stored(Struct, frozen=True):
     """Rows with a counter, their counts, and in which rows there is a value.
 
     ``alone`` are rows with a value without a counter, which are ``uncounted``, or with one that is no count, which are

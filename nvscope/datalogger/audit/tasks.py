@@ -8,9 +8,9 @@ Behind a loss that is told, a logger may go on with other tasks; so groups are t
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 from dissectors.datalogger.row_shapes import RowShapes
@@ -21,8 +21,7 @@ from nvscope.datalogger.audit.part_groups import PartGroups
 from nvscope.tracker.datalogger.variable_groups import VariableGroups
 
 
-@dataclass(frozen=True, slots=True)
-class TaskRows:
+class TaskRows(Struct, frozen=True):
     """Rows of a chunk that are of one task, None for all.
 
     Of rows without any value nobody knows whose they are: each may be a sample of every task. ``blank`` tells which

@@ -6,9 +6,8 @@ meanwhile, the next one tells.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, U64, Bool
 from dissectors.datalogger.records import Cells, Form
@@ -22,8 +21,7 @@ Value = int | float | str | bytes | None
 _UNKNOWN = -1
 
 
-@dataclass(slots=True)
-class Figures:
+class Figures(Struct):
     """What an audit tells of one variable: how often it was stored, how often that was another value than before, in
     how many of the ``rows`` that could tell it nobody knows it, and the first, last, least and greatest value.
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from nvscope import units
 from nvscope.datalogger.audit.audit import Audit, AuditedFile, AuditedTable
@@ -90,8 +91,7 @@ def _named(files: Sequence[str], names: Names) -> str:
     return first if len(files) == 1 else f"{first} to {names(files[-1])} ({len(files)} files)"
 
 
-@dataclass(frozen=True, slots=True)
-class Group:
+class Group(Struct, frozen=True):
     """Findings of one kind that people read as one."""
 
     kind: FindingKind

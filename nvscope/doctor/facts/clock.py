@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 _BYTES = 256
 _ERROR = 5
@@ -11,8 +12,7 @@ _STATUS_AT, _MOST_ERROR_AT = 5, 3
 _UNSYNCHRONISED = 0x40
 
 
-@dataclass(frozen=True, slots=True)
-class ClockState:
+class ClockState(Struct, frozen=True):
     """``most_error_ns`` is by how much the kernel takes the clock to be wrong at most."""
 
     is_synchronised: bool

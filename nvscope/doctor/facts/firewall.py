@@ -12,7 +12,8 @@ import re
 import shutil
 import subprocess
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from nvscope.doctor.facts.firewall_rules import Fate, Packet, fate_of
 from nvscope.doctor.facts.iptables_rules import chains_of_iptables
@@ -26,8 +27,7 @@ _DAEMONS = ("firewalld",)
 _MOST_FATES = 64
 
 
-@dataclass(frozen=True, slots=True)
-class Firewall:
+class Firewall(Struct, frozen=True):
     """``fates`` is what becomes of a telegram by interface and port; empty where the rules may not be read.
 
     ``read_with`` is the program that read them, "" for none; ``clues`` are sentences on what else was seen of it.

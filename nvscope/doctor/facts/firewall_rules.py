@@ -4,8 +4,9 @@ that is not known of the packet, both of its ways are taken."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from enum import Enum, Flag, auto
+
+from msgspec import Struct
 
 _DEEPEST = 16
 
@@ -28,16 +29,14 @@ class Ways(Flag):
     RETURN = auto()
 
 
-@dataclass(frozen=True, slots=True)
-class Packet:
+class Packet(Struct, frozen=True):
     """The first telegram of somebody: it comes in by an interface ("": whichever), to a port."""
 
     interface: str
     port: int
 
 
-@dataclass(frozen=True, slots=True)
-class Rule:
+class Rule(Struct, frozen=True):
     """``holds``: whether its conditions do, None where nobody knows. ``ways`` it gives, and chains it may call."""
 
     holds: bool | None
@@ -46,8 +45,7 @@ class Rule:
     is_goto: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Chain:
+class Chain(Struct, frozen=True):
     """Rules in order; ``policy`` is what becomes of a packet behind the last one, None of a chain that is called.
 
     Each rule is asked with the packet, since what it says hangs on that.

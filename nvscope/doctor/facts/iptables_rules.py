@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 import shlex
 from collections import deque
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from nvscope.doctor.facts.firewall_rules import Chain, Chains, Packet, Rule, RuleText, Ways
 
@@ -35,8 +36,7 @@ def chains_of_iptables(text: str) -> Chains:
     return {name: Chain(rules.get(name, []), policy) for name, policy in policies.items()}
 
 
-@dataclass(frozen=True)
-class _IptablesRule(RuleText):
+class _IptablesRule(Struct, RuleText, frozen=True):
     words: tuple[str, ...]
     table: str
 

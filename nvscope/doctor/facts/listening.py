@@ -6,7 +6,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+
+from msgspec.structs import replace
 
 from nvscope.capture.live.device import device_of
 from nvscope.capture.live.inlet import Inlet

@@ -9,9 +9,10 @@ import os
 import socket
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from ipaddress import IPv4Address, IPv4Interface
+
+from msgspec import Struct
 
 from nvscope.capture.live.device import device_of, hardware_of, names, state_of
 from nvscope.doctor.facts.clock import ClockState, clock_state
@@ -23,8 +24,7 @@ from nvscope.doctor.facts.sockets import BoundPort, bound_ports, looked_into
 LINUX = sys.platform.startswith("linux")
 
 
-@dataclass(frozen=True, slots=True)
-class Interface:
+class Interface(Struct, frozen=True):
     """An interface and its IPv4 addresses; ``vlan`` is the tag that it adds and takes away, None without one.
 
     ``hardware`` is its address on the wire, "" where it has none or nobody tells.
@@ -51,8 +51,7 @@ class Interface:
         return f"{self.name} ({', '.join(map(str, self.addresses)) or 'no IPv4 address'})"
 
 
-@dataclass(frozen=True)
-class Machine:
+class Machine(Struct, frozen=True, dict=True):
     """What was found; None where this system does not tell."""
 
     interfaces: Sequence[Interface] | None

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
+
+from msgspec import Struct
 
 from nvscope.doctor.facts.firewall_rules import Chain, Chains, Packet, Rule, RuleText, Ways
 
@@ -37,8 +38,7 @@ def _name(entry: Mapping[str, Any], chain: str) -> str:
     return f"{entry['family']} {entry['table']} {chain}"
 
 
-@dataclass(frozen=True)
-class _NftRule(RuleText):
+class _NftRule(Struct, RuleText, frozen=True):
     expressions: list[Any]
     table: str
 

@@ -8,15 +8,16 @@ import socket
 import struct
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 _TABLES = ("/proc/net/udp", "/proc/net/udp6")
 _LOOPBACK_PROBE = "127.77.12.2"
 _MOST_SOCKETS = 10_000
 
 
-@dataclass(frozen=True, slots=True)
-class BoundPort:
+class BoundPort(Struct, frozen=True):
     """A UDP socket with a port: ``address`` is what it is bound to, ``user`` the number of its owner.
 
     ``process`` is the holder as people know it, such as ``codesyscontrol (PID 812)``; "" where that may not be seen.

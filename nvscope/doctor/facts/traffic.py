@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
 from ipaddress import IPv4Address
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors import address
 from dissectors.batch import I64, Direction, LinkType, PacketBatch
@@ -78,8 +78,7 @@ class Question(NamedTuple):
 _Entry = TypeVar("_Entry", Flow, Stranger, Refusal, Question)
 
 
-@dataclass(frozen=True, slots=True)
-class ListenedTo:
+class ListenedTo(Struct, frozen=True):
     """Where it was listened, or a file that was read.
 
     ``sees_all``: also what is not for this machine. ``failure`` is why it ended early, or could not be begun.
@@ -92,8 +91,7 @@ class ListenedTo:
     dropped: int = 0
 
 
-@dataclass(slots=True)
-class Traffic:
+class Traffic(Struct):
     """Counts what is observed; ``ports`` are those on which all datagrams are looked at, whatever they hold."""
 
     ports: Collection[int]

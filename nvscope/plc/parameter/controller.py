@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
 from enum import Enum
+
+from msgspec import Struct
 
 from dissectors.netvar import Service
 from nvscope.plc.parameter.message import REPLY_OF, Flaw, Message, read_message
@@ -24,8 +25,7 @@ NO_REQUEST = "no request"
 """Why a message of the Parameter Manager is left unanswered that is a reply itself."""
 
 
-@dataclass(frozen=True, slots=True)
-class Handled:
+class Handled(Struct, frozen=True):
     """A request and what became of it: the datagrams to be sent ``delay_ns`` later, and what they say.
 
     ``answer`` is the service of the answer, None without one; ``before`` and ``after`` are the bytes of the value,

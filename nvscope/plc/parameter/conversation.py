@@ -12,9 +12,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from enum import Enum
 from types import MappingProxyType
+
+from msgspec import Struct, field
 
 from dissectors.netvar import Service
 from nvscope.plc.parameter.message import REPLY_OF, Flaw, Message, read_message
@@ -54,16 +55,14 @@ _OF_FLAW = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class Patience:
+class Patience(Struct, frozen=True):
     """How long one answer is waited for, and how many times the request is sent again when none came."""
 
     timeout_ns: int = TIMEOUT_NS
     retries: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Outcome:
+class Outcome(Struct, frozen=True):
     """What came of a request.
 
     ``latency_ns`` runs from the request that was answered, the last one sent, to its answer; None without one.

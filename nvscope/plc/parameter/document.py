@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
+
+from msgspec import Struct
 
 from dissectors.netvar import Service
 from nvscope.definition.variables import Scalar, type_text
@@ -29,8 +30,7 @@ _ENDED: dict[Ending, Verdict] = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class Parameter:
+class Parameter(Struct, frozen=True):
     """A parameter of a partner, and what is known of it; ``type`` is that of the value, or of its elements."""
 
     address: str

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.netvar import (
     HEADER,
@@ -32,8 +32,7 @@ class Flaw(Enum):
     OF_A_LIST = "about a list"
 
 
-@dataclass(frozen=True, slots=True)
-class Message:
+class Message(Struct, frozen=True):
     """A request or a reply; ``data`` is the value where it carries one, ``items`` how many elements that has."""
 
     service: Service

@@ -9,6 +9,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from msgspec import Struct
+
 from dissectors.netvar import PARAMETER_ERRORS, Service
 from nvscope.definition.parameter_place import parameter_place
 from nvscope.definition.parameter_type import ELEMENTARY_TYPE
@@ -71,8 +73,7 @@ class ServedParameter:
     stuck: bool = key(FLAG, "writes are confirmed, and change nothing", default=False)
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
+class Entry(Struct, frozen=True):
     """A parameter of the table, with the number and the bytes of its elements at the start."""
 
     index: int

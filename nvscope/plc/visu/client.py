@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any
+
+from msgspec.structs import replace
 
 from dissectors.webvisu import Entry, Request, fields_in_reply, read_reply
 from nvscope.definition.visu_variables import VisuVariables, variables_in

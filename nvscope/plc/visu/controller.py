@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
 from enum import Enum
 from xml.sax.saxutils import quoteattr
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.webvisu import STRING, UNREADABLE, Place, Request, read_request
 from dissectors.webvisu import Entry as AskedEntry
@@ -43,8 +45,7 @@ class Result(Enum):
     DROPPED = "dropped"
 
 
-@dataclass(frozen=True, slots=True)
-class Touched:
+class Touched(Struct, frozen=True):
     """A variable that a request was about; ``before`` is its value as it was read, or was before it was written.
 
     ``entry`` is None where no variable lies there. ``wanted`` and ``after`` are of writes, None of reads.
@@ -57,8 +58,7 @@ class Touched:
     after: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Handled:
+class Handled(Struct, frozen=True):
     """A request and what became of it: the bytes that are sent ``delay_ns`` later, and whether that ends it.
 
     ``status`` is 0 where nothing is answered. ``declared`` is how many variables it says it is about. ``why`` is

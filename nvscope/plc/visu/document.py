@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Literal
+
+from msgspec import Struct
 
 from dissectors.webvisu import Answer, Reply
 from nvscope.definition.visu_values import type_name
@@ -37,8 +38,7 @@ _ANSWERED: dict[Answer, Verdict] = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class Asked:
+class Asked(Struct, frozen=True):
     """An exchange and what it was for: ``variables`` is how many it was about, ``fields`` how many values came."""
 
     purpose: Purpose

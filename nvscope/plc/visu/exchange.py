@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
+
+from msgspec import Struct
 
 TIMEOUT_NS = 5_000_000_000
 """How long all of an exchange may take: some controllers take seconds."""
@@ -26,8 +27,7 @@ class Ending(Enum):
     OVERSIZED = "oversized"
 
 
-@dataclass(frozen=True, slots=True)
-class Exchange:
+class Exchange(Struct, frozen=True):
     """A request, and what came of it.
 
     ``status`` is None where none came, ``body`` empty but of a whole reply. ``latency_ns`` runs from before the

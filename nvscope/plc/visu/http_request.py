@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
+
+from msgspec import Struct
 
 from dissectors.http import (
     MOST_BODY_BYTES,
@@ -35,8 +36,7 @@ class Flaw(Enum):
     HEAD_TOO_LONG = 431
 
 
-@dataclass(frozen=True, slots=True)
-class HttpRequest:
+class HttpRequest(Struct, frozen=True):
     """A request with its whole body; ``closes``: who asks takes the end of the connection for that of the reply."""
 
     method: str

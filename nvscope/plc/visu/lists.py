@@ -5,8 +5,9 @@ from __future__ import annotations
 import zlib
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import ClassVar
+
+from msgspec import Struct, field
 
 from dissectors.webvisu import UNREADABLE, Place
 from nvscope.definition.element_names import folded
@@ -28,8 +29,7 @@ _Telegram = tuple[ListKey, int]
 """A list, by the key that it is defined for, and a SubIndex."""
 
 
-@dataclass(slots=True)
-class _Sent:
+class _Sent(Struct):
     """An element of a list, and the telegrams that have it: by several definitions it may be in one or another."""
 
     key: ListKey

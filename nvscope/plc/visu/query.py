@@ -14,8 +14,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from urllib.parse import unquote
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.webvisu import TYPES, Place, Request, query_parts, read_query
 from nvscope.plc.visu.value import shown
@@ -31,8 +33,7 @@ Bytes = tuple[int, int, int]
 """Area, offset and size of a variable, whatever its type."""
 
 
-@dataclass(frozen=True, slots=True)
-class Query:
+class Query(Struct, frozen=True):
     """What is asked for, by places, and in which format each value is wanted, '' where nobody said."""
 
     asked: Request

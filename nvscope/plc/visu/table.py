@@ -9,6 +9,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from msgspec import Struct
+
 from dissectors.webvisu import STRING, TYPES, Place, is_password
 from nvscope.definition.parameter_type import ELEMENTARY_TYPE, ElementaryType
 from nvscope.definition.project_lists import NAME
@@ -90,8 +92,7 @@ class ServedVariable:
     silent: bool = key(FLAG, "no request of it is answered", default=False)
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
+class Entry(Struct, frozen=True):
     """A variable of the table, with its place, and its value at the start as it goes onto the wire."""
 
     name: str

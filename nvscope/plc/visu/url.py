@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import ipaddress
-from dataclasses import dataclass
 from urllib.parse import quote, urlsplit
+
+from msgspec import Struct
 
 from nvscope.errors import UsageError
 
@@ -18,8 +19,7 @@ _LONGEST = 1_000
 _PLAIN = "/%:@!$&'()*+,;=~-._"
 
 
-@dataclass(frozen=True, slots=True)
-class VisuUrl:
+class VisuUrl(Struct, frozen=True):
     """A page: ``host`` without brackets, ``path`` '' where nobody said it."""
 
     host: str

@@ -9,8 +9,9 @@ an array in JSON, and one cell of CSV with commas in between; of several VLAN ta
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Literal, Protocol
+
+from msgspec import Struct
 
 from nvscope.errors import UsageError
 from nvscope.view.escape import csv_safe, json_text
@@ -31,8 +32,7 @@ class Face(Protocol):
     def end(self) -> str: ...
 
 
-@dataclass(frozen=True, slots=True)
-class Separation:
+class Separation(Struct, frozen=True):
     """How separated fields are written, as tshark's option -E has it."""
 
     header: bool = False

@@ -7,10 +7,10 @@ at the bit rate of the bus. Times are whole microseconds, rounded up: no two fra
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I32, I64, PAD_BYTES, U8, U16, U32, U64, Bool, LinkType, PacketBatch
 from dissectors.can.bits import Stuffing, wire_bits
@@ -44,8 +44,7 @@ _LEAST_BITS = 100
 _OF_OVERLOAD = 0x5555_5555_5555_5555
 
 
-@dataclass(frozen=True, slots=True)
-class CanFrames:
+class CanFrames(Struct, frozen=True):
     """Frames of CAN as columns of shape (n,), and ``payloads`` of those of CAN FD.
 
     ``ts_ns`` is when a frame has passed, ``channel`` its place in ``Scenario.channels``, ``word`` the identifier with
@@ -68,7 +67,7 @@ class CanFrames:
 
     def take(self, rows: I64 | Bool | slice) -> CanFrames:
         """Return the frames at some places, of a slice, or where the mask is set."""
-        return CanFrames(self.payloads, *(getattr(self, column.name)[rows] for column in fields(self)[1:]))
+        return CanFrames(self.payloads, *(getattr(self, name)[rows] for name in self.__struct_fields__[1:]))
 
     @property
     def identifier(self) -> U32:
@@ -107,8 +106,7 @@ class CanFrames:
         )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class CanFrameTable:
+class CanFrameTable(Struct, frozen=True):
     """What passes the buses and is seen, in the order of the capture, and how many PDOs each list sent in all.
 
     ``struck`` is when the PDOs were due that faults struck, by their places in the scenario.
@@ -145,7 +143,7 @@ def make_can_frame_table(scenario: Scenario) -> CanFrameTable:
         ts_ns[frames.ts_ns >= step.at_ns] += step.by_ns
     if len(ts_ns) and ts_ns.min() < 0:
         raise scenario.error("clock_step", "the clock would show a time before 1970")
-    columns = (getattr(frames, column.name) for column in fields(frames)[2:])
+    columns = (getattr(frames, name) for name in frames.__struct_fields__[2:])
     return CanFrameTable(CanFrames(frames.payloads, ts_ns, *columns), sent_of, draft.struck)
 
 
@@ -319,7 +317,7 @@ class _Draft:
             started_us, ends_us = self._transmitted(bus, due)
         if not self.scenario.wild:
             self._check_waiting(bus, due, started_us - due.ts_ns // _US_NS)
-        columns = (getattr(due, column.name) for column in fields(due)[2:])
+        columns = (getattr(due, name) for name in due.__struct_fields__[2:])
         return CanFrames(due.payloads, ends_us * _US_NS, *columns)
 
     def _transmitted(self, bus: Bus, due: CanFrames) -> tuple[I64, I64]:
@@ -357,8 +355,8 @@ class _Draft:
         """Return all frames of some pieces."""
         nothing = self.frames(self.scenario.channels[0], np.empty(0, np.int64), 0, 0, 0)
         columns = (
-            np.concatenate([getattr(nothing, column.name), *(getattr(piece, column.name) for piece in pieces)])
-            for column in fields(nothing)[1:]
+            np.concatenate([getattr(nothing, name), *(getattr(piece, name) for piece in pieces)])
+            for name in nothing.__struct_fields__[1:]
         )
         return CanFrames(tuple(self.payloads), *columns)
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64
 from dissectors.can.frame import EXTENDED
@@ -25,8 +25,7 @@ class Identity(NamedTuple):
     identifier: int
 
 
-@dataclass(frozen=True, slots=True)
-class CanStreamFacts:
+class CanStreamFacts(Struct, frozen=True):
     """The data frames of one identifier, as rows of the frames; ``remote`` counts the requests for it.
 
     ``plan`` is the list whose definition tells of the identifier, None where none does.
@@ -40,8 +39,7 @@ class CanStreamFacts:
     remote: int
 
 
-@dataclass(frozen=True, slots=True)
-class CanListFacts:
+class CanListFacts(Struct, frozen=True):
     """A list on a bus: one that a definition tells of, or an identifier by itself; its streams stand by SubIndex.
 
     ``rows`` are those of all its streams. ``entries`` are the places of those lists of the scenario that are this one.
@@ -58,8 +56,7 @@ class CanListFacts:
         return self.streams[0].plan
 
 
-@dataclass(frozen=True, slots=True)
-class _Place:
+class _Place(Struct, frozen=True):
     """Where an identifier belongs: the list by its first identifier, and what its definition says, if there is one."""
 
     base: int

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from msgspec import Struct
 
 from nvscope.simulate.draft import MAX_TEMPLATES
 from nvscope.simulate.frames import IPAddress
@@ -22,8 +23,7 @@ _FIRST_PORT, _PORTS = 49_152, 16_384
 _HEAD_END = b"\r\n\r\n"
 
 
-@dataclass(frozen=True, slots=True)
-class Segment:
+class Segment(Struct, frozen=True):
     """A TCP segment of a page's talk, at a time of the scenario."""
 
     at_ns: int
@@ -35,8 +35,7 @@ class Segment:
     data: bytes = b""
 
 
-@dataclass(frozen=True, slots=True)
-class Talk:
+class Talk(Struct, frozen=True):
     """All that a page says and is told. ``counts`` are named as in reports, of what was put in."""
 
     segments: Sequence[Segment]

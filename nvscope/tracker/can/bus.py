@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64
 from dissectors.can.frame import EXTENDED_MASK
@@ -24,8 +25,7 @@ _S_NS = 1_000_000_000
 _NOTHING = np.empty(0, np.int64)
 
 
-@dataclass(frozen=True, slots=True)
-class BitRate:
+class BitRate(Struct, frozen=True):
     """Bits per second of a bus, and of the data phase of CAN FD; ``given``, or else found from the frames."""
 
     nominal: int
@@ -58,8 +58,7 @@ class BusLoad:
     second_worst: F64 = field(compare=False)
 
 
-@dataclass(frozen=True, slots=True)
-class IdentifierBits:
+class IdentifierBits(Struct, frozen=True):
     """The frames of an identifier and their bits; ``share`` is their part of all its busy time, else of its bits."""
 
     cob_id: int
@@ -73,8 +72,7 @@ class IdentifierBits:
     share: float
 
 
-@dataclass(frozen=True, slots=True)
-class CanBusSummary:
+class CanBusSummary(Struct, frozen=True):
     """One channel: its frames, and the bits of its seconds.
 
     ``seconds`` counts those with frames; ``peak_bits`` are the bits of the busiest one

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, U16, U32, Bool
 from dissectors.can.canopen import MAX_COB_ID, MAX_NODES, NMT_COMMANDS, NODE_STATES, PREDEFINED, Service, use_of
@@ -53,8 +53,7 @@ def _kinds() -> U8:
 _KIND = _kinds()
 
 
-@dataclass(frozen=True, slots=True)
-class Evidence:
+class Evidence(Struct, frozen=True):
     """Of which nodes of a channel there is evidence that they are CANopen's; 0: the NMT master spoke to all."""
 
     nodes: frozenset[int] = frozenset()
@@ -72,8 +71,7 @@ class Evidence:
 NO_EVIDENCE = Evidence()
 
 
-@dataclass(frozen=True, slots=True)
-class Emergency:
+class Emergency(Struct, frozen=True):
     """An emergency: its error code, the error register, and when it was sent."""
 
     code: int
@@ -81,8 +79,7 @@ class Emergency:
     time_ns: int
 
 
-@dataclass(frozen=True, slots=True)
-class CanOpenNode:
+class CanOpenNode(Struct, frozen=True):
     """A node that sent heartbeats, or emergencies.
 
     ``state`` is one of ``NODE_STATES``, since ``since_ns``: what its heartbeats tell, or where it sends none, what it

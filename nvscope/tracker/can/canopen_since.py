@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
 from typing import ClassVar
+
+from msgspec import Struct, field
 
 from dissectors.can.canopen import use_of
 from nvscope.engine.told import Told
@@ -14,8 +15,7 @@ _ALL = 0
 """In place of a node: what the NMT master said to all of them."""
 
 
-@dataclass(frozen=True, slots=True)
-class CanOpenSeen:
+class CanOpenSeen(Struct, frozen=True):
     """What was known at a moment of which frames are CANopen's, of all frames up to then.
 
     ``rows`` are those of ``since``, by channel and node.

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U64, Bool
 from dissectors.can.error import (
@@ -70,8 +70,7 @@ class _ChannelColumns(KeyedColumns):
     }
 
 
-@dataclass(frozen=True, slots=True)
-class BusErrors:
+class BusErrors(Struct, frozen=True):
     """The error frames of a channel.
 
     ``frames`` are the first ten of ``count``; without any, ``first_ns`` and ``last_ns`` are None. ``classes`` are those

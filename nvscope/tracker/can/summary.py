@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.can.pdo import EXTENDED
 from nvscope.definition.buses import Buses
@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from nvscope.tracker.state import TrackerState
 
 
-@dataclass(frozen=True, slots=True)
-class CanStreamSummary:
+class CanStreamSummary(Struct, frozen=True):
     """The frames of one COB-ID of a channel: as ``StreamSummary`` has it, of a sender that nobody knows.
 
     ``subindex`` is its place in its list, ``length`` the bytes of the last frame; ``remote`` counts frames that ask for
@@ -43,8 +42,7 @@ class CanStreamSummary:
     node: None = None
 
 
-@dataclass(frozen=True, slots=True)
-class CanListSummary:
+class CanListSummary(Struct, frozen=True):
     """One list on a channel; without a definition, it is one COB-ID alone.
 
     ``number`` is that of the state. ``diagnosis`` counts frames, and nothing else.
@@ -69,8 +67,7 @@ class CanListSummary:
         return CanListSummary(number, key, diagnosis, tuple(sorted(streams, key=lambda stream: stream.subindex)))
 
 
-@dataclass(frozen=True, slots=True)
-class CanSummary:
+class CanSummary(Struct, frozen=True):
     """Lists by channel and COB-ID, standard before extended; buses by name of the channel."""
 
     lists: Sequence[CanListSummary] = ()

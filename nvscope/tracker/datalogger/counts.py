@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors.datalogger.logged import RowTable
 from dissectors.datalogger.rows import RowBatch, consistent
@@ -27,8 +27,7 @@ class DatabaseSummary(NamedTuple):
     last_ns: int
 
 
-@dataclass(slots=True)
-class _Counted:
+class _Counted(Struct):
     tables: set[RowTable] = field(default_factory=set)
     begun: set[LogTable] = field(default_factory=set)
     names: set[str] = field(default_factory=set)

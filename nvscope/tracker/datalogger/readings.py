@@ -10,11 +10,12 @@ not known.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
 from hashlib import blake2b
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.batch import I64, U8, U64, Bool
 from dissectors.datalogger.logged import RowTable
@@ -228,8 +229,7 @@ class ReadRows:
         return self.known[number].name
 
 
-@dataclass(frozen=True, slots=True)
-class _Column:
+class _Column(Struct, frozen=True):
     """The values of one variable in some rows of a table, by their positions in the batch; NULL where it is unknown."""
 
     number: int
@@ -254,8 +254,7 @@ class _Column:
         return content.hex(" ") if form == Stored.BLOB else content.decode(self.encoding, "replace")
 
 
-@dataclass(frozen=True, slots=True)
-class _TableRows:
+class _TableRows(Struct, frozen=True):
     """The rows of one table in a batch, by their positions in it, rising, and the numbers of its variables."""
 
     table: RowTable

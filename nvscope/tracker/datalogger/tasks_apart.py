@@ -10,10 +10,10 @@ row connects them with it. What the part does not tell, the table does.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 
@@ -23,8 +23,7 @@ _Numbers = npt.NDArray[np.int32]
 _NEVER = np.iinfo(np.int64).max
 
 
-@dataclass(frozen=True, slots=True)
-class _Known:
+class _Known(Struct, frozen=True):
     """What is known of tasks behind some rows; shapes (n, variables).
 
     ``of`` names the group of each variable by the number of one of it, and is beyond all numbers where the variable

@@ -11,9 +11,8 @@ cannot be read. Where each file has a row alone, nothing is usual but the times 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 from dissectors.datalogger.logged import Logged, RowTable
@@ -27,8 +26,7 @@ _USUAL = 16
 """So many times between rows tell what is usual; without any, nobody knows whether one is longer."""
 
 
-@dataclass(slots=True)
-class _Last:
+class _Last(Struct):
     """The last rows of a table: the times of two, the id of the last one, and whether that has unread ones before it.
 
     ``between_ns`` are the last times between rows that follow each other, as far as that is known.

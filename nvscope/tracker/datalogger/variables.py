@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64
 from dissectors.datalogger.logged import RowTable
@@ -21,8 +21,7 @@ _TEXT = String()
 _SINGLE = "FLOAT"
 
 
-@dataclass(slots=True)
-class DatabaseVariable:
+class DatabaseVariable(Struct):
     """A variable of a ``series`` of files; ``type`` is what its column is declared as, where it was seen last.
 
     ``lasts``: only changes are stored there.

@@ -6,11 +6,11 @@ All of it is a copy of what was known at a moment: a screen looks at it while th
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U64
 from nvscope.engine.keys import NOBODY, FrameKind
@@ -43,8 +43,7 @@ class Happened(NamedTuple):
     last_ns: int
 
 
-@dataclass(frozen=True)
-class Contacts:
+class Contacts(Struct, frozen=True, dict=True):
     """Who sends to whom. Lists and nodes are numbers, as in a summary; columns are int64 of shape (n,).
 
     ``flows`` are the columns kind (``FrameKind``), list, source, destination, count and last time; ``answers`` list,

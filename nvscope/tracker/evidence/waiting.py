@@ -6,9 +6,9 @@ What a look at a batch costs hangs little on how many packets it has: of ten bat
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I32, I64, U16, Bool, PacketBatch, Records
 from dissectors.carried import Carrier
@@ -31,8 +31,7 @@ HEAD_BYTES = 160
 """So much of a packet is kept: link, tags and network header."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Batch:
+class _Batch(Struct, frozen=True):
     """A batch: of ``header`` and ``time_ns`` all rows, of the others those that are looked at."""
 
     header: I64

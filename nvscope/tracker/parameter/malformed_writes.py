@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U64
 from dissectors.columns import Columns
@@ -12,8 +11,7 @@ from dissectors.netvar import Fault, Service
 from nvscope.engine.told import Told
 
 
-@dataclass(frozen=True, slots=True)
-class MalformedWrites(Columns):
+class MalformedWrites(Columns, Struct, frozen=True):
     """Such requests in the order of the capture, by their rows; columns of shape (n,).
 
     Requester and partner are halves of their addresses; ``parameter`` is Index and SubIndex as one.

@@ -9,10 +9,10 @@ passed. So all telegrams of a batch are looked at at once.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 from dissectors.columns import Columns
@@ -25,8 +25,7 @@ _OF_READS = (Service.ODReadRequest, Service.ODReadRequestReply)
 _READ, _WRITE, _EITHER = 0, 1, 2
 
 
-@dataclass(frozen=True, slots=True)
-class Messages(Columns):
+class Messages(Columns, Struct, frozen=True):
     """Well-formed requests and replies, in the order of the capture; int64, of shape (n,).
 
     ``pair`` tells requester, partner and port by number, ``word`` Index, SubIndex and Counter (``word_of``). ``packet``
@@ -49,8 +48,7 @@ class Messages(Columns):
         return np.isin(self.service, PARAMETER_REQUESTS)
 
 
-@dataclass(frozen=True, slots=True)
-class Open(Columns):
+class Open(Columns, Struct, frozen=True):
     """Requests that wait for their replies; int64, of shape (n,).
 
     ``since_ns`` and ``frame`` are those of the first one, ``last_ns`` is when it was last repeated. ``service`` is that
@@ -72,8 +70,8 @@ class Open(Columns):
     unsure: I64
 
 
-NO_MESSAGES = Messages(*(np.empty(0, np.int64) for _ in fields(Messages)))
-NOTHING_OPEN = Open(*(np.empty(0, np.int64) for _ in fields(Open)))
+NO_MESSAGES = Messages(*(np.empty(0, np.int64) for _ in Messages.__struct_fields__))
+NOTHING_OPEN = Open(*(np.empty(0, np.int64) for _ in Open.__struct_fields__))
 
 
 class Matched(NamedTuple):

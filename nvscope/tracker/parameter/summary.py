@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors import address
 from dissectors.netvar import PARAMETER_ERRORS
@@ -14,8 +14,7 @@ from nvscope.tracker.latency import LatencyFigures
 from nvscope.tracker.parameter.transactions import Transactions
 
 
-@dataclass(frozen=True, slots=True)
-class PairSummary:
+class PairSummary(Struct, frozen=True):
     """What became of the requests of one node to another one.
 
     ``requests`` are those that were opened, without those that repeat one; ``replies`` ended them, ``errors`` are those

@@ -6,11 +6,12 @@ and 100. Where it is silent: a reply repeats Index, SubIndex and Counter of its 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors import address
 from dissectors.batch import I64, U64
@@ -86,8 +87,7 @@ class PairColumns(KeyedColumns):
     }
 
 
-@dataclass(frozen=True, slots=True)
-class Asked:
+class Asked(Struct, frozen=True):
     """A parameter of a partner, on a port, and who asks for it."""
 
     requester: str
@@ -102,8 +102,7 @@ class Asked:
         return parameter_name(self.index << 16 | self.subindex)
 
 
-@dataclass(frozen=True, slots=True)
-class Became:
+class Became(Struct, frozen=True):
     """What is known behind a batch of requests, each in the order of the capture.
 
     ``asked`` are new ones. ``answers`` are the replies to those in ``answered``, in the same order; ``unexpected`` are

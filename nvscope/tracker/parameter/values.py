@@ -5,10 +5,10 @@ Plants read parameters again and again: of what a batch tells of one, only the l
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, U64, Bool
 from dissectors.keys import KeyTable
@@ -23,8 +23,7 @@ _GATHERED = 4096
 """So many values are copied at a time."""
 
 
-@dataclass(frozen=True, slots=True)
-class Value:
+class Value(Struct, frozen=True):
     """A value as it was sent: its bytes, the first ones where it is longer than what is kept or was captured of it.
 
     ``size_bytes`` is how long it is, ``items`` how many elements its telegram says that it has.

@@ -6,10 +6,11 @@ The value that is written over is the one known when the write was asked for: ``
 from __future__ import annotations
 
 from bisect import bisect_left
-from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors import address
 from dissectors.keys import KeyTable
@@ -44,8 +45,7 @@ class Outcome(StrEnum):
     OPEN = "open"
 
 
-@dataclass(frozen=True, slots=True)
-class Write:
+class Write(Struct, frozen=True):
     """A write, whose time and frame are those of the first request; it may have been repeated.
 
     ``old`` is the value known of the parameter at that time, None without any. ``answer_frame`` is the frame of

@@ -9,11 +9,11 @@ refused, or answered by busy, changes nothing.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors.batch import I64, U64, Bool
 from dissectors.columns import Columns
@@ -65,8 +65,7 @@ def _whole(value: Value | None) -> Value | None:
     return value if value is not None and value.is_known else None
 
 
-@dataclass(slots=True)
-class _Parameter:
+class _Parameter(Struct):
     """A parameter that somebody wrote, or may have written.
 
     ``open`` are its writes that wait, by frame, each with its value and whether it is not alone: others were open
@@ -162,8 +161,7 @@ class Answers(NamedTuple):
     shown: I64
 
 
-@dataclass(frozen=True, slots=True)
-class _Rows(Columns):
+class _Rows(Columns, Struct, frozen=True):
     """What happens in a batch; int64, of shape (n,).
 
     ``number`` is that of the parameter, -1 without one; ``frame`` that of the request.

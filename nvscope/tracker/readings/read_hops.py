@@ -7,11 +7,12 @@ before the first value came.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import ClassVar, NamedTuple
 
 import numpy as np
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from dissectors.batch import I64, U64
 from nvscope.definition.layouts import Layouts
@@ -30,14 +31,12 @@ MOST_PAIRS = 10_000
 """So many pairs are compared, the first ones."""
 
 
-@dataclass(slots=True, kw_only=True)
-class _End(Side):
+class _End(Side, kw_only=True):
     """An end of a pair; ``telegrams`` had a value, ``now`` are the bits of its last one, None before any."""
 
     now: int | None = None
 
 
-@dataclass(slots=True)
 class ReadEnd(_End):
     """A variable whose values come one by one, and the last of these, None before any.
 
@@ -55,7 +54,6 @@ class ReadEnd(_End):
         return end_ns if until_ns is None or end_ns is None else min(end_ns, until_ns)
 
 
-@dataclass(slots=True)
 class ListEnd(_End):
     """A variable in a stream of a list; ``last`` are its last bytes."""
 
@@ -73,8 +71,7 @@ class _Match(NamedTuple):
     from_frame: int
 
 
-@dataclass(slots=True)
-class _Compared:
+class _Compared(Struct):
     """One variable, and its pairs by stream and shape of telegrams."""
 
     end: ReadEnd

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Hashable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U64, Bool
 from nvscope.definition.variables import Elementary
@@ -74,8 +74,7 @@ Wanted = Callable[[Any], bool]
 """Tells whether a variable is wanted."""
 
 
-@dataclass(frozen=True, slots=True)
-class Readings:
+class Readings(Struct, frozen=True):
     """Values, those of each variable in the order in which they came; columns of shape (n,).
 
     ``variable`` is a number of ``ReadValues.known``, ``row`` that of the packet. ``form`` is a ``Form``, ``bits`` are

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.batch import I64, Bool
 from nvscope.engine.keyed_columns import KeyedColumns
@@ -18,8 +19,7 @@ from nvscope.tracker.readings.readings import Readings, ReadValues, ReadVariable
 _NEVER = np.iinfo(np.int64).max
 
 
-@dataclass(frozen=True, slots=True)
-class Reading:
+class Reading(Struct, frozen=True):
     """A value: its form, the bits of its number, its text as it came, and whether it is, or may be, a password."""
 
     form: Form
@@ -28,8 +28,7 @@ class Reading:
     is_secret: bool
 
 
-@dataclass(frozen=True, slots=True)
-class ReadEntry:
+class ReadEntry(Struct, frozen=True):
     """One variable in one message or row: its value there, and the one before, None where nobody knows that.
 
     ``name`` is what it was called then; ``changed`` says that it is another value than the last one that was known.
@@ -66,8 +65,7 @@ class TrackColumns(KeyedColumns):
     }
 
 
-@dataclass(frozen=True, slots=True)
-class _Shown:
+class _Shown(Struct, frozen=True):
     """Readings to be told, by their rows; of each whether it is the first that is known, and whether it differs."""
 
     told: Told

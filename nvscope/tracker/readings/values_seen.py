@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64
 from nvscope.tracker.readings.last_values import LastValues, ValueColumns
 from nvscope.tracker.readings.readings import ReadVariable
 
 
-@dataclass(frozen=True, slots=True)
-class ValuesSeen:
+class ValuesSeen(Struct, frozen=True):
     """Last values, by number of ``variables``, with ``columns`` and ``texts`` as of ``LastValues``.
 
     ``lists`` are the numbers of variables by what stands for their list, both in their order, ``numbers`` are those

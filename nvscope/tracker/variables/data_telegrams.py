@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors import address
 from dissectors.batch import I64, U8
@@ -18,8 +18,7 @@ from nvscope.engine.told import Told
 from nvscope.list_key import ListKey
 
 
-@dataclass(frozen=True, slots=True)
-class Stream:
+class Stream(Struct, frozen=True):
     """Who sends which telegram of which list; on CAN the channel stands for the sender."""
 
     number: int
@@ -30,8 +29,7 @@ class Stream:
     """What senders are sorted by, IPv4 before IPv6."""
 
 
-@dataclass(frozen=True, slots=True)
-class Telegrams:
+class Telegrams(Struct, frozen=True):
     """Well-formed data telegrams of one stream and one shape, captured whole, in the order of the capture.
 
     ``data`` holds the bytes behind the header, shape (n, bytes); ``frame`` (from 1) and ``time_ns`` have shape (n,).

@@ -6,10 +6,10 @@ value, the latest one before it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors.batch import I64, U64, Bool
 from nvscope.tracker.buckets import bucket_of
@@ -31,8 +31,7 @@ Changed = tuple[I64, U64]
 """Times and values of changes."""
 
 
-@dataclass(slots=True)
-class Direction:
+class Direction(Struct):
     """How one end follows the other.
 
     ``changes`` are those of the end that follows, since the other one was first seen; ``followed`` of them are to a
@@ -68,8 +67,7 @@ class Direction:
             self.buckets[one] = self.buckets.get(one, 0) + many
 
 
-@dataclass(slots=True, kw_only=True)
-class Side:
+class Side(Struct, kw_only=True):
     """A variable in one place: the changes that are remembered, and from when to when somebody listened to it.
 
     ``times_ns`` and ``values`` (a number for each value) begin with the first telegram, which is no change, while that
@@ -99,8 +97,7 @@ class Side:
         return bool(len(self.values)) and self.until_ns is None and self.values[-1] not in (UNKNOWN, HOLE)
 
 
-@dataclass(slots=True)
-class Reached:
+class Reached(Struct):
     """Which changes of the leader the follower took, too: of ``led`` that could be taken, ``reached``.
 
     A change can be taken where the follower was known, and of another value; or had been of the same one since before
@@ -208,8 +205,7 @@ class Reached:
 AnySide = TypeVar("AnySide", bound=Side)
 
 
-@dataclass(slots=True)
-class Pair(Generic[AnySide]):
+class Pair(Struct, Generic[AnySide]):
     """Two ends of one variable: how the second follows the first, and the first the second.
 
     ``observed_ns`` is for how long both were known, ``differed_ns`` for how much of that they were not equal.

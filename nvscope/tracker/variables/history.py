@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, Bool
 from nvscope.definition.layouts import Layouts
@@ -22,8 +22,7 @@ Wanted = Callable[[ListKey, int], frozenset[str]]
 """Given list and SubIndex of a telegram, returns the names of its elements that are wanted."""
 
 
-@dataclass(slots=True)
-class Track:
+class Track(Struct):
     """What is known of the wanted elements of one stream in one layout.
 
     Columns have an entry a wanted element, as ``places`` has. ``changes`` counts the changes, of which the last was at
@@ -49,8 +48,7 @@ class Track:
     data: U8 | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
+class Entry(Struct, frozen=True):
     """One element in one telegram: its bytes there, and in the telegram before, None where nobody has seen that."""
 
     frame: int
@@ -147,8 +145,7 @@ class History:
         return _Shown(track, telegrams, whole, differs, fresh, row, column)
 
 
-@dataclass(frozen=True, slots=True)
-class _Shown:
+class _Shown(Struct, frozen=True):
     """What is to be told of one stream: ``row`` and ``column`` of its table of telegrams and elements."""
 
     track: Track

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
 from hashlib import blake2b
 from typing import ClassVar, NamedTuple
 
@@ -33,7 +32,6 @@ Name = tuple[str, str]
 """Name of a variable in lower case, and its type."""
 
 
-@dataclass(slots=True)
 class End(Side):
     """A variable in one stream: its last value, as bytes, and the changes that are remembered."""
 

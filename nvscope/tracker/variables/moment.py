@@ -7,10 +7,10 @@ and everything captured before that frame counts, whatever its time.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import U8
 from nvscope.definition.layouts import Layouts
@@ -19,8 +19,7 @@ from nvscope.engine.told import Told
 from nvscope.tracker.variables.data_telegrams import DataTelegrams, Stream, Telegrams
 
 
-@dataclass(frozen=True, slots=True)
-class LastTelegram:
+class LastTelegram(Struct, frozen=True):
     """The last telegram of a stream that its definition fits; ``data`` are the bytes behind the header."""
 
     stream: Stream

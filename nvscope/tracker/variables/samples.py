@@ -6,10 +6,10 @@ stream grows. Which ones that are, their numbers within the stream decide, not h
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors.batch import I64, U8
 from dissectors.netvar import ACKNOWLEDGE_WANTED, CHECKSUM_PRESENT
@@ -27,8 +27,7 @@ MOST_SHAPES = 8
 _SAMPLE_BYTES = 1 << 19
 
 
-@dataclass(slots=True)
-class Sample:
+class Sample(Struct):
     """Telegrams of one stream and shape. ``telegrams`` counts all, ``every`` is n of what follows the first ones."""
 
     stream: Stream

@@ -11,12 +11,12 @@ nobody knows how often a value changed, and when.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from dissectors.batch import I64, U8
 from dissectors.layout import gather_bytes
@@ -42,8 +42,7 @@ Shape = tuple[int, int]
 """Items and Length of a telegram."""
 
 
-@dataclass(frozen=True, slots=True)
-class Block:
+class Block(Struct, frozen=True):
     """Elements of one type that follow each other: the places from ``first`` to ``first`` + ``count``."""
 
     first: int
@@ -121,8 +120,7 @@ def blocks_of(layout: TelegramLayout) -> tuple[Block, ...]:
     return tuple(found)
 
 
-@dataclass(slots=True)
-class Fitted:
+class Fitted(Struct):
     """How many telegrams of a stream a layout fits, and which were the first and the last of them.
 
     Frames count from 1, ``frames`` are the first ten. Telegrams that were not captured whole count too: their header
@@ -137,8 +135,7 @@ class Fitted:
     last_frame: int
 
 
-@dataclass(slots=True)
-class StreamValues:
+class StreamValues(Struct):
     """The variables of one stream in one layout: columns with an entry an element of the layout.
 
     ``changes`` counts how often an element was not as in the telegram before, ``changed_ns`` is when it was last (its

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from dissectors.http import Side
 from dissectors.webvisu import Likeness
@@ -26,8 +28,7 @@ from nvscope.tracker.visu.turns import Turns
 from nvscope.tracker.visu.unseen_requests import Answered, UnseenRequests
 
 
-@dataclass(slots=True)
-class Conversation:
+class Conversation(Struct):
     """One connection; ``is_visu`` from its first request of a WebVisu page on, ``gap_bytes`` are missing until then.
 
     ``beyond`` requests wait behind those that are ``waiting``: nobody remembers what they ask for. ``left_out`` are

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import IntEnum
+
+from msgspec import Struct
 
 from dissectors.http import Head, Side
 from dissectors.web_protocols import WebProtocol
@@ -37,8 +38,7 @@ class What(IntEnum):
     PART = 7
 
 
-@dataclass(frozen=True, slots=True)
-class Form:
+class Form(Struct, frozen=True):
     """What messages of one form have in common; or what else happens.
 
     ``body_bytes`` is how long the body is as it came. ``content`` is what is in it where ``is_coded``, None where that

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.batch import I64, U8
 from dissectors.http import Side
@@ -29,8 +30,7 @@ _AT_A_TIME = 512
 """So many pieces are joined at a time."""
 
 
-@dataclass(frozen=True, slots=True)
-class HttpMessages:
+class HttpMessages(Struct, frozen=True):
     """What happened in the streams of a batch, by stream, and in each in its order; columns of int64, shape (n,).
 
     A request that ends where it is answered, since it does not say how long it is, stands in front of what answers it.

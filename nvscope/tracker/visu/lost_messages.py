@@ -5,7 +5,7 @@ Of a response, the begin of its content is all there is to tell whether it lists
 
 from __future__ import annotations
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from dissectors import http
 from dissectors.http import Head, Side

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.batch import I64, U64, Bool
 from dissectors.columns import Columns
@@ -86,8 +87,7 @@ class Outcome(IntEnum):
     MALFORMED = 7
 
 
-@dataclass(frozen=True, slots=True)
-class VisuMessages(Columns):
+class VisuMessages(Columns, Struct, frozen=True):
     """Messages in the order in which they were whole; columns of int64, shape (n,), but for ``opens``.
 
     ``row`` is that of the packet in its batch, ``pair`` the number of client, server and port. ``asked`` is the number
@@ -121,8 +121,7 @@ class VisuMessages(Columns):
     spoken: I64
 
 
-@dataclass(frozen=True)
-class VisuBatch:
+class VisuBatch(Struct, frozen=True, dict=True):
     """The frames of a packet batch with which messages were whole, rising; a part of what is told.
 
     The messages of frame ``i`` are ``count[i]``, from ``first[i]`` on; ``segments`` are those of the whole batch.

@@ -5,7 +5,7 @@ Such a one has no Content-Length, is in chunks, or is unbounded: its Content-Len
 
 from __future__ import annotations
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from dissectors import http
 from dissectors.http import Body, Chunks, Head

@@ -11,11 +11,11 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors.http import Side
 from nvscope.tracker.pieces import ORDER_BITS, OtherBytes
@@ -51,8 +51,7 @@ class _Happened(NamedTuple):
     asks: bool = False
 
 
-@dataclass(slots=True)
-class _Held:
+class _Held(Struct):
     """What is known of a connection: how many bytes wait by side, and since which frame.
 
     ``asks``: it is a page's for what came again as others; ``is_page``: for that, or what is shown.

@@ -6,8 +6,9 @@ none: there another message begins in its place. No body of a page begins as a m
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
+
+from msgspec.structs import replace
 
 from dissectors import http
 from dissectors.http import Body, Head, Side

@@ -7,9 +7,9 @@ message.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 from dissectors.columns import Columns
@@ -26,8 +26,7 @@ from nvscope.tracker.visu.messages import Kind
 from nvscope.tracker.visu.reach import UNKNOWN, Reach, distances
 
 
-@dataclass(frozen=True, slots=True)
-class Said(Columns):
+class Said(Columns, Struct, frozen=True):
     """What is to be told, each of a message; columns of shape (n,), int64 but for ``opens``.
 
     ``kind`` is a ``Kind``, ``message`` a row of ``HttpMessages`` or -1, ``asked`` a place in what is asked for in the

@@ -7,10 +7,10 @@ whatever the order in which segments were captured (RFC 9293, section 3.4).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 from dissectors.columns import Columns
@@ -36,8 +36,7 @@ class Reach(NamedTuple):
 NOWHERE = Reach()
 
 
-@dataclass(frozen=True, slots=True)
-class Reaches(Columns):
+class Reaches(Columns, Struct, frozen=True):
     """The same of some messages, as columns of int64, shape (n,)."""
 
     body_at: I64

@@ -7,10 +7,10 @@ values than were asked for, those that are there count. A write counts where its
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, Bool
 from dissectors.columns import Columns
@@ -29,8 +29,7 @@ _SEPARATOR = ord("|")
 _QUESTION = ord("?")
 
 
-@dataclass(frozen=True, slots=True)
-class _Spans(Columns):
+class _Spans(Columns, Struct, frozen=True):
     """Texts: the message that says each, its place among the message's values, and where it lies in data."""
 
     message: I64

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors import address
 from dissectors.web_protocols import WebProtocol
@@ -15,8 +15,7 @@ from nvscope.tracker.visu.pair_columns import PairColumns
 from nvscope.tracker.visu.state import VisuCounts
 
 
-@dataclass(frozen=True, slots=True)
-class VisuSummary:
+class VisuSummary(Struct, frozen=True):
     """What one client asked one server for.
 
     ``reads``, ``writes`` and ``entries`` are of requests that were seen whole, ``replies`` are those to them, and
@@ -46,8 +45,7 @@ class VisuSummary:
     polling: LatencyFigures = field(default_factory=LatencyFigures)
 
 
-@dataclass(frozen=True, slots=True)
-class OtherSpoken:
+class OtherSpoken(Struct, frozen=True):
     """What one client said to one server in a protocol that is not WebVisu.
 
     ``count`` are requests, or, of what is no HTTP/1, connections; ``first_frame`` is that of the first one.

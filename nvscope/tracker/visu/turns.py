@@ -9,17 +9,15 @@ one that was seen to send several at once, the first of a turn may be missing: s
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64
 from nvscope.tracker.segments import HALF
 from nvscope.tracker.visu.reach import UNKNOWN, Reach, distance, distances, latest, latest_of
 
 
-@dataclass(slots=True)
-class Turns:
+class Turns(Struct):
     """Those of a connection.
 
     ``had`` is up to where the client had the server's bytes with its last request, ``answered`` where the last response

@@ -9,9 +9,9 @@ the first one, whole columns at once.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, Bool
 from dissectors.webvisu import UNREADABLE, Request, read_reply
@@ -33,8 +33,7 @@ _FEW = 4
 _UNREADABLE = UNREADABLE.encode()
 
 
-@dataclass(frozen=True, slots=True)
-class NeverChanged:
+class NeverChanged(Struct, frozen=True):
     """What pages asked one controller for without seeing a change.
 
     ``variables`` is how many they asked for. ``unchanged`` are those that were told twice at least, and always had the

@@ -7,7 +7,8 @@ by how their bodies begin; those whose heads are too long by their first lines, 
 from __future__ import annotations
 
 import re
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from dissectors import http
 from dissectors.http import Head, Side

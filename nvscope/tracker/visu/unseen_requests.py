@@ -7,8 +7,9 @@ are, while no request waits, and with which its server has bytes of the hole, is
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import NamedTuple
+
+from msgspec import Struct
 
 from nvscope.tracker.visu.reach import UNKNOWN, distance
 
@@ -20,8 +21,7 @@ class Answered(NamedTuple):
     acknowledged: int
 
 
-@dataclass(slots=True)
-class UnseenRequests:
+class UnseenRequests(Struct):
     """Those of one connection: where the last hole lies, and whether what it hides may still be answered."""
 
     begin: int = UNKNOWN

@@ -7,10 +7,10 @@ asked for last; before a list says a name, by its place.
 from __future__ import annotations
 
 from collections.abc import Hashable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64
 from dissectors.webvisu import Place, Request
@@ -26,8 +26,7 @@ Where = Place | str
 _MOST_REMEMBERED = 1 << 12
 
 
-@dataclass(slots=True)
-class PageVariable:
+class PageVariable(Struct):
     """A variable; ``is_secret``: it is a password, or may be one. ``kind`` is None where only texts are known."""
 
     controller: Controller

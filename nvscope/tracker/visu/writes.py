@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.batch import I64, Bool
 from dissectors.webvisu import Place, Request, read_reply
@@ -43,8 +44,7 @@ class WriteOutcome(StrEnum):
     UNANSWERED = "unanswered"
 
 
-@dataclass(slots=True)
-class Write:
+class Write(Struct):
     """One variable that was written.
 
     ``client`` and ``server`` are halves of addresses. ``old`` is what it was before, as it was read or written last;

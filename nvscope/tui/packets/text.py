@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import Bool
 from dissectors.carried import Carrier
@@ -25,8 +25,7 @@ if TYPE_CHECKING:
     from nvscope.analysis.watching import Scene
 
 
-@dataclass(frozen=True, slots=True)
-class ShownFrame:
+class ShownFrame(Struct, frozen=True):
     """A frame as panes show it: its number, tree and bytes.
 
     ``changed`` tells which bytes are others than in the frame of its stream before, whose number is ``before``; both

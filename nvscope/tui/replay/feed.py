@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from nvscope.analysis.inquiry import Inquiry
 from nvscope.analysis.watching import Scene, Watched, Watching, scene_at, session_of

@@ -7,9 +7,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
+
+from msgspec import Struct
 
 from dissectors.netvar import HEADER
 from nvscope.definition.gvl_text import Draft, drafted, sampled, type_name
@@ -23,8 +24,7 @@ SCHEMA = "nvscope.infer/1"
 _MOST_TOLD = 8
 
 
-@dataclass(frozen=True, slots=True)
-class ListProposal:
+class ListProposal(Struct, frozen=True):
     """What is proposed for a list of one sender: its telegrams' samples with how many other shapes each had."""
 
     list: ListKey

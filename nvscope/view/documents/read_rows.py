@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
+
+from msgspec import Struct
 
 from nvscope.tracker.readings.last_values import LastValues
 from nvscope.tracker.readings.readings import ReadVariable
@@ -18,8 +19,7 @@ from nvscope.view.documents.read_variables import RowShape
 Rows = Sequence[Mapping[str, Any]]
 
 
-@dataclass(frozen=True, slots=True)
-class _Told:
+class _Told(Struct, frozen=True):
     """What begins the keys of rows in documents, and their shape."""
 
     key: str

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
 
 from nvscope.definition.value import Value
 from nvscope.definition.variables import Scalar, ScalarKind
@@ -31,8 +31,7 @@ NOT_IN_REPLIES = "not in replies"
 """Why there never was a value that a controller was asked for: its replies had fewer of them."""
 
 
-@dataclass(frozen=True, slots=True)
-class RowShape:
+class RowShape(Struct, frozen=True):
     """What rows of the variables of one protocol have of their own.
 
     ``whence`` is told of a variable behind its type, ``further`` behind its values; ``counted`` is what readings are

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from nvscope.definition.value import value_of
 from nvscope.definition.variables import type_text
@@ -72,8 +72,7 @@ def values_by_list(state: TrackerState, values: Values) -> dict[ListKey, list[di
     return found
 
 
-@dataclass(frozen=True, slots=True)
-class VariableStream:
+class VariableStream(Struct, frozen=True):
     """Whose values: key of the list, SubIndex, sender, and what each of its layouts gave."""
 
     list: ListKey

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from nvscope.findings.finding import Finding
 from nvscope.findings.kind import Severity
@@ -17,8 +18,7 @@ STATUSES = (*SEVERITIES, OK)
 """The words for severities, the worst first, and for what lists can be."""
 
 
-@dataclass(frozen=True, slots=True)
-class Verdicts:
+class Verdicts(Struct, frozen=True):
     """What some findings say of lists; both by key, as reports have it. ``worst`` is that of those with any."""
 
     worst: Mapping[str, Severity]

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 
 from dissectors.batch import DIRECTION_NAMES, U8, Bool, Direction
 from dissectors.can.bits import Stuffing, wire_bits

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from dataclasses import field as dataclass_field
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
+from msgspec import field as dataclass_field
 
 from dissectors.batch import I64, Bool
 from nvscope.expression.typed_columns import AddressColumn, BytesColumn, Column, FieldType, TextColumn
 from nvscope.view.rows.frames import FrameRows
 
 
-@dataclass(frozen=True, slots=True)
-class TelegramField:
+class TelegramField(Struct, frozen=True):
     """One field.
 
     ``of`` is the protocol that has it, by name (``FrameRows.parts``), "" for a field of the frame itself, or of what is

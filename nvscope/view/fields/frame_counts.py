@@ -6,7 +6,8 @@ As a display filter reads it, ``list.lost`` is that of the whole capture; a trig
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from dissectors.batch import Bool
 from nvscope.expression.typed_columns import Column, FieldType

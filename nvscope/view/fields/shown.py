@@ -12,10 +12,10 @@ finding. So what is asked of one alone is answered alike whatever else is asked.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64
 from nvscope.list_key import ListKey
@@ -26,8 +26,7 @@ NONE = -1
 """The number of a finding or cause where there is none."""
 
 
-@dataclass(frozen=True, slots=True)
-class Lasting:
+class Lasting(Struct, frozen=True):
     """Something that names no frame: its number, and which telegrams show it.
 
     ``nodes`` are those whose telegrams do, by list; empty for all. ``subindex`` is None for any.

@@ -9,10 +9,10 @@ does not exist. In names of lists, what no identifier may hold is written ``_``.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, Bool
 from dissectors.carried import Carrier
@@ -109,8 +109,7 @@ def _names_of(sent: SentElement) -> tuple[str, str]:
     return f"{_PREFIX}{name}", f"{_PREFIX}{typed(sent.layout.list.name)}.{name}"
 
 
-@dataclass(frozen=True, slots=True)
-class _Place:
+class _Place(Struct, frozen=True):
     """Where an element is sent, and the telegrams of its list that were seen."""
 
     sent: SentElement

@@ -8,10 +8,10 @@ be read where ``Verdicts`` are given.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import Struct, field
 
 from dissectors.batch import I64, Bool
 from dissectors.can.pdo import EXTENDED
@@ -38,8 +38,7 @@ if TYPE_CHECKING:
 _UNSIGNED, _SIGNED, _TEXT = FieldType.UNSIGNED, FieldType.SIGNED, FieldType.TEXT
 
 
-@dataclass(frozen=True, slots=True)
-class Names:
+class Names(Struct, frozen=True):
     """The names that people gave to lists, by key, and to nodes, by the halves of their address; and to parameters."""
 
     lists: Mapping[ListKey, str] = field(default_factory=dict)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 
 import numpy as np
+from msgspec.structs import replace
 
 from dissectors.batch import I64, Bool
 from nvscope.expression.typed_columns import FieldType, Numbers, TextColumn

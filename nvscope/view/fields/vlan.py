@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 
 from dissectors.batch import I64, Bool
 from dissectors.headers import TYPE_SERVICE_TAG, VLAN, VLAN_TYPES

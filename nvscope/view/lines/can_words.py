@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 from dissectors.batch import Bool
 from dissectors.can.canopen import describe
@@ -29,8 +29,7 @@ UNTOLD = "?"
 """In place of what is not known of a frame that was cut off within its header."""
 
 
-@dataclass(frozen=True, slots=True)
-class Meaning:
+class Meaning(Struct, frozen=True):
     """What a frame is, and how it stands in a line."""
 
     text: str

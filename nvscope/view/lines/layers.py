@@ -6,9 +6,9 @@ For looking at a packet. What reads all packets at once is ``dissectors.link``; 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import LinkType
 from dissectors.headers import ETHERNET, IPV4, IPV6, NULL, SLL, SLL2, TCP, UDP, UPPER_PDU_TAG, VLAN, VLAN_TYPES
@@ -24,8 +24,7 @@ _LINK_LAYOUTS: dict[int, Layout] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Layer:
+class Layer(Struct, frozen=True):
     """A header within a packet, from ``start`` up to ``stop``; without a layout: options, or what is not read here."""
 
     layout: Layout | None

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors import address
 from dissectors.batch import Bool
@@ -40,8 +40,7 @@ _ACKNOWLEDGEMENT = words.SERVICE_WORDS[Service.ODAcknowledgement].word
 _COUNTER_END = HEADER.offset_of("counter") + HEADER["counter"].size_bytes
 
 
-@dataclass(frozen=True, slots=True)
-class _Form:
+class _Form(Struct, frozen=True):
     """What a line shows of the columns that can do with less."""
 
     time_digits: int = 6
@@ -91,8 +90,7 @@ class _Tail(NamedTuple):
         return [Cell(f" {text}" if place else text, tone) for place, (text, tone) in enumerate(told)]
 
 
-@dataclass(frozen=True, slots=True)
-class _Fitted:
+class _Fitted(Struct, frozen=True):
     """The columns of a piece and their widths, and what its lines end with."""
 
     columns: list[_Column]

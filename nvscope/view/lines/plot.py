@@ -7,12 +7,12 @@ what is no finite number is left out, and nothing is drawn over it.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct, field
 
 from dissectors.batch import I64, Bool
 from nvscope.view.lines.scales import Tick, nice_ticks, time_ticks
@@ -31,8 +31,7 @@ _LEAST_HEIGHT = 3
 _LONGEST_LABEL = 16
 
 
-@dataclass(frozen=True, slots=True)
-class Curve:
+class Curve(Struct, frozen=True):
     """Numbers and their times, in the order in which they came; those of one ``run`` that follow each other are joined.
 
     All are of shape (n,).
@@ -43,8 +42,7 @@ class Curve:
     run: I64
 
 
-@dataclass(frozen=True, slots=True)
-class Axes:
+class Axes(Struct, frozen=True):
     """From when to when a plot is, and how its scales are told.
 
     ``time_text`` writes a time with so many digits of the second. ``value_text`` writes a value, None for plain

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64
 from nvscope.tracker.readings.form import HIDDEN, Form
@@ -25,8 +25,7 @@ class ReadKey(NamedTuple):
     source: str
 
 
-@dataclass(frozen=True, slots=True)
-class ReadGroup:
+class ReadGroup(Struct, frozen=True):
     """The variables of one controller or database that had a value, by their ``numbers`` in ``seen``, in their order.
 
     ``never`` of them could never be read.
@@ -78,8 +77,7 @@ class ReadGroup:
         return int(found[0]) if number is not None and len(found) else None
 
 
-@dataclass(frozen=True, slots=True)
-class ReadRow:
+class ReadRow(Struct, frozen=True):
     """One variable whose values come one by one; what is, or may be, a password is hidden."""
 
     group: ReadGroup

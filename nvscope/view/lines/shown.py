@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+from msgspec import Struct, field
 
 from nvscope.view.lines.layers import Layer
 from nvscope.view.lines.moments import Moment
@@ -26,8 +27,7 @@ class KnowsCanOpen(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
-class Wording:
+class Wording(Struct, frozen=True):
     """What people call things: ``names`` of nodes by the text of their address, defined lists on UDP and on CAN.
 
     ``canopen`` tells which CAN frames are CANopen's by what the capture has shown so far; without it, none are.

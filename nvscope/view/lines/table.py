@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cache
 from typing import NamedTuple
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from nvscope.view.lines.short_names import bare_width, short_names
 from nvscope.view.lines.text_width import beside_escape, display_width, head, number_width, shorten_between
@@ -48,8 +50,7 @@ class Cell(NamedTuple):
 Line = Sequence[Cell]
 
 
-@dataclass(frozen=True, slots=True)
-class Column:
+class Column(Struct, frozen=True):
     """How one column of a table is set.
 
     ``right`` aligns numbers. ``shortest`` is the width down to which cells may be cut in a table that is too wide, 0

@@ -8,12 +8,12 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64
 from nvscope.definition.variables import Element, type_text
@@ -46,8 +46,7 @@ class RowKey(NamedTuple):
     place: Hashable
 
 
-@dataclass(frozen=True, slots=True)
-class StreamGroup:
+class StreamGroup(Struct, frozen=True):
     """The variables of one stream in one layout; ``earlier``: telegrams have another shape since then.
 
     ``changes`` and ``changed_ns`` are by row.
@@ -91,8 +90,7 @@ class StreamGroup:
         return place if isinstance(place, int) else None
 
 
-@dataclass(frozen=True, slots=True)
-class VariableRow:
+class VariableRow(Struct, frozen=True):
     """One variable of a stream."""
 
     group: StreamGroup

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64
 from dissectors.datalogger.records import Cells, Form, Records
@@ -31,8 +31,7 @@ class RowValue(NamedTuple):
     counter: str
 
 
-@dataclass(frozen=True, slots=True)
-class ToldRows:
+class ToldRows(Struct, frozen=True):
     """The rows of a part: of each where it is from, whether it says that data was lost before it, and its values."""
 
     part: RowBatch

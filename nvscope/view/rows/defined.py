@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors import address
 from dissectors.batch import I64, U8
@@ -38,8 +38,7 @@ class LeftOut(IntEnum):
     UNLIKE_KNOWN_PART = 3
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
+class Place(Struct, frozen=True):
     """One telegram of a list, as one of its definitions has it.
 
     ``number`` is that of the list among the keys. ``rest`` is what all bytes behind the elements of ``layout`` are,
@@ -56,8 +55,7 @@ class Place:
         return self.layout.elements if self.rest is None else (*self.layout.elements, self.rest)
 
 
-@dataclass(frozen=True, slots=True)
-class DefinedRows:
+class DefinedRows(Struct, frozen=True):
     """Data telegrams that have the shape a definition gives them, rising by frame.
 
     ``place`` says which of ``DefinedTelegrams.places`` each of them is, ``sender`` which of its ``senders`` sent it.
@@ -108,8 +106,7 @@ class DefinedRows:
         return SpanColumn(offset, data)
 
 
-@dataclass(frozen=True, slots=True)
-class _Fronts:
+class _Fronts(Struct, frozen=True):
     """The places of a list of which not all is known, by SubIndex; ``is_open``: the last is that of all others."""
 
     places: range

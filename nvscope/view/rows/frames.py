@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from dissectors.batch import I64, U8, U64, Bool, PacketBatch
 from dissectors.can.frame import CanBatch
@@ -34,8 +35,7 @@ _PIECE_FRAMES = 8192
 _PIECE_BYTES = 4 << 20
 
 
-@dataclass(frozen=True, slots=True)
-class Found:
+class Found(Struct, frozen=True):
     """What a protocol found in some of the rows: its ``part``, and the positions of these rows, rising.
 
     ``at`` is None where all rows are its own.
@@ -61,8 +61,7 @@ class Found:
         return np.arange(count) if self.at is None else self.at
 
 
-@dataclass(frozen=True, slots=True)
-class FrameRows:
+class FrameRows(Struct, frozen=True):
     """Some frames of one packet batch, with what was found in them.
 
     ``packets`` is the whole batch, ``row`` the row of each frame in it, ``protocol`` which of ``protocols`` it is of.
@@ -249,8 +248,7 @@ class FrameRows:
         return replace(self, finding=finding, cause=cause)
 
 
-@dataclass(slots=True)
-class _Parts:
+class _Parts(Struct):
     """What was found in some packets, as it is put together."""
 
     packet: I64

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, U32, Bool
 from nvscope.expression.typed_columns import Numbers
@@ -17,8 +17,7 @@ _HIGH, _LOW, _BEHIND = 0xD800, 0xDC00, 0xE000
 _FIRST_OF_WIDTH = ((2, 0x80, 0xC0), (3, 0x800, 0xE0), (4, 0x10000, 0xF0))
 
 
-@dataclass(frozen=True, slots=True)
-class Utf8Column:
+class Utf8Column(Struct, frozen=True):
     """Texts in UTF-8: that of row i is ``data[offset[i] : offset[i + 1]]``. Offsets int64 of shape (n + 1,)."""
 
     offset: I64

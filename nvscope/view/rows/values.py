@@ -5,9 +5,8 @@ What a value is, is said in ``nvscope.definition.value``; here whole columns of 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from dissectors.batch import I64, U8, Bool
 from nvscope.definition.packing import TelegramLayout
@@ -17,8 +16,7 @@ from nvscope.tracker.variables.values import Block, blocks_of
 from nvscope.view.rows.utf8 import Utf8Column, latin_column, utf16_column
 
 
-@dataclass(frozen=True, slots=True)
-class SpanColumn:
+class SpanColumn(Struct, frozen=True):
     """Bytes, of any number in each row: those of row i are ``data[offset[i] : offset[i + 1]]``; offsets int64."""
 
     offset: I64

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import struct
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 
 import can
@@ -18,6 +17,7 @@ from nvscope.capture.open import open_sink, open_source
 from nvscope.errors import UsageError
 from tests.capture.can import logs
 from tests.capture.can.logs import Frame, frames_of, line_of, message_of
+from tests.records import replace
 
 CAN_ERR_BUSERROR = 0x80
 NAMES = ("can0", "vcan12", "PCAN_USBBUS1")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from nvscope.analysis.inquiry import Inquiry
@@ -18,6 +17,7 @@ from tests.causes.drawn.places import Inject
 from tests.causes.drawn.plant import Plant, drawn_plant
 from tests.causes.drawn.traffic import UnclearError, play
 from tests.causes.drawn.truth import Fault
+from tests.records import replace
 
 ON_ETHERNET: Sequence[Inject] = (
     node_faults.node_restart, node_faults.node_silent, node_faults.program_stopped,

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from tests.causes.drawn.list_faults import _fault
 from tests.causes.drawn.packets import datagram, group_mac
 from tests.causes.drawn.places import claim, end_or_not, moment
 from tests.causes.drawn.plant import START_NS, List, Plant
 from tests.causes.drawn.traffic import _head
 from tests.causes.drawn.truth import MILLISECOND, SECOND, Fault
+from tests.records import replace
 
 
 def _answered(plant: Plant) -> List | None:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Iterable, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any, Literal
 
 from dissectors.datalogger.tables import LoggedVariable, LogTable, statement
+from tests.records import replace
 
 START = datetime(2020, 4, 13, 14, 5, 58, 674675, tzinfo=UTC)
 INTERVAL_MS = 250

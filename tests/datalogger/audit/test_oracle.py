@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,6 +14,7 @@ from nvscope.capture.datalogger import table_rows
 from nvscope.datalogger.audit.audit import Audit, audited
 from tests.datalogger.audit.built import DECLARED, Row, every_value, later, only_changes, write
 from tests.datalogger.audit.oracle import Key, expected
+from tests.records import replace
 
 _shared = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 

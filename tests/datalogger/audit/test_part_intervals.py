@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 from collections import Counter
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -21,6 +20,7 @@ from tests.datalogger.audit.test_planted import told
 from tests.datalogger.audit.test_tasks import MS, tasks
 from tests.laws import examples
 from tests.program import run_text
+from tests.records import replace
 
 PAUSE_MS = 60_000
 LOST = "NV951"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
 from itertools import permutations
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from tests.datalogger.audit.test_planted import told
 from tests.datalogger.audit.test_tasks import MS, tasks
 from tests.datalogger.plants import configuration, gvl, rows_of, simulated
 from tests.program import run_text
+from tests.records import replace
 
 PAUSE_MS = 60_000
 LOST = ("NV951", "note", None)

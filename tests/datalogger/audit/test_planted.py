@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from tests.datalogger.audit.built import (
     without,
     write,
 )
+from tests.records import replace
 from tests.test_captures_index import CAPTURES
 
 Rows = Sequence[Row]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from itertools import accumulate
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from hypothesis import strategies as st
 from nvscope.datalogger.audit.audit import Audit, audited
 from tests.datalogger.audit.built import Row, write
 from tests.laws import examples
+from tests.records import replace
 
 LEAST_ROWS = 7
 """Of so many, five intervals are alike, and one is longer."""

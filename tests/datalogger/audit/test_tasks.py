@@ -5,7 +5,6 @@ from __future__ import annotations
 import random
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import accumulate
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from nvscope.datalogger.audit.time_strip import Mark
 from tests.datalogger.audit.built import DECLARED, Row, later, write
 from tests.datalogger.audit.test_planted import Told, told
 from tests.program import run_text
+from tests.records import replace
 
 MS = 1_000_000
 Lost = Callable[[str, int], bool]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from nvscope.datalogger.audit.values import Figures
 from tests.datalogger.audit.built import only_changes, with_cells, write
 from tests.laws import examples
 from tests.program import run_text
+from tests.records import replace
 from tests.tracker.datalogger.logs import Row, Value, write_log
 
 VARIABLES = [("n", "INT"), ("r", "FLOAT"), ("t", "TEXT")]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from dissectors.batch import Direction, LinkType, PacketBatch
 from dissectors.can.frame import dissect_can
+from tests.records import replace
 
 FRAME = struct.pack("<IB3x", 0x123, 2) + b"\x11\x22".ljust(8, b"\0")
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import random
 import struct
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import pairwise
 from math import isfinite
 
@@ -44,6 +43,7 @@ from tests.definition.lists import (
 from tests.laws import examples
 from tests.oracle.frame import Frame
 from tests.packets import Batches, batch_of, cut
+from tests.records import replace
 from tests.tracker.variables.test_values import telegrams_of
 
 

@@ -7,7 +7,6 @@ import struct
 import tracemalloc
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -27,6 +26,7 @@ from nvscope.view.documents.report import report_document
 from tests.definition.lists import INT, LREAL, list_of, telegram
 from tests.packets import batch_of, observed
 from tests.packets import cut as cut_into
+from tests.records import replace
 
 START_NS = 1_700_000_000_000_000_000
 Frame = tuple[int, int, int, bytes]  # time in ns, channel, identifier word, data

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
@@ -27,6 +26,7 @@ from tests.laws import examples
 from tests.oracle.builders import MILLISECOND, START
 from tests.packets import batch_of
 from tests.program import run_text
+from tests.records import replace
 from tests.tracker.datalogger.logs import Row, write_log
 from tests.tracker.visu import shown_and_carried
 from tests.tracker.visu.shown_and_carried import GVL, level, plant

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -19,6 +18,7 @@ from nvscope.capture.open import open_source
 from nvscope.view.asked_time import parse_time
 from nvscope.view.documents.read_rows import last_rows, row_of_reading, rows_at, summary_rows
 from tests.laws import examples
+from tests.records import replace
 from tests.tracker.datalogger.logs import START_NS, Row, Value, write_log
 from tests.tracker.datalogger.plain_readings import Variable, read
 

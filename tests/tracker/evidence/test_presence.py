@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +23,7 @@ from tests.laws import examples
 from tests.oracle.builders import LINKS
 from tests.oracle.traffic import generate, mutate
 from tests.packets import Batches, batch_of, cut
+from tests.records import replace
 
 Key = tuple[int, int, int]
 

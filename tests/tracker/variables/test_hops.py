@@ -5,7 +5,6 @@ from __future__ import annotations
 import random
 import struct
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -20,6 +19,7 @@ from nvscope.view.documents.hops import hop_rows
 from tests.definition.lists import INT, LREAL, list_of, telegram
 from tests.oracle.frame import Frame
 from tests.packets import batch_of, observed
+from tests.records import replace
 
 START_NS = 1_700_000_000_000_000_000
 MS = 1_000_000

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import pytest
 
@@ -20,6 +19,7 @@ from nvscope.tracker.visu.limits import MOST_WAITING
 from tests.oracle.frame import Frame
 from tests.oracle.tcp_line import Line
 from tests.packets import Batches, batch_of, cut
+from tests.records import replace
 from tests.tracker.visu.followed import reading, told
 
 BODY = b"|0|1|0|4|144|1|0|"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -22,6 +21,7 @@ from tests.oracle.rules.visu import Visu
 from tests.oracle.tcp_line import tcp_frame
 from tests.oracle.visu_traffic import visu_traffic
 from tests.packets import Batches, batch_of, cut, recorded
+from tests.records import replace
 from tests.tracker.visu.followed import by_the_rules, followed, reading, seen, told, writes_by_the_rules, writes_of
 
 SEEDS = st.integers(0, 20_000)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -26,6 +25,7 @@ from tests.oracle.rules.visu_values import VisuValues
 from tests.oracle.tcp_line import Line
 from tests.oracle.visu_traffic import visu_traffic
 from tests.packets import Batches, batch_of, cut, recorded
+from tests.records import replace
 from tests.tracker.visu.followed import reading
 
 SEEDS = st.integers(0, 20_000)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,6 +28,7 @@ from nvscope.view.fields.variables import VariableFields
 from nvscope.view.fields.vocabulary import vocabulary
 from nvscope.view.rows.frames import FrameRows
 from tests.definition.lists import BOOL, INT, REAL, STATE, TIME, VARIABLES, list_of, telegram
+from tests.records import replace
 from tests.tracker.variables.test_values import START_NS, telegrams_of
 from tests.view.fields.test_frame import rows_of
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from nvscope.definition.layouts import Layouts
 from nvscope.definition.model import Definition, ListDefinition
 from nvscope.view.fields.variables import VariableFields
 from tests.can_frames import rows_of_log
 from tests.definition.lists import INT, list_of
+from tests.records import replace
 from tests.view.fields.test_variables import seen
 
 LOG = "(1.000000) can0 181#0100\n(2.000000) can1 181#0200\n(3.000000) can2 181#0300\n"

@@ -7,9 +7,10 @@ face (``view.escape``), before or after, and never reaches a reader without it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
+
+from msgspec import Struct
 
 from nvscope import units
 from nvscope.capture.formats import DATABASES
@@ -26,8 +27,7 @@ _TONES = {Severity.ERROR: Tone.ERROR, Severity.WARNING: Tone.WARNING, Severity.N
 _MAX_SOURCES = 6
 
 
-@dataclass(frozen=True, slots=True)
-class Clock:
+class Clock(Struct, frozen=True):
     """How absolute times are told: local or UTC, and relative to the start of the capture."""
 
     start_ns: int | None

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
+
+from msgspec import Struct
 
 from nvscope import units
 from nvscope.tracker.summary import ListSummary
@@ -26,8 +27,7 @@ MOST_LISTS, MOST_NODES = 2_000, 1_000
 """So many lists and nodes are shown: those that causes concern, then the first ones. Nobody looks through more."""
 
 
-@dataclass(frozen=True)
-class Group:
+class Group(Struct, frozen=True):
     """The lists of one sender, None where nobody sends them: places of lists in the summary."""
 
     sender: int | None
@@ -42,8 +42,7 @@ class Span(NamedTuple):
     gaps: Sequence[tuple[str, str]]
 
 
-@dataclass(frozen=True)
-class Matrix:
+class Matrix(Struct, frozen=True, dict=True):
     """The matrix of some facts; cells are found when they are asked for."""
 
     facts: Facts

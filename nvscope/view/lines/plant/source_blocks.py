@@ -6,8 +6,9 @@ A block is a title and rows of a name and text beside it; names of all blocks ar
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
+
+from msgspec import Struct
 
 from nvscope import units
 from nvscope.capture.content import STDIN
@@ -54,8 +55,7 @@ class Row(NamedTuple):
     cells: Sequence[Cell]
 
 
-@dataclass(frozen=True, slots=True)
-class Block:
+class Block(Struct, frozen=True):
     """What is told of one thing."""
 
     title: Sequence[Cell]

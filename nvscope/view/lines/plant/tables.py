@@ -6,9 +6,11 @@ Takes parts of the report of schema ``nvscope.report/2``. As in ``content``, not
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from nvscope import units
 from nvscope.findings.kind import Severity
@@ -20,8 +22,7 @@ from nvscope.view.lines.plant.content import Report, Row, node_names, severity_o
 from nvscope.view.lines.table import NOTHING, Cell, Column, Tone
 
 
-@dataclass(frozen=True, slots=True)
-class Measure:
+class Measure(Struct, frozen=True):
     """A column of a table and what stands in it for one row."""
 
     column: Column

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +25,7 @@ from nvscope.view.lines.plant.bus_load import (
 )
 from nvscope.view.lines.plant.content import Clock
 from nvscope.view.lines.table import Line
+from tests.records import replace
 from tests.simulate.simulation import simulated
 
 ROOT = Path(__file__).parents[4]
