@@ -13,7 +13,6 @@ from dissectors.batch import I64, U64, Bool, PacketBatch
 from dissectors.http import Side
 from dissectors.keys import KeyTable
 from dissectors.transport import SegmentBatch
-from dissectors.web_protocols import protocol_of_request
 from dissectors.webvisu import Request
 from nvscope.engine.runs import distinct, first_of_each
 from nvscope.tracker.connections import Connections
@@ -22,9 +21,10 @@ from nvscope.tracker.visu.asking import NOTHING, Ask, Asking, part_of
 from nvscope.tracker.visu.controllers import controller_of
 from nvscope.tracker.visu.conversation import Conversation
 from nvscope.tracker.visu.events import OK
+from nvscope.tracker.visu.form_columns import outcome_of_cut, spoken_of, statuses_of, unread_of
 from nvscope.tracker.visu.going_on import GoingOn, Over
 from nvscope.tracker.visu.hidden_bytes import HiddenBytes
-from nvscope.tracker.visu.http_forms import Form, What
+from nvscope.tracker.visu.http_forms import What
 from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.leaving import Leaving
 from nvscope.tracker.visu.limits import MOST_PAIRS, MOST_POLLED, Beyond
@@ -117,7 +117,7 @@ class Exchanges:
         asked = self._asked(http, asked_for)
         is_plain = plain_rows(http, asked, asked_for.asks)
         taken, whole = take_whole(http, is_plain, asked, asked_for, self._conversations, self._closed | self._unheard)
-        spoken = _spoken(http)[http.form]
+        spoken = spoken_of(http)[http.form]
         going_on = GoingOn(self._connections, packets, segments, first_frame)
         pairing = Pairing(
             http, is_plain, asked, asked_for, self._conversations, going_on, self._closed, one_way, self._unheard,
@@ -208,15 +208,15 @@ class Exchanges:
         writes = np.array([one.writes for one in requests], np.bool_)
         kind[(kind == Kind.READ) & writes[said.asked]] = int(Kind.WRITE)
         replies = (kind == Kind.REPLY) | (kind == Kind.NAMES) | (kind == Kind.REFUSED)
-        status = _of_messages(_statuses(http)[http.form], said, replies)
+        status = _of_messages(statuses_of(http)[http.form], said, replies)
         outcome, fields = outcomes(kind, said.asked, requests, status, data, start, stop)
         outcome[kind == Kind.REFUSED] = int(Outcome.STATUS)
         known = np.array([one.is_known for one in asks], np.bool_)
-        unread = _of_messages(_unread(http)[http.form], said, kind == Kind.REPLY) > 0
+        unread = _of_messages(unread_of(http)[http.form], said, kind == Kind.REPLY) > 0
         unread &= (status == OK) & ~np.array([one.query for one in requests], np.bool_)[said.asked]
         outcome[unread], fields[unread] = int(Outcome.UNREAD), -1
         cut = np.flatnonzero((kind == Kind.CUT) & (said.message >= 0))
-        outcome[cut] = [_outcome_of_cut(http.forms[one]) for one in http.form[said.message[cut]].tolist()]
+        outcome[cut] = [outcome_of_cut(http.forms[one]) for one in http.form[said.message[cut]].tolist()]
         self._left_out[Beyond.UNREAD] += int((outcome[cut] == Outcome.UNREAD).sum())
         other = (kind == Kind.OTHER_BYTES) | (kind == Kind.OTHER_REPLY_BYTES)
         fields[other] = said.gap_bytes[other]
@@ -343,19 +343,6 @@ def _told_by_time(said: Said, over: Mapping[tuple[int, int], Over]) -> Mapping[i
     return {place: over[key] for place, key in keys if key in over}
 
 
-def _spoken(http: HttpMessages) -> I64:
-    """Return which other protocol forms of messages are of, -1 of those that are of none."""
-    numbers = np.full(len(http.forms), -1)
-    for number in distinct(http.form).tolist():
-        form = http.forms[number]
-        found = form.spoken
-        if form.what is What.WHOLE and form.head is not None:
-            found = protocol_of_request(form.head.method, form.head.target)
-        if found is not None:
-            numbers[number] = int(found)
-    return numbers
-
-
 def _others(http: HttpMessages, asked: I64, spoken: I64) -> Said:
     """Return what clients say in other protocols; ``spoken`` is which one each message is of."""
     rows = np.flatnonzero((spoken >= 0) & (asked == 0) & ((http.stream & 1) == int(Side.CLIENT)))
@@ -371,20 +358,6 @@ def _of_messages(column: I64, said: Said, own: Bool) -> I64:
     found = np.full(len(said), -1)
     found[own] = column[said.message[own]]
     return found
-
-
-def _statuses(http: HttpMessages) -> I64:
-    """Return the statuses of the forms of messages, 0 of what has none."""
-    return np.array([0 if form.head is None else form.head.status for form in http.forms], np.int64)
-
-
-def _outcome_of_cut(form: Form) -> Outcome:
-    return Outcome.UNREAD if form.is_beyond else Outcome.MALFORMED if form.is_malformed else Outcome.NONE
-
-
-def _unread(http: HttpMessages) -> I64:
-    """Tell of the forms of messages which of them are whole and cannot be read."""
-    return np.array([one.is_unread for one in http.forms], np.int64)
 
 
 def _contents(http: HttpMessages, said: Said) -> tuple[bytes, I64, I64]:
