@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Iterable
+from dataclasses import replace
 
 import pytest
 
@@ -16,7 +17,6 @@ from tests.oracle.frame import Frame
 from tests.oracle.rules.streams import MOST_KEPT, SECOND, Delivery, Others, Streams
 from tests.oracle.tcp import ACK, FIN, RST, SYN
 from tests.oracle.tcp_line import CLIENT, SERVER, Line, tcp_frame
-from tests.records import replace
 
 
 def heard(frames: Iterable[Frame], ports: tuple[int, ...] = (80, 8080)) -> list[tuple[int, str]]:
