@@ -14,7 +14,8 @@ class Waiting(NamedTuple):
     """A request that nobody has answered: what it asks for, its order, and when it had arrived.
 
     ``acknowledged`` is up to where its client had the server's bytes then, where none of these was captured; else -1.
-    ``reach`` is where it lies in the client's stream. ``is_early``: its reply was captured before it was whole.
+    ``reach`` is where it lies in the client's stream. ``is_early``: its reply was captured before it was whole;
+    ``is_behind``: bytes of the server are missing that its client had when it sent it.
     """
 
     asked: Ask
@@ -24,6 +25,7 @@ class Waiting(NamedTuple):
     acknowledged: int = UNKNOWN
     reach: Reach = NOWHERE
     is_early: bool = False
+    is_behind: bool = False
 
 
 class Early(NamedTuple):

@@ -248,7 +248,7 @@ class Conversation(Struct):
             return ()
         had = (one.reach.acknowledged for one in self.waiting)
         place = next((place for place, one in enumerate(had) if one != UNKNOWN and distance(one, behind) >= 0), None)
-        return () if place is None else list(self.waiting)[place:]
+        return () if place is None else [one._replace(is_behind=True) for one in list(self.waiting)[place:]]
 
     def _tell_list(
         self, form: Form, asked: Waiting, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
@@ -264,7 +264,11 @@ class Conversation(Struct):
 
     def _may_answer(self, reach: Reach) -> bool:
         """Tell whether a response may answer the first request that waits."""
-        told, body_at = reach.acknowledged, self.waiting[0].reach.body_at
+        first = self.waiting[0]
+        had = first.reach.acknowledged
+        if first.is_behind and UNKNOWN not in (had, reach.behind) and distance(reach.behind, had) <= 0:
+            return False  # the client had all of it before it asked
+        told, body_at = reach.acknowledged, first.reach.body_at
         if UNKNOWN in (told, body_at):
             return True
         self.acknowledges |= distance(told, body_at) >= 0

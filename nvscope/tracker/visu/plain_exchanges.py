@@ -93,7 +93,9 @@ def paired(
     All of them are plain (``plain_rows``), and the connection is one of a WebVisu page.
     """
     waiting = conversation.waiting
-    if conversation.beyond or any(one.asked.is_list or one.asked.is_part or one.is_head for one in waiting):
+    if conversation.beyond or any(
+        one.asked.is_list or one.asked.is_part or one.is_head or one.is_behind for one in waiting
+    ):
         return None
     order, arrival_ns, own = http.order[asks], http.arrival_ns[asks], asked[asks]
     if waiting:

@@ -58,6 +58,8 @@ class Waiting:
     """Up to where the client had acknowledged then, if it says so in the frame with which the request was whole."""
     asked_at: int = 0
     """Which one it is of all that happened to values."""
+    is_behind: bool = False
+    """Whether bytes of the server are missing that the client had then."""
 
 
 class Talk:

@@ -16,7 +16,8 @@ Readings, where the rules leave a choice:
 - of a client that sent several with the same acknowledgement, nobody knows it of the first request behind missing bytes
   of its own, either: the first of its turn may be missing
 - what waits and was asked for by a client that had the bytes of the server's which are missing, as had been when it
-  takes turns, is answered by what comes behind them: it goes on waiting, and is not doubtful
+  takes turns, is answered by what comes behind them: it goes on waiting, and is not doubtful. What the client had all
+  of before it asked is no answer to it, even if it is captured later
 - of a client that sent more when it had more than with the request before, and not all of what answered that, nobody
   knows for the rest of the connection
 """
@@ -93,8 +94,11 @@ class Turns:
         self.asked.append(request.told)
         return not self.doubtful
 
-    def answers_first(self, response: Message, request: Message) -> bool:
-        """Tell whether a response answers the first request that waits."""
+    def answers_first(self, response: Message, request: Message, *, is_behind: bool) -> bool:
+        """Tell whether a response answers the first request that waits, behind missing bytes or not."""
+        ahead = behind(response.behind, request.told)
+        if is_behind and ahead is not None and ahead <= 0:
+            return False
         may = may_answer(response, request)
         self.acknowledges |= may is True
         if may is False and self.acknowledges:
@@ -136,6 +140,8 @@ def asked_behind(talk: Talk, what: Lost) -> list[Waiting]:
         return []
     had = [behind(one.message.told, what.behind) for one in talk.waiting]
     first = next((place for place, one in enumerate(had) if one is not None and one >= 0), len(had))
+    for one in talk.waiting[first:]:
+        one.is_behind = True
     return talk.waiting[first:]
 
 

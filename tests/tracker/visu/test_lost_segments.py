@@ -10,7 +10,7 @@ from nvscope.check.verdict import Verdict
 from tests.check.requests import DONE, READ_X, VALUE, WRITE_X, of_frames, post, reply, sent
 from tests.oracle.builders import SECOND
 from tests.oracle.frame import Frame
-from tests.oracle.tcp import FIN, SYN
+from tests.oracle.tcp import ACK, FIN, PSH, SYN
 from tests.oracle.tcp_line import CLIENT, SERVER, Line, tcp_frame
 from tests.packets import batch_of, cut
 from tests.tracker.visu.followed import by_the_rules, followed, told, writes_by_the_rules, writes_of
@@ -71,6 +71,17 @@ def test_a_write_behind_an_exchange_that_is_missing_is_answered() -> None:
 def test_so_is_one_behind_a_reply_that_is_missing() -> None:
     line = polled().ask(post(WRITE_X)).lose(False, len(reply(DONE)))
     assert became(write(line).frames) == ["open", "confirmed"]
+
+
+def test_what_the_client_had_before_it_asked_is_no_answer_even_if_it_is_captured_later() -> None:
+    read, value, both = post(READ_X), reply(VALUE), post(b"|0|2|0|4|144|1|0|1|4|146|2|1|")
+    line = Line().open().ask(read).lose(False, len(value))
+    at, had = line.sent[True] + len(read), line.sent[False] + len(value)
+    line = line.segment(True, both, PSH | ACK, seq=at, ack=had).segment(
+        False, value, PSH | ACK, seq=had - len(value), ack=at
+    )
+    line.sent.update({True: at + len(both), False: had})
+    assert became(write(line.answer(reply(b"|1|2|"))).frames) == ["confirmed"]
 
 
 def test_of_who_sends_several_at_once_the_first_one_may_be_missing() -> None:
