@@ -133,8 +133,7 @@ class Exchanges:
         if not len(said):
             return no_messages()
         over = _told_by_time(said, pairing.over)
-        with_leaving = asked_for.asks, self._leaving(missing)
-        return self._told(http, said, spoken, pair, over, *with_leaving, packets, segments, first_frame)
+        return self._told(http, said, spoken, pair, over, asked_for.asks, packets, segments, first_frame, missing)
 
     def _leaving(self, missing: MissingReplies) -> list[Leaving]:
         """Return what waits in connections whose clients have closed their side."""
@@ -198,7 +197,7 @@ class Exchanges:
 
     def _told(
         self, http: HttpMessages, said: Said, spoken: I64, pair: I64, over: Mapping[int, Over], asks: Sequence[Ask],
-        leaving: Sequence[Leaving], packets: PacketBatch, segments: SegmentBatch, first_frame: int,
+        packets: PacketBatch, segments: SegmentBatch, first_frame: int, missing: MissingReplies,
     ) -> VisuBatch:  # fmt: skip
         requests = [one.request or NO_REQUEST for one in asks]
         row = (said.order >> ORDER_BITS) - first_frame
@@ -234,7 +233,7 @@ class Exchanges:
         left_out, self._left_out, self._names.left_out = +self._left_out, Counter(), 0
         return VisuBatch.of(
             messages, segments, data, requests, self.pairs.words, self._names.versions, list_flaws, left_out,
-            leaving, over,
+            self._leaving(missing), over,
         )  # fmt: skip
 
     def _namings(

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from dissectors.batch import PacketBatch
+from nvscope.engine.told import Told
+from nvscope.tracker.visu.messages import VisuBatch
 from nvscope.tracker.visu.writes import WriteOutcome
 from tests.oracle.builders import SECOND
 from tests.oracle.frame import Frame
@@ -17,6 +20,7 @@ from tests.packets import batch_of, cut, recorded
 from tests.program import run_text
 from tests.tracker.visu.followed import followed, told, writes_of
 from tests.tracker.visu.test_endings import READ, REPLY, WRITE, figures, left, message, said
+from tests.tracker.visu.test_names import OLD, listed, loads
 
 RULE = '[[rule]]\nid = "a"\ncheck = "transaction"\nmax_unanswered = 0\n'
 
@@ -49,6 +53,29 @@ def test_it_is_told_where_the_client_leaves() -> None:
     read = "read 1 variable, no | at its end: 4,0,4,6"
     assert said(left().frames) == [read, "client closes its side, frame 4 waits for a reply"]
     assert said(left().answer(REPLY).frames)[-1] == "reply (1.0 s): 4,0,4,6 = 12.5"
+
+
+class LastNames:
+    """What variables are called for who is leaving, by the last batch that says so."""
+
+    by_stream = False
+    known: list[dict[Any, str]]
+
+    def observe(self, told: Told) -> None:
+        part = told.parts.get("visu")
+        if part is not None:
+            assert isinstance(part, VisuBatch)
+            self.known = [dict(part.namings[one.naming].names) for one in part.leaving]
+
+
+@pytest.mark.parametrize("packets", [1, 3, 100])
+def test_the_names_of_who_leaves_are_those_of_lists_in_front_of_that_however_many_come_at_once(packets: int) -> None:
+    line = Line().open()
+    loads(line, listed(OLD))
+    line.ask(WRITE).segment(False).wait(SECOND).close(True).segment(False)
+    names = LastNames()
+    followed(cut(batch_of(line.frames), packets), [names])
+    assert [sorted(one.values()) for one in names.known] == [sorted(OLD)]
 
 
 def test_a_write_is_unanswered_from_then_on() -> None:
