@@ -161,5 +161,6 @@ def may_be_copies(rows: DataRows, wanted: Bool) -> bool:
     back = np.flatnonzero(step.view(np.int16) < 0)
     # A Counter that begins anew early.
     before_zero = (0 - step[back]).astype(np.uint16)
-    back = back[(rows.counter[back] != 0) | ((before_zero != EARLY_WRAPS[0]) & (before_zero != EARLY_WRAPS[1]))]
+    wraps = np.logical_or.reduce([before_zero == one for one in EARLY_WRAPS])
+    back = back[(rows.counter[back] != 0) | ~wraps]
     return bool(wanted[rows.stream[back]].any())
