@@ -66,6 +66,15 @@ def distance(sequence: int, known: int) -> int:
     return 0 if UNKNOWN in (sequence, known) else (sequence - known + HALF) % WRAP - HALF
 
 
+def are_had(behind: I64, had: I64) -> Bool:
+    """Tell which messages their receiver had all of when it had so much; ``behind`` is where they end."""
+    ahead = behind - had
+    if len(ahead) and int(ahead.min()) > 0 and int(ahead.max()) < HALF and int(behind.min()) >= 0:
+        return np.zeros(len(ahead), np.bool_)
+    found: Bool = (behind != UNKNOWN) & (had != UNKNOWN) & (distances(behind, had) <= 0)
+    return found
+
+
 def latest(numbers: Sequence[int]) -> int:
     """Return the last one of some sequence numbers, of those that are known."""
     found = UNKNOWN

@@ -139,7 +139,7 @@ class WaitingRequests:
         order = self._go_on(at)
         if self._talk.waiting:
             return self._talk.waiting[0].is_head
-        if self._talk.beyond or self._talk.has_begun_early:
+        if self._talk.beyond or self._talk.early.has_begun:
             return False
         asked = self._first_asked()
         if asked is not None:
@@ -198,7 +198,7 @@ class WaitingRequests:
             one = self._asked.popleft()
             talk.take_from_client(one.form, NOTHING, one.order, 0, -1, _tell_nobody, one.reach)
             is_request = one.form.what in (What.WHOLE, What.CUT, What.PART)
-            if talk.early and is_request and talk.has_early(one.reach):
+            if talk.early and is_request and talk.early.fit(one.reach):
                 talk.answer_early(one.order, -1, _tell_nobody)
         return order
 
