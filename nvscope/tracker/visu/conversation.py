@@ -7,7 +7,7 @@ loses step, nobody knows any more what waits, and, where bytes are missing, what
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from msgspec import Struct, field
 from msgspec.structs import replace
@@ -17,7 +17,7 @@ from dissectors.webvisu import Likeness
 from dissectors.webvisu_lists import list_likeness
 from nvscope.tracker.pieces import ORDER_BITS
 from nvscope.tracker.visu.asking import NOTHING, Ask, fits
-from nvscope.tracker.visu.awaited import Early, Happened, Waiting
+from nvscope.tracker.visu.awaited import Early, Happened, Waiting, asked_behind
 from nvscope.tracker.visu.early_replies import EarlyReplies
 from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.going_on import Closed
@@ -73,6 +73,7 @@ class Conversation(Struct):
                 self._tell_unbounded(form, order, tell)
             is_head = form.head is not None and form.head.method == "HEAD"
             asked = NOTHING if form.what is What.CUT else asked
+            self.turns.pass_rest(reach.begin(form.head_bytes) if form.head_bytes else UNKNOWN)
             self._wait(Waiting(asked, order, arrival_ns, is_head, reach=reach), tell)
         elif form.what is What.PART:
             of_page = self._is_of_page(form)
@@ -183,8 +184,11 @@ class Conversation(Struct):
         self, form: Form, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None], reach: Reach
     ) -> None:  # fmt: skip
         if form.what in (What.WHOLE, What.CUT):
-            is_interim = form.head is not None and form.head.is_interim
-            if is_interim or form.answers_nobody:
+            if form.head is not None and form.head.is_interim:
+                return
+            if form.answers_nobody:
+                if not form.is_unasked:
+                    self._pass_by(reach.begin(form.head_bytes), order, tell)
                 return
             is_cut = form.what is What.CUT
             if self.waiting and not self._may_answer(reach):
@@ -210,7 +214,8 @@ class Conversation(Struct):
             elif self.beyond:
                 self.beyond -= 1
         elif form.what is What.BROKEN:
-            later = self._asked_behind(reach.behind) if self._lacks[1] else ()
+            in_turns = self._lacks[1] and not (self.turns.overlap or self.beyond)
+            later = asked_behind(self.waiting, reach.behind) if in_turns else []
             if len(self.waiting) > len(later) and form.touched is Likeness.YES:
                 asked = self.waiting[0]
                 self.turns.answer(asked.reach.acknowledged, UNKNOWN)
@@ -239,19 +244,13 @@ class Conversation(Struct):
         elif form.what is not What.ANEW:
             self._take_other(form, order, tell)
 
-    def _asked_behind(self, behind: int) -> Sequence[Waiting]:
-        """Return what waits and was asked for when the client had what is missing in front of a sequence number.
-
-        What answers that comes later, if the client takes turns. Of one that has asked for more than one thing in front
-        of that, nobody knows whether all of it was answered there.
-        """
-        if behind == UNKNOWN or self.turns.overlap or self.beyond:
-            return ()
+    def _pass_by(self, begin: int, order: int, tell: Callable[[Happened], None]) -> None:
+        """Take that a response that begins there answers nobody, or what was asked by a client that had none of it."""
+        self.turns.pass_by(begin)
         had = (one.reach.acknowledged for one in self.waiting)
-        place = next((place for place, one in enumerate(had) if one != UNKNOWN and distance(one, behind) >= 0), None)
-        if place is None or place > 1:
-            return ()
-        return [one._replace(is_behind=True) for one in list(self.waiting)[place:]]
+        if any(begin == UNKNOWN or (one != UNKNOWN and distance(begin, one) >= 0) for one in had):
+            self._tell_unclear(order, tell)
+            self.turns.lose()
 
     def _tell_list(
         self, form: Form, asked: Waiting, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
@@ -297,7 +296,8 @@ class Conversation(Struct):
     def keep(self, early: Early) -> None:
         """Keep a response that may answer a request that is still to come."""
         self._lacks[1] = False
-        self.early.keep(early)
+        if not self.early.keep(early):
+            self.turns.pass_by(early.reach.begin(early.form.head_bytes))
 
     def answer_early(self, order: int, message: int, tell: Callable[[Happened], None]) -> None:
         """Take that the request is whole, with an order, that was answered before; the response is a message now."""

@@ -42,13 +42,14 @@ class EarlyReplies(Struct):
         """Return where those lie that answer nothing that has begun."""
         return [one.reach for one in self.kept if not one.has_begun]
 
-    def keep(self, one: Early) -> None:
-        """Keep a response that may answer a request that is still to come."""
+    def keep(self, one: Early) -> bool:
+        """Keep a response that may answer a request that is still to come, if that is known to be the next one."""
         if self.kept and self.is_torn:
-            return
+            return False
         self.kept.append(one)
         if len(self.kept) > MOST_EARLY:
             self.kept.popleft()
+        return True
 
     def take(self) -> Early:
         """Return the first one, and keep it no more."""

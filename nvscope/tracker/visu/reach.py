@@ -32,6 +32,10 @@ class Reach(NamedTuple):
     behind: int = UNKNOWN
     acknowledged: int = UNKNOWN
 
+    def begin(self, head_bytes: int) -> int:
+        """Return that of the first byte of a message with such a head."""
+        return UNKNOWN if self.body_at == UNKNOWN else (self.body_at - head_bytes) % WRAP
+
 
 NOWHERE = Reach()
 

@@ -17,7 +17,7 @@ import numpy as np
 from msgspec import Struct
 
 from dissectors.batch import I64
-from nvscope.tracker.segments import HALF
+from nvscope.tracker.segments import HALF, WRAP
 from nvscope.tracker.segments_aside import NEAR
 from nvscope.tracker.visu.reach import UNKNOWN, Reach, distance, distances, latest, latest_of
 
@@ -30,7 +30,8 @@ class Turns(Struct):
     of the response. ``is_doubtful``: nobody knows which response comes next; ``overlap``: the client was seen not to
     take turns. ``asked`` is what the client had with its last request, ``several``: it was seen to send several at
     once; ``lost``: bytes of it are missing behind its last request. ``lost_at`` is where those end, ``missing_at``
-    where the last ones of the server do with which that lost step. ``is_guess``: what was asked last is in step if it
+    where the last ones of the server do with which that lost step. ``has_rest``: behind what is missing, a request of
+    the client ends in front of the first one that is known. ``is_guess``: what was asked last is in step if it
     was asked alone: nothing behind it has told that yet. ``began`` is where the client begins, ``told`` how far its
     server had its bytes where that does.
     """
@@ -45,6 +46,7 @@ class Turns(Struct):
     lost: bool = False
     lost_at: int = UNKNOWN
     missing_at: int = UNKNOWN
+    has_rest: bool = False
     is_guess: bool = False
     began: int = UNKNOWN
     told: int = UNKNOWN
@@ -69,7 +71,17 @@ class Turns(Struct):
     def lose_client(self, behind: int) -> None:
         """Take that bytes of the client are missing up to there, and with them requests, so many that nobody knows."""
         self.is_doubtful = self.lost = True
-        self.lost_at = behind
+        self.lost_at, self.has_rest = behind, False
+
+    def pass_rest(self, begin: int) -> None:
+        """Take that a request comes that begins there."""
+        if self.lost and distance(begin, self.lost_at) > 0:
+            self.lost_at, self.has_rest = begin, True
+
+    def pass_by(self, begin: int) -> None:
+        """Take that a response begins there that may answer a request whose client had none of it."""
+        if begin != UNKNOWN:
+            self.missing_at = latest([self.missing_at, (begin + 1) % WRAP])
 
     def miss(self, had: int) -> None:
         """Take that the client had so much in front of what is missing of it."""
@@ -93,7 +105,9 @@ class Turns(Struct):
             without = (one.behind for one in others if distance(one.acknowledged, self.lost_at) < 0)
             known = latest([self.had, self.answered, *without])
             may_lack = lost and not any(self._shows_turn(one, had) for one in others)
-            is_unsure = self.overlap or (may_lack and self.several) or distance(had, self.missing_at) < 0
+            is_unsure = (
+                self.overlap or (may_lack and (self.several or self.has_rest)) or distance(had, self.missing_at) < 0
+            )
             self.is_doubtful = known != UNKNOWN and (is_unsure or distance(had, known) <= 0)
             self.is_guess = may_lack and not self.is_doubtful
         self.asked, self.had = had, latest([self.had, had])

@@ -319,7 +319,7 @@ class Streams:
         if fin is not None:
             own.finished = True
             self.end(own, fin.time)
-            yield Ending(connection, from_client, False, fin.time)
+            yield Ending(connection, from_client, False, own.latest)
 
     def end(self, own: Direction, time: int) -> None:
         own.ended = True

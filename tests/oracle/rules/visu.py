@@ -252,7 +252,7 @@ class Visu:
     def response(self, talk: Talk, message: Message) -> None:
         """Take a response that is whole, or dropped as cut; one of 1xx answers nothing."""
         forgotten, talk.forgotten = talk.forgotten, False
-        if message.unasked:
+        if visu_turns.passes_by(talk, message, forgotten=forgotten):
             return
         if message.part:
             if talk.waiting and not forgotten:

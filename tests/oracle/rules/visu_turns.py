@@ -18,9 +18,12 @@ Readings, where the rules leave a choice:
   step; nor of one whose client had no more than up to the end of a response that answers nothing, and that the server
   sent when it did not have all that is missing of the client
 - of a client that sent several with the same acknowledgement, nobody knows it of the first request behind missing bytes
-  of its own, either: the first of its turn may be missing. Nor of the first one behind these of which the next one, in
-  front of any answer, shows that: then nobody knows it of both. It is not missing where the client had a response, that
-  answers nothing, which the server sent when it had all that is missing
+  of its own, either: the first of its turn may be missing. That counts, too, where the rest of a request lies between
+  these and the first one. Nor of the first one behind these of which the next one, in front of any answer, shows that:
+  then nobody knows it of both. It is not missing where the client had a response, that answers nothing, which the
+  server sent when it had all that is missing, and such a rest
+- where a response answers nobody, since the client lost step while it came, it may be that to what waits, if the client
+  had nothing of it when it asked: then nobody knows what answers anything that waits
 - bytes of a client are missing in front of where its direction begins, if its server had less with the first segment of
   its own, by 1 MiB at most
 - what waits and was asked for by a client that had the bytes of the server's which are missing, as had been when it
@@ -81,8 +84,10 @@ class Turns:
     """Whether the client lost bytes since its last request."""
     lost_at: int | None = None
     """Where the last bytes end that are missing of the client."""
+    rest: bool = False
+    """Whether a request ends there, in front of the first one that is known."""
     missing_at: int | None = None
-    """The same of the server."""
+    """The same of the server, or the end of a response that answers nobody."""
     guessed: int | None = None
     """What the client had with the first request behind missing bytes, if it is in step when sent alone."""
     client_begin: int | None = None
@@ -100,6 +105,8 @@ class Turns:
         ``early`` are the responses that have answered nothing.
         """
         lost, self.lost = self.lost, False
+        if lost and (behind(request.begin_at, self.lost_at) or 0) > 0:
+            self.lost_at, self.rest = request.begin_at, True
         guessed, self.guessed = self.guessed, None
         if request.told is not None:
             self.several |= self.requests[-1:] == [request.told]
@@ -116,7 +123,9 @@ class Turns:
                 elif with_missing is not None and ahead is not None and ahead <= 0:
                     lost = False
             unsure = (
-                not self.takes_turns() or (lost and self.several) or (behind(request.told, self.missing_at) or 0) < 0
+                not self.takes_turns()
+                or (lost and (self.several or self.rest))
+                or (behind(request.told, self.missing_at) or 0) < 0
             )
             self.doubtful = known is not None and (unsure or (behind(request.told, known) or 0) <= 0)
             if lost and not self.doubtful:
@@ -176,7 +185,7 @@ def miss_begin(talk: Talk) -> bool:
         return False
     talk.happened["begin of a client that is missing"] += 1
     turns.doubtful = turns.lost = True
-    turns.lost_at = turns.client_begin
+    turns.lost_at, turns.rest = turns.client_begin, False
     return True
 
 
@@ -188,7 +197,7 @@ def lose_client(talk: Talk, what: Lost) -> None:
     talk.turns.doubtful |= what.missing
     talk.turns.lost |= what.missing
     if what.missing:
-        talk.turns.lost_at = what.behind
+        talk.turns.lost_at, talk.turns.rest = what.behind, False
     talk.be_wary()
 
 
@@ -198,6 +207,27 @@ def lose_server(talk: Talk, what: Lost, later: list[Waiting]) -> None:
         talk.turns.missing_at = what.behind
         talk.torn = bool(talk.early and not later)
         talk.turns.doubtful |= not (talk.early or later)
+
+
+def note_passed(talk: Talk, response: Message) -> int | None:
+    """Note that a response may answer a request whose client had nothing of it; return where it begins."""
+    begin = response.head_at if response.begin_at is None else response.begin_at
+    if begin is not None:
+        talk.turns.missing_at = last(talk.turns.missing_at, (begin + 1) % 2**32)
+    return begin
+
+
+def passes_by(talk: Talk, message: Message, *, forgotten: bool) -> bool:
+    """Tell whether a response answers nobody; where it may be for what waits, nobody knows what answers that."""
+    if message.unasked or not forgotten or not message.whole or message.part or 100 <= message.status < 200:
+        return message.unasked
+    talk.happened["response to a forgotten request"] += 1
+    begin = note_passed(talk, message)
+    had = [one.message.told for one in talk.waiting]
+    if any(begin is None or ((behind(begin, one) or 0) >= 0 and one is not None) for one in had):
+        talk.waiting.clear()
+        talk.turns.doubtful = True
+    return True
 
 
 def asked_behind(talk: Talk, what: Lost) -> list[Waiting]:
@@ -243,7 +273,9 @@ def keep(talk: Talk, response: Message) -> bool:
         return True
     if response.told is None:
         return False
-    if not (talk.early and talk.torn):
+    if talk.early and talk.torn:
+        note_passed(talk, response)
+    else:
         talk.early = [*talk.early, response][-MOST_EARLY:]
     return True
 
