@@ -293,6 +293,10 @@ class Conversation(Struct):
             _lacks=[*self._lacks],
         )  # fmt: skip
 
+    def has_early(self, form: Form, reach: Reach) -> bool:
+        """Tell whether a request was answered before it was whole."""
+        return self.early.fit(reach, knows_head=form.head_bytes > 0, acknowledges=self.acknowledges)
+
     def keep(self, early: Early) -> None:
         """Keep a response that may answer a request that is still to come."""
         self._lacks[1] = False
@@ -311,7 +315,7 @@ class Conversation(Struct):
             self.take_from_server(form, order, arrival_ns, message, tell, reach)
 
     def note_acknowledged(self, acknowledged: int) -> None:
-        """Note up to where the client has the server's bytes, none of which was captured, with its last request."""
+        """Note up to where the client has bytes of the server, of which none was captured, with its last request."""
         self.waiting[-1] = self.waiting[-1]._replace(acknowledged=acknowledged)
 
     def miss_reply(self, order: int, size: int, tell: Callable[[Happened], None]) -> None:

@@ -55,13 +55,21 @@ class EarlyReplies(Struct):
         """Return the first one, and keep it no more."""
         return self.kept.popleft()
 
-    def fit(self, reach: Reach) -> bool:
-        """Tell whether the first one may answer a request that lies there; forget what answers none to come."""
-        while self.kept and not self.kept[0].has_begun:
-            if distance(self.kept[0].reach.acknowledged, reach.body_at) >= 0 and reach.body_at != UNKNOWN:
+    def fit(self, reach: Reach, *, knows_head: bool = False, acknowledges: bool = False) -> bool:
+        """Tell whether the first one may answer a request that lies there; forget what answers none to come.
+
+        What answers a request that has begun does so, unless the server lacks its head: where that ``knows_head``, and
+        the server ``acknowledges`` what it answers, or the client had all of the response when it asked.
+        """
+        while self.kept:
+            one = self.kept[0].reach
+            ahead = distance(one.acknowledged, reach.body_at)
+            had_all = UNKNOWN not in (one.behind, reach.acknowledged) and distance(one.behind, reach.acknowledged) <= 0
+            lacks_head = knows_head and ahead < 0 and (acknowledges or had_all)
+            if not lacks_head if self.kept[0].has_begun else ahead >= 0 and reach.body_at != UNKNOWN:
                 return True
             self.kept.popleft()
-        return bool(self.kept)
+        return False
 
     def ends_torn(self) -> bool:
         """Tell whether none is left in front of bytes that are missing; they count no more then."""

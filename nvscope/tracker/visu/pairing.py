@@ -176,7 +176,7 @@ class Pairing:
                 if not conversation.is_heard and conversation.waiting and conversation.waiting[-1].order == order:
                     conversation.note_acknowledged(self._one_way.acknowledged_at(stream, order))
                 is_request = http.forms[form].what in (What.WHOLE, What.CUT, What.PART)
-                if conversation.early and is_request and conversation.early.fit(reach):
+                if is_request and conversation.has_early(http.forms[form], reach):
                     early = conversation.early.first
                     self._later.append((early.form, stream + 1, order, early.arrival_ns))
                     conversation.answer_early(order, len(http) + len(self._later) - 1, tell)

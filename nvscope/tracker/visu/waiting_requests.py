@@ -198,7 +198,7 @@ class WaitingRequests:
             one = self._asked.popleft()
             talk.take_from_client(one.form, NOTHING, one.order, 0, -1, _tell_nobody, one.reach)
             is_request = one.form.what in (What.WHOLE, What.CUT, What.PART)
-            if talk.early and is_request and talk.early.fit(one.reach):
+            if is_request and talk.has_early(one.form, one.reach):
                 talk.answer_early(one.order, -1, _tell_nobody)
         return order
 

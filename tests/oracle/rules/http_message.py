@@ -42,6 +42,8 @@ class Message:
     head_at: int | None = None
     behind: int | None = None
     told: int | None = None
+    has: int | None = None
+    """What it acknowledges where it answers a request that has begun, whatever it ``told``."""
 
 
 @dataclass

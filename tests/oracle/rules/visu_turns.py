@@ -8,6 +8,8 @@ Readings, where the rules leave a choice:
 - a response that comes while none waits is kept for the next request, if the server acknowledges the head of that; of
   those the four last ones, each for one request. Where the server loses step by missing bytes behind these, no more are
   kept before they have answered something, and nobody knows how many requests wait when none of them is left
+- one that comes while a request is being received, of which the head is there, answers that, unless the server does not
+  acknowledge the head with it, though it has done so with others, or though the client had all of it when it asked
 - where the server's direction begins behind what a client acknowledged with a request that waits, nobody knows what
   answered that
 - where bytes are missing and a direction loses step with that, nobody knows how many requests wait: of the next request
@@ -257,9 +259,17 @@ def wait(talk: Talk, one: Waiting) -> None:
     talk.torn = False
 
 
+def may_answer_late(talk: Talk, response: Message, request: Message) -> bool:
+    if response.told is not None:
+        return may_answer(response, request) or False
+    lacks_head = request.begin_at is not None and (behind(response.has, request.head_at) or 0) < 0
+    ahead = behind(response.behind, request.told)
+    return not (lacks_head and (talk.turns.acknowledges or (ahead is not None and ahead <= 0)))
+
+
 def has_early(talk: Talk, request: Message) -> bool:
     """Tell whether a request was answered before; what answers none that is still to come is not kept."""
-    while talk.early and talk.early[0].told is not None and not may_answer(talk.early[0], request):
+    while talk.early and not may_answer_late(talk, talk.early[0], request):
         talk.early.pop(0)
     return bool(talk.early)
 
@@ -268,7 +278,7 @@ def keep(talk: Talk, response: Message) -> bool:
     """Keep a response that comes while none waits, if it may answer one that has begun, or is still to come."""
     if not talk.early and True in talk.readers and talk.readers[True].begun:
         talk.happened["early response"] += 1
-        response.told = None
+        response.told, response.has = None, response.told
         talk.early.append(response)
         return True
     if response.told is None:
