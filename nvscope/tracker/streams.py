@@ -85,9 +85,9 @@ class Streams:
         at = np.where(column("begun")[:count], column("next")[:count], -1)
         return Positions(at, column("acknowledged")[:count].copy())
 
-    def position(self, stream: int) -> tuple[int, Sequence[int]]:
-        """Return where a stream is now, and how far it was acknowledged, if it was."""
-        return int(self._streams.next[stream]), [int(self._streams.acknowledged[stream])]
+    def position(self, stream: int) -> tuple[int, int]:
+        """Return where a stream is now, which has begun, and how far it was acknowledged, or -1."""
+        return int(self._streams.next[stream]), int(self._streams.acknowledged[stream])
 
     def lacking_clients(self) -> I64:
         """Return the connections of whose clients bytes are missing, or may be, in front of the end of the capture.

@@ -36,7 +36,8 @@ HAPPENINGS = {
     "open request answered within a chunk", "open request answered", "open request broken off",
     "response not whole at the end", "response to HEAD that was not captured",
     # WebVisu
-    "ambiguous write", "answered by what is missing", "client lost step", "cut reply", "cut request", "early response",
+    "ambiguous write", "answered by what is missing", "begin of a client that is missing", "client lost step",
+    "cut reply", "cut request", "early response",
     "given up", "list that is not whole, or not read", "may answer what was not captured", "names", "no value",
     "nobody knows what answers it", "other names", "other request", "password read", "password written",
     "read with an HTTP error", "reply of a server that nobody heard", "request of a client that nobody heard",

@@ -42,8 +42,10 @@ class Answering:
         """Take the end of a message; return whether it answers nobody."""
         nobody = self._answers_nobody
         self._answers_head, self._answers_nobody = None, False
-        if self.requests is not None and not nobody and not (head is not None and head.is_interim):
-            self.requests.answered(at if at < 0 else max(at, self.known_at))
+        is_unasked = nobody and head is None
+        if self.requests is not None and not is_unasked and not (head is not None and head.is_interim):
+            known_at = at if at < 0 else max(at, self.known_at)
+            self.requests.answered(known_at, to_nobody=nobody)
         if self.is_wary and head is not None and head.has_body:
             self.is_late = self.is_wary = False
         return nobody

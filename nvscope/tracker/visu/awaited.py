@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from nvscope.tracker.visu.asking import Ask
 from nvscope.tracker.visu.http_forms import Form
 from nvscope.tracker.visu.messages import Kind
-from nvscope.tracker.visu.reach import NOWHERE, UNKNOWN, Reach
+from nvscope.tracker.visu.reach import NOWHERE, UNKNOWN, Reach, distance
 
 
 class Waiting(NamedTuple):
@@ -26,6 +27,19 @@ class Waiting(NamedTuple):
     reach: Reach = NOWHERE
     is_early: bool = False
     is_behind: bool = False
+
+
+def asked_behind(waiting: Iterable[Waiting], behind: int) -> list[Waiting]:
+    """Return what waits of a client that takes turns, and was asked for when it had what is missing up to a place.
+
+    What answers that comes later. Where more than one thing was asked for in front of that, nobody knows whether all of
+    it was answered there.
+    """
+    every = list(waiting)
+    had = (one.reach.acknowledged for one in every)
+    later = (place for place, one in enumerate(had) if UNKNOWN not in (one, behind) and distance(one, behind) >= 0)
+    place = next(later, len(every))
+    return [one._replace(is_behind=True) for one in every[place:]] if place <= 1 else []
 
 
 class Early(NamedTuple):

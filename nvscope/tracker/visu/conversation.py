@@ -7,7 +7,7 @@ loses step, nobody knows any more what waits, and, where bytes are missing, what
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from msgspec import Struct, field
 from msgspec.structs import replace
@@ -17,11 +17,12 @@ from dissectors.webvisu import Likeness
 from dissectors.webvisu_lists import list_likeness
 from nvscope.tracker.pieces import ORDER_BITS
 from nvscope.tracker.visu.asking import NOTHING, Ask, fits
-from nvscope.tracker.visu.awaited import Early, Happened, Waiting
+from nvscope.tracker.visu.awaited import Early, Happened, Waiting, asked_behind
+from nvscope.tracker.visu.early_replies import EarlyReplies
 from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.going_on import Closed
 from nvscope.tracker.visu.http_forms import Form, What
-from nvscope.tracker.visu.limits import MOST_EARLY, MOST_WAITING
+from nvscope.tracker.visu.limits import MOST_WAITING
 from nvscope.tracker.visu.messages import UNMEASURED_NS, Kind
 from nvscope.tracker.visu.reach import NOWHERE, UNKNOWN, Reach, distance
 from nvscope.tracker.visu.turns import Turns
@@ -50,7 +51,7 @@ class Conversation(Struct):
     is_heard: bool = False
     is_spoken: bool = False
     acknowledged: int = UNKNOWN
-    early: deque[Early] = field(default_factory=deque)
+    early: EarlyReplies = field(default_factory=EarlyReplies)
     acknowledges: bool = False
     began: int = -1
     turns: Turns = field(default_factory=Turns)
@@ -72,6 +73,7 @@ class Conversation(Struct):
                 self._tell_unbounded(form, order, tell)
             is_head = form.head is not None and form.head.method == "HEAD"
             asked = NOTHING if form.what is What.CUT else asked
+            self.turns.pass_rest(reach.begin(form.head_bytes) if form.head_bytes else UNKNOWN)
             self._wait(Waiting(asked, order, arrival_ns, is_head, reach=reach), tell)
         elif form.what is What.PART:
             of_page = self._is_of_page(form)
@@ -79,7 +81,7 @@ class Conversation(Struct):
                 self._tell_request(Kind.PART, asked, order, message, tell)
                 self._tell_unbounded(form, order, tell)
             # Who breaks off its own request waits for nothing, but for what has come before.
-            if form.broken_by is not Side.CLIENT or self.has_early(reach):
+            if form.broken_by is not Side.CLIENT or self.early.fit(reach):
                 self._wait(Waiting(asked if of_page else NOTHING, order, arrival_ns, reach=reach), tell)
         elif form.what is What.BROKEN:
             is_known = self.waits or self._is_of_page(form)
@@ -87,12 +89,12 @@ class Conversation(Struct):
                 self._tell_request(Kind.CUT, NOTHING, order, message, tell)
                 if form.is_malformed:
                     self._tell_unbounded(form, order, tell)
-            if self.has_begun_early:
-                self.early.popleft()
+            if self.early.has_begun:
+                self.early.take()
             self._forget_waiting()
             self.turns.miss(reach.acknowledged)
             if self._lacks[0]:
-                self._lose_unseen(order, tell, is_known=is_known)
+                self._lose_unseen(order, reach.behind, tell, is_known=is_known)
         elif form.what is What.END:
             if form.broken_by is None:
                 self.closed = Closed(order, arrival_ns)
@@ -100,12 +102,14 @@ class Conversation(Struct):
                     self._tell_leaving(Kind.LEFT, order, tell)
         else:
             self._take_other(form, order, tell, reach)
+            if form.what is not What.GAP:
+                self.turns.begin(began=reach.behind)
         self.is_spoken |= form.what is not What.END
         self._lacks[0] = form.what is What.GAP
 
-    def _lose_unseen(self, order: int, tell: Callable[[Happened], None], *, is_known: bool) -> None:
+    def _lose_unseen(self, order: int, behind: int, tell: Callable[[Happened], None], *, is_known: bool) -> None:
         """Take that nobody knows what was in a hole, and how much; unless ``is_known``, it may hide a request."""
-        self.turns.lose(of_client=True)
+        self.turns.lose_client(behind)
         self.unseen.waits = False
         if not is_known:
             for _ in range(self.unseen.lose(Answered(one.is_reply, one.reach.acknowledged) for one in self.early)):
@@ -124,25 +128,15 @@ class Conversation(Struct):
         """Tell whether what is not whole is a request of a page: what says nothing of itself, where others were."""
         return form.touched is Likeness.YES or (form.touched is Likeness.PERHAPS and self.is_visu)
 
-    @property
-    def has_begun_early(self) -> bool:
-        """Whether what the client has begun is answered."""
-        return bool(self.early) and self.early[0].has_begun
-
-    def has_early(self, reach: Reach) -> bool:
-        """Tell whether a request that lies there was answered before; forget what answers none to come."""
-        while self.early and not self.early[0].has_begun:
-            if distance(self.early[0].reach.acknowledged, reach.body_at) >= 0 and reach.body_at != UNKNOWN:
-                return True
-            self.early.popleft()
-        return bool(self.early)
-
     def _wait(self, one: Waiting, tell: Callable[[Happened], None]) -> None:
-        if not self.turns.ask(one.reach):
+        others = self.early.reaches()
+        if self.early.is_torn and not self.early.fit(one.reach) and self.early.ends_torn():
+            self.turns.lose()
+        if not self.turns.ask(one.reach, others):
             # Something in front of it may have to be answered first.
             self._tell_answer(Kind.UNCLEAR, one, one.order, 0, -1, tell)
             self._forget_waiting()
-            self.early.clear()
+            self.early = EarlyReplies()
             return
         if self.beyond or len(self.waiting) >= MOST_WAITING:
             self.beyond += 1
@@ -168,7 +162,7 @@ class Conversation(Struct):
         if form.what is What.ANEW:
             self._take_other(form, order, tell)
         if form.what in (What.ANEW, What.BEGIN):
-            self._begin_server(reach.behind, order, tell)
+            self._begin_server(reach, order, tell)
         was_heard, self.is_heard = self.is_heard, self.is_heard or form.what is not What.END
         self._take_from_server(form, order, arrival_ns, message, tell, reach)
         self._lacks[1] = form.what is What.GAP
@@ -176,19 +170,25 @@ class Conversation(Struct):
             self.closed = self.closed._replace(order=order)
             self._tell_leaving(Kind.LEFT, order, tell)
 
-    def _begin_server(self, begin: int, order: int, tell: Callable[[Happened], None]) -> None:
+    def _begin_server(self, reach: Reach, order: int, tell: Callable[[Happened], None]) -> None:
         """Take where the server's direction begins: bytes are missing in front that answered what had less of them."""
+        begin = reach.behind
         while self.waiting and distance(begin, self.waiting[0].reach.acknowledged) > 0:
             self._tell_answer(Kind.UNCLEAR, self.waiting.popleft(), order, 0, -1, tell)
             self.turns.is_doubtful = not self.waiting
+        if self.turns.begin(told=reach.acknowledged):
+            self._tell_unclear(order, tell)
         self.turns.answered = begin
 
     def _take_from_server(
         self, form: Form, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None], reach: Reach
     ) -> None:  # fmt: skip
         if form.what in (What.WHOLE, What.CUT):
-            is_interim = form.head is not None and form.head.is_interim
-            if is_interim or form.answers_nobody:
+            if form.head is not None and form.head.is_interim:
+                return
+            if form.answers_nobody:
+                if not form.is_unasked:
+                    self._pass_by(reach.begin(form.head_bytes), order, tell)
                 return
             is_cut = form.what is What.CUT
             if self.waiting and not self._may_answer(reach):
@@ -214,9 +214,11 @@ class Conversation(Struct):
             elif self.beyond:
                 self.beyond -= 1
         elif form.what is What.BROKEN:
-            later = self._asked_behind(reach.behind) if self._lacks[1] else ()
+            in_turns = self._lacks[1] and not (self.turns.overlap or self.beyond)
+            later = asked_behind(self.waiting, reach.behind) if in_turns else []
             if len(self.waiting) > len(later) and form.touched is Likeness.YES:
                 asked = self.waiting[0]
+                self.turns.answer(asked.reach.acknowledged, UNKNOWN)
                 self._tell_list(form, asked, order, arrival_ns, message, tell)
                 self._tell_answer(Kind.CUT, asked, order, arrival_ns, message, tell)
                 if form.is_malformed and asked.asked.request is not None:
@@ -225,9 +227,12 @@ class Conversation(Struct):
                 self._tell_leaving(Kind.UNCLEAR, order, tell)
             self._forget_waiting()
             self.waiting.extend(later)
-            # What has come before is known to answer the next request; else nobody knows how much is missing.
-            if self._lacks[1] and not (self.early or later):
-                self.turns.lose()
+            if self._lacks[1]:
+                self.turns.missing_at = reach.behind
+                # What has come before is known to answer the next request; else nobody knows how much is missing.
+                self.early.is_torn = bool(self.early) and not later
+                if not (self.early or later):
+                    self.turns.lose()
         elif form.what is What.END:
             if form.is_replaced:
                 self._tell_unclear(order, tell)
@@ -239,16 +244,13 @@ class Conversation(Struct):
         elif form.what is not What.ANEW:
             self._take_other(form, order, tell)
 
-    def _asked_behind(self, behind: int) -> Sequence[Waiting]:
-        """Return what waits and was asked for when the client had what is missing in front of a sequence number.
-
-        What answers that comes later, if the client takes turns.
-        """
-        if behind == UNKNOWN or self.turns.overlap or self.beyond:
-            return ()
+    def _pass_by(self, begin: int, order: int, tell: Callable[[Happened], None]) -> None:
+        """Take that a response that begins there answers nobody, or what was asked by a client that had none of it."""
+        self.turns.pass_by(begin)
         had = (one.reach.acknowledged for one in self.waiting)
-        place = next((place for place, one in enumerate(had) if one != UNKNOWN and distance(one, behind) >= 0), None)
-        return () if place is None else [one._replace(is_behind=True) for one in list(self.waiting)[place:]]
+        if any(begin == UNKNOWN or (one != UNKNOWN and distance(begin, one) >= 0) for one in had):
+            self._tell_unclear(order, tell)
+            self.turns.lose()
 
     def _tell_list(
         self, form: Form, asked: Waiting, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
@@ -265,14 +267,16 @@ class Conversation(Struct):
     def _may_answer(self, reach: Reach) -> bool:
         """Tell whether a response may answer the first request that waits."""
         first = self.waiting[0]
-        had = first.reach.acknowledged
-        if first.is_behind and UNKNOWN not in (had, reach.behind) and distance(reach.behind, had) <= 0:
-            return False  # the client had all of it before it asked
-        told, body_at = reach.acknowledged, first.reach.body_at
+        had, told, body_at = first.reach.acknowledged, reach.acknowledged, first.reach.body_at
+        lacks_head = distance(told, body_at) < 0
+        has_all = UNKNOWN not in (had, reach.behind) and distance(reach.behind, had) <= 0
+        # The client had all of it before it asked, if acknowledgements are real; an early one before all was asked.
+        if has_all and not first.is_early and (first.is_behind or lacks_head or self.acknowledges):
+            return False
         if UNKNOWN in (told, body_at):
             return True
-        self.acknowledges |= distance(told, body_at) >= 0
-        return distance(told, body_at) >= 0 or not self.acknowledges
+        self.acknowledges |= not lacks_head
+        return not (lacks_head and self.acknowledges)
 
     def _doubt(self, order: int, tell: Callable[[Happened], None]) -> None:
         """Take that a response may answer a request from before the capture: so may those that follow."""
@@ -285,20 +289,25 @@ class Conversation(Struct):
         """Return another one that is as this one is, of which nobody knows what the requests that wait ask for."""
         waiting = deque(one._replace(asked=NOTHING) for one in self.waiting)
         return replace(
-            self, waiting=waiting, early=deque(self.early), turns=replace(self.turns), unseen=replace(self.unseen),
+            self, waiting=waiting, early=self.early.copy(), turns=replace(self.turns), unseen=replace(self.unseen),
             _lacks=[*self._lacks],
         )  # fmt: skip
+
+    def has_early(self, form: Form, reach: Reach) -> bool:
+        """Tell whether a request was answered before it was whole."""
+        return self.early.fit(reach, knows_head=form.head_bytes > 0, acknowledges=self.acknowledges)
 
     def keep(self, early: Early) -> None:
         """Keep a response that may answer a request that is still to come."""
         self._lacks[1] = False
-        self.early.append(early)
-        if len(self.early) > MOST_EARLY:
-            self.early.popleft()
+        if not self.early.keep(early):
+            self.turns.pass_by(early.reach.begin(early.form.head_bytes))
 
     def answer_early(self, order: int, message: int, tell: Callable[[Happened], None]) -> None:
         """Take that the request is whole, with an order, that was answered before; the response is a message now."""
-        form, arrival_ns, reach, has_begun, _ = self.early.popleft()
+        form, arrival_ns, reach, has_begun, _ = self.early.take()
+        if self.early.ends_torn():
+            self.turns.lose()
         if self.waiting:
             self.waiting[0] = self.waiting[0]._replace(is_early=True)
             # What answers a request that has begun may be sent before any more of that is there.
@@ -306,7 +315,7 @@ class Conversation(Struct):
             self.take_from_server(form, order, arrival_ns, message, tell, reach)
 
     def note_acknowledged(self, acknowledged: int) -> None:
-        """Note up to where the client has the server's bytes, none of which was captured, with its last request."""
+        """Note up to where the client has bytes of the server, of which none was captured, with its last request."""
         self.waiting[-1] = self.waiting[-1]._replace(acknowledged=acknowledged)
 
     def miss_reply(self, order: int, size: int, tell: Callable[[Happened], None]) -> None:
@@ -330,13 +339,17 @@ class Conversation(Struct):
             for asked in self.waiting:
                 self._tell_answer(kind, asked, order, self.closed.arrival_ns, -1, tell)
 
-    def give_up(self, order: int, tell: Callable[[Happened], None], *, is_missing: bool) -> None:
-        """Take that the client, which has closed its side, waits for nothing any more; a reply may be missing."""
+    def give_up(self, order: int, tell: Callable[[Happened], None], lacks: Callable[[int], bool]) -> bool:
+        """Take that the client, which has closed its side, waits for nothing any more; return whether it did.
+
+        ``lacks`` tells whether a reply may be missing to what it asked when it had so much.
+        """
         assert self.closed is not None
-        if is_missing:
-            self._tell_unclear(order, tell)
-        else:
-            self._tell_unanswered(order, self.closed.arrival_ns, tell, by_client=True)
+        while self.waiting and lacks(self.waiting[0].reach.acknowledged):
+            self._tell_answer(Kind.UNCLEAR, self.waiting.popleft(), order, 0, -1, tell)
+        is_left = bool(self.waiting)
+        self._tell_unanswered(order, self.closed.arrival_ns, tell, by_client=True)
+        return is_left
 
     def _tell_unclear(self, order: int, tell: Callable[[Happened], None]) -> None:
         """Take that nobody knows whether what waits was answered: the capture lacks what would tell it."""
@@ -374,7 +387,7 @@ class Conversation(Struct):
         if form.what is What.ANEW:
             self._forget_waiting()
             self.is_visu, self.gap_bytes, self.closed = False, 0, None
-            self.early.clear()
+            self.early = EarlyReplies()
             self.turns, self.acknowledges, self.unseen = Turns(), False, UnseenRequests()
             self.is_heard, self.is_spoken, self.acknowledged, self.began = False, False, UNKNOWN, order
         elif form.what is What.GAP:

@@ -144,12 +144,11 @@ class Exchanges:
             if pair < 0 or closed is None:
                 continue
             naming = self._names.version_of(controller_of(self.pairs.words, pair))
-            rest = closed, naming, missing.of(conversation)
-            found += [
-                Leaving(pair, request, one.order >> ORDER_BITS, closed.arrival_ns - one.arrival_ns, *rest)
-                for one in conversation.waiting
-                if (request := one.asked.request) is not None
-            ]
+            for one in conversation.waiting:
+                if (request := one.asked.request) is not None:
+                    lacks = missing.to(conversation, one.reach.acknowledged)
+                    waited_ns = closed.arrival_ns - one.arrival_ns
+                    found.append(Leaving(pair, request, one.order >> ORDER_BITS, waited_ns, closed, naming, lacks))
         return found
 
     def pages_among(self, connections: I64) -> Sequence[int]:

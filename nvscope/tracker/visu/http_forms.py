@@ -43,13 +43,15 @@ class Form(Struct, frozen=True):
 
     ``body_bytes`` is how long the body is as it came. ``content`` is what is in it where ``is_coded``, None where that
     is not known. ``touched``: whether what is not whole may be a request of a WebVisu page, or is in the response to
-    the first request that waits. ``answers_nobody``: what it answers was forgotten meanwhile. ``missing_bytes`` are
-    those of a gap. ``spoken`` is what a connection begins with that does not begin with HTTP. ``broken_by`` is who
-    broke off a connection that did not end in order; ``is_replaced``: nothing but that another one begins between the
-    same ends shows it. ``is_broken_off``: with that, a request ended that does not say
+    the first request that waits. ``answers_nobody``: what it answers was forgotten meanwhile, or, where it
+    ``is_unasked``, is a HEAD that was not captured. ``missing_bytes`` are those of a gap. ``spoken`` is what a
+    connection begins with that does not begin with HTTP. ``broken_by`` is who broke off a connection that did not end
+    in order; ``is_replaced``: nothing but that another one begins between the same ends shows it. ``is_broken_off``:
+    with that, a request ended that does not say
     how long it is; nobody knows whether more of it should have come. ``is_late``: it may answer a request from before
     the capture (``HttpReader.is_late``). ``is_beyond``: nothing of it is missing, but not all of it is read;
     ``is_malformed``: its chunks are none. ``begin`` is how its content begins, where that is not known whole.
+    ``head_bytes`` is how long the head is of what says how long its body is, and is whole; 0 of others.
     """
 
     what: What
@@ -59,6 +61,7 @@ class Form(Struct, frozen=True):
     is_coded: bool = False
     touched: Likeness = Likeness.NO
     answers_nobody: bool = False
+    is_unasked: bool = False
     missing_bytes: int = 0
     spoken: WebProtocol | None = None
     broken_by: Side | None = None
@@ -68,6 +71,7 @@ class Form(Struct, frozen=True):
     is_beyond: bool = False
     is_malformed: bool = False
     begin: bytes = b""
+    head_bytes: int = 0
 
     @property
     def is_unread(self) -> bool:

@@ -207,12 +207,13 @@ class HttpReader(Answering):
         if behind > end:
             return -1
         late, nobody = self.is_late, self._answered(behind, head)
+        size = head_end - start
+        form = Form(What.WHOLE, head, head.length, answers_nobody=nobody, is_late=late, head_bytes=size)
         if head.coding:
-            content = http.decoded(data[head_end:behind], head.coding)
-            form = Form(What.WHOLE, head, head.length, content, is_coded=True, answers_nobody=nobody, is_late=late)
+            form = replace(form, content=http.decoded(data[head_end:behind], head.coding), is_coded=True)
             found.tell(head_end, self._or_unread(form, data[head_end:behind]))
             return behind
-        number = found.add(Form(What.WHOLE, head, head.length, answers_nobody=nobody, is_late=late))
+        number = found.add(form)
         found.at.append(head_end)
         found.form.append(number)
         text = data[start:head_end]
@@ -334,6 +335,8 @@ class HttpReader(Answering):
             lost = replace(lost, touched=Likeness.YES)
             if self.requests is not None:
                 self.requests.lost(at)
+        if self.begun_at != NOT_BEGUN:
+            found.head_at[len(found.at)] = self.begun_at
         self._out_of_step(at)
         self.breaks.append(len(found.at))
         found.tell(at, lost)

@@ -19,7 +19,8 @@ class Leaving(NamedTuple):
 
     ``pair`` is the number of client, server and port, ``waited_ns`` how long the client had waited then. ``naming`` is
     which of ``VisuBatch.namings`` is known. ``lacks_reply`` tells, whenever it is asked, whether the client has
-    acknowledged bytes that the capture lacks: then nobody knows whether it was answered.
+    acknowledged bytes that the capture lacks, behind what it had when it asked: then nobody knows whether it was
+    answered.
     """
 
     pair: int

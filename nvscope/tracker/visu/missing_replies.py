@@ -27,8 +27,11 @@ class MissingReplies:
         self._one_way, self._pieces = one_way, pieces
         self._before, self._streams = before, streams
 
-    def are_there(self, connection: int, began: int, order: int) -> bool:
-        """Tell whether there are some in front of an order; ``began`` is that with which the connection did."""
+    def in_front_of(self, order: int, connection: int, began: int) -> Callable[[int], bool]:
+        """Return what tells whether there are some in front of an order to a client that had so much when it asked.
+
+        ``began`` is the order with which the connection did.
+        """
         client, server = 2 * connection, 2 * connection + 1
         begin, end = np.searchsorted(self._pieces.stream, (server, server + 1)).tolist()
         place = begin + int(np.searchsorted(self._pieces.order[begin:end], order)) - 1
@@ -39,9 +42,17 @@ class MissingReplies:
         told = self._one_way.most_acknowledged(client, first, order >> ORDER_BITS)
         if first < self._one_way.first_frame:
             told = latest([before_told, told])
-        return at != UNKNOWN and missing_behind(at, [told]) > 0
+        return lambda had: _are_behind(at, told, had)
 
-    def of(self, conversation: Conversation) -> Callable[[], bool]:
-        """Return what tells, whenever it is asked, whether there are some of a conversation behind all that is read."""
+    def to(self, conversation: Conversation, had: int) -> Callable[[], bool]:
+        """Return what tells the same, whenever it is asked, of a conversation behind all that is read."""
         streams = self._streams
-        return lambda: missing_behind(*streams.position(2 * conversation.connection + 1)) > 0
+        return lambda: _are_behind(*streams.position(2 * conversation.connection + 1), had)
+
+
+def _are_behind(at: int, told: int, had: int) -> bool:
+    """Tell whether bytes are missing of a server that is known up to ``at``, and acknowledged up to ``told``.
+
+    What its client had before it asked is no answer to that, and is not missing for it.
+    """
+    return at != UNKNOWN and missing_behind(latest([at, had]), [told]) > 0

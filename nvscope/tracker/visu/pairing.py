@@ -114,7 +114,7 @@ class Pairing:
         least = _LEAST
         while begin < end:
             both_ways = conversation.is_heard and conversation.is_spoken and conversation.closed is None
-            is_sure = not (conversation.early or conversation.turns.is_doubtful or conversation.unseen.waits)
+            is_sure = not (conversation.early or conversation.turns.is_unsure or conversation.unseen.waits)
             if conversation.is_visu and end - begin >= _FEW and both_ways and is_sure:
                 place = bisect_left(peculiar, begin)
                 stop = min(peculiar[place] if place < len(peculiar) else end, end, begin + _MANY)
@@ -176,8 +176,8 @@ class Pairing:
                 if not conversation.is_heard and conversation.waiting and conversation.waiting[-1].order == order:
                     conversation.note_acknowledged(self._one_way.acknowledged_at(stream, order))
                 is_request = http.forms[form].what in (What.WHOLE, What.CUT, What.PART)
-                if conversation.early and is_request and conversation.has_early(reach):
-                    early = conversation.early[0]
+                if is_request and conversation.has_early(http.forms[form], reach):
+                    early = conversation.early.first
                     self._later.append((early.form, stream + 1, order, early.arrival_ns))
                     conversation.answer_early(order, len(http) + len(self._later) - 1, tell)
 
@@ -253,10 +253,9 @@ class Pairing:
         if gone.order < before:
             if gone.over is not None:
                 self.over[conversation.connection, gone.order] = gone.over
-            is_missing = self._missing.are_there(conversation.connection, conversation.began, gone.order)
-            if is_missing:
+            lacks = self._missing.in_front_of(gone.order, conversation.connection, conversation.began)
+            if not conversation.give_up(gone.order, self._happened.append, lacks):
                 self.over.pop((conversation.connection, gone.order), None)
-            conversation.give_up(gone.order, self._happened.append, is_missing=is_missing)
 
     def _said(self) -> Said:
         """Return what was found to have happened message by message."""

@@ -72,7 +72,8 @@ def behind_body(data: bytes, head_end: int, end: int, side: Side) -> int:
 
 def bodiless(head: Head, answers_nobody: bool) -> Form:
     """Return a response that has no body, though its head says that there is one: it answers HEAD."""
-    return Form(What.WHOLE, replace(head, body=Body.LENGTH, length=0, coding=""), answers_nobody=answers_nobody)
+    head = replace(head, body=Body.LENGTH, length=0, coding="")
+    return Form(What.WHOLE, head, answers_nobody=answers_nobody, is_unasked=True)
 
 
 def content_so_far(rest: bytes, head_end: int, head: Head) -> bytes:

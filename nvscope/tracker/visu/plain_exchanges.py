@@ -23,7 +23,7 @@ from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.limits import MOST_WAITING
 from nvscope.tracker.visu.messages import Kind
-from nvscope.tracker.visu.reach import UNKNOWN, Reach, distances
+from nvscope.tracker.visu.reach import UNKNOWN, Reach, are_had, distances
 
 
 class Said(Columns, Struct, frozen=True):
@@ -109,15 +109,16 @@ def paired(
     if waiting:
         body_at = np.append([one.reach.body_at for one in waiting], body_at)
         had = np.append([one.reach.acknowledged for one in waiting], had)
+    behind = http.reach.behind[answers]
     acknowledges = _acknowledges(http.reach.acknowledged[answers], body_at[:replies], conversation.acknowledges)
-    if acknowledges is None:
+    if acknowledges is None or are_had(behind, had[:replies]).any():
         return None
     if len(order) > MOST_WAITING:
         answered = np.searchsorted(http.order[answers], order)
         if (np.arange(1, len(order) + 1) - answered > MOST_WAITING).any():
             return None
     conversation.acknowledges = acknowledges
-    conversation.turns.answer_all(had[:replies], http.reach.behind[answers], http.reach.acknowledged[asks])
+    conversation.turns.answer_all(had[:replies], behind, http.reach.acknowledged[asks])
     waiting.clear()
     left = (column[replies:].tolist() for column in (own, order, arrival_ns, body_at, had))
     for number, at, time_ns, body, acknowledged in zip(*left, strict=True):

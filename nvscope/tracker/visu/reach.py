@@ -32,6 +32,10 @@ class Reach(NamedTuple):
     behind: int = UNKNOWN
     acknowledged: int = UNKNOWN
 
+    def begin(self, head_bytes: int) -> int:
+        """Return that of the first byte of a message with such a head."""
+        return UNKNOWN if self.body_at == UNKNOWN else (self.body_at - head_bytes) % WRAP
+
 
 NOWHERE = Reach()
 
@@ -64,6 +68,15 @@ class Reaches(Columns, Struct, frozen=True):
 def distance(sequence: int, known: int) -> int:
     """Return how far one sequence number is behind another one, 0 where one of them is not known."""
     return 0 if UNKNOWN in (sequence, known) else (sequence - known + HALF) % WRAP - HALF
+
+
+def are_had(behind: I64, had: I64) -> Bool:
+    """Tell which messages their receiver had all of when it had so much; ``behind`` is where they end."""
+    ahead = behind - had
+    if len(ahead) and int(ahead.min()) > 0 and int(ahead.max()) < HALF and int(behind.min()) >= 0:
+        return np.zeros(len(ahead), np.bool_)
+    found: Bool = (behind != UNKNOWN) & (had != UNKNOWN) & (distances(behind, had) <= 0)
+    return found
 
 
 def latest(numbers: Sequence[int]) -> int:

@@ -35,7 +35,7 @@ class RequestHeads:
 
     def order_of(self, place: int, form: Form) -> int:
         """Return with which order the head was there of what was found at a place, ``NEVER`` of what has no head."""
-        if form.what not in (What.WHOLE, What.CUT, What.PART) or form.head is None:
+        if form.what not in (What.WHOLE, What.CUT, What.PART, What.BROKEN) or form.head is None:
             return NEVER
         at = self._found.head_at.get(place, self._found.at[place])
         return self._order(at) if at >= 0 or place in self._found.head_at else NEVER

@@ -3,17 +3,22 @@
 A client takes turns: it sends a request, or several at once, waits until all of them are answered, and sends more. With
 a request of a new turn, it acknowledges more of the server's bytes than with the one before. Behind missing bytes, the
 first request of a new turn is in step again; in front of one of the same turn there may be others, which nobody saw,
-and whose replies come first. Of a client that was seen to send more while replies were still to come, nobody knows. Of
-one that was seen to send several at once, the first of a turn may be missing: so the next turn is.
+and whose replies come first. What the server sent without all that is missing of the client does not show that this was
+answered; what it sent with all of that shows that a later turn begins. Of a client that was seen to send more while
+replies were still to come, nobody knows. Of one that was seen to send several at once, the first of a turn may be
+missing, where no reply is there that shows the turn: so the next turn is.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterable
 
 import numpy as np
 from msgspec import Struct
 
 from dissectors.batch import I64
-from nvscope.tracker.segments import HALF
+from nvscope.tracker.segments import HALF, WRAP
+from nvscope.tracker.segments_aside import NEAR
 from nvscope.tracker.visu.reach import UNKNOWN, Reach, distance, distances, latest, latest_of
 
 
@@ -24,7 +29,11 @@ class Turns(Struct):
     ends that answered one, or where the server begins. ``pair`` is the same of the last request that was answered, and
     of the response. ``is_doubtful``: nobody knows which response comes next; ``overlap``: the client was seen not to
     take turns. ``asked`` is what the client had with its last request, ``several``: it was seen to send several at
-    once; ``lost``: bytes of it are missing behind its last request.
+    once; ``lost``: bytes of it are missing behind its last request. ``lost_at`` is where those end, ``missing_at``
+    where the last ones of the server do with which that lost step. ``has_rest``: behind what is missing, a request of
+    the client ends in front of the first one that is known. ``is_guess``: what was asked last is in step if it
+    was asked alone: nothing behind it has told that yet. ``began`` is where the client begins, ``told`` how far its
+    server had its bytes where that does.
     """
 
     had: int = UNKNOWN
@@ -35,33 +44,85 @@ class Turns(Struct):
     asked: int = UNKNOWN
     several: bool = False
     lost: bool = False
+    lost_at: int = UNKNOWN
+    missing_at: int = UNKNOWN
+    has_rest: bool = False
+    is_guess: bool = False
+    began: int = UNKNOWN
+    told: int = UNKNOWN
 
-    def lose(self, *, of_client: bool = False) -> None:
-        """Take that bytes are missing, and with them requests or replies, so many that nobody knows."""
+    def begin(self, *, began: int = UNKNOWN, told: int = UNKNOWN) -> bool:
+        """Take where one of both directions begins; return whether bytes of the client are missing in front of it."""
+        self.began, self.told = latest([self.began, began]), latest([self.told, told])
+        lacks = 0 < distance(self.began, self.told) <= NEAR
+        if lacks:
+            self.lose_client(self.began)
+        return lacks
+
+    @property
+    def is_unsure(self) -> bool:
+        """Whether what comes next matters to what answers the requests that wait, or are still to come."""
+        return self.is_doubtful or self.is_guess
+
+    def lose(self) -> None:
+        """Take that bytes of the server are missing, and with them replies, so many that nobody knows."""
         self.is_doubtful = True
-        self.lost |= of_client
+
+    def lose_client(self, behind: int) -> None:
+        """Take that bytes of the client are missing up to there, and with them requests, so many that nobody knows."""
+        self.is_doubtful = self.lost = True
+        self.lost_at, self.has_rest = behind, False
+
+    def pass_rest(self, begin: int) -> None:
+        """Take that a request comes that begins there."""
+        if self.lost and distance(begin, self.lost_at) > 0:
+            self.lost_at, self.has_rest = begin, True
+
+    def pass_by(self, begin: int) -> None:
+        """Take that a response begins there that may answer a request whose client had none of it."""
+        if begin != UNKNOWN:
+            self.missing_at = latest([self.missing_at, (begin + 1) % WRAP])
 
     def miss(self, had: int) -> None:
         """Take that the client had so much in front of what is missing of it."""
         self.had = latest([self.had, had])
 
-    def ask(self, reach: Reach) -> bool:
-        """Take a request; return whether the next response that comes is known to be its own, but for what waits."""
+    def ask(self, reach: Reach, others: Iterable[Reach] = ()) -> bool:
+        """Take a request; return whether the next response that comes is known to be its own, but for what waits.
+
+        ``others`` are responses in front of it that answered nothing.
+        """
         had, lost, self.lost = reach.acknowledged, self.lost, False
+        was_guess, self.is_guess = self.is_guess, False
         if had == UNKNOWN:
             self.is_doubtful = False
             return True
-        self.several |= had == self.asked
+        is_same_turn = had == self.asked
+        self.several |= is_same_turn
+        self.is_doubtful |= was_guess and is_same_turn
         if self.is_doubtful:
-            known = latest([self.had, self.answered])
-            is_unsure = self.overlap or (lost and self.several)
+            others = list(others)
+            without = (one.behind for one in others if distance(one.acknowledged, self.lost_at) < 0)
+            known = latest([self.had, self.answered, *without])
+            may_lack = lost and not any(self._shows_turn(one, had) for one in others)
+            is_unsure = (
+                self.overlap or (may_lack and (self.several or self.has_rest)) or distance(had, self.missing_at) < 0
+            )
             self.is_doubtful = known != UNKNOWN and (is_unsure or distance(had, known) <= 0)
+            self.is_guess = may_lack and not self.is_doubtful
         self.asked, self.had = had, latest([self.had, had])
         return not self.is_doubtful
+
+    def _shows_turn(self, response: Reach, had: int) -> bool:
+        """Tell whether a response shows that what a client asks begins another turn than what is missing of it."""
+        if UNKNOWN in (self.lost_at, response.acknowledged, response.behind):
+            return False
+        return distance(response.acknowledged, self.lost_at) >= 0 and distance(response.behind, had) <= 0
 
     def answer(self, had: int, behind: int) -> None:
         """Take that a request was answered with which the client had so much, by a response that ends there."""
         before, end = self.pair
+        self.is_guess = False
         self.overlap |= distance(had, before) > 0 and distance(end, had) > 0
         self.pair, self.answered = (had, behind), latest([self.answered, behind])
 

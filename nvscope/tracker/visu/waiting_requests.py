@@ -139,7 +139,7 @@ class WaitingRequests:
         order = self._go_on(at)
         if self._talk.waiting:
             return self._talk.waiting[0].is_head
-        if self._talk.beyond or self._talk.has_begun_early:
+        if self._talk.beyond or self._talk.early.has_begun:
             return False
         asked = self._first_asked()
         if asked is not None:
@@ -150,11 +150,11 @@ class WaitingRequests:
         """Return what the client's direction shows next."""
         return next((one for one in self._asked if one.form.what is not What.GAP), None)
 
-    def answered(self, at: int) -> None:
-        """Take the end of a response."""
+    def answered(self, at: int, *, to_nobody: bool = False) -> None:
+        """Take the end of a response, or of one that answers nobody."""
         order, reach = self._go_on(at), self._reach(at)
-        if self._talk.waits:
-            self._talk.take_from_server(_RESPONSE, order, 0, -1, _tell_nobody, reach)
+        if to_nobody or self._talk.waits:
+            self._talk.take_from_server(_TO_NOBODY if to_nobody else _RESPONSE, order, 0, -1, _tell_nobody, reach)
             return
         what = self._answers(at, order)
         if what is Ended.BEGUN or (what is Ended.NOTHING and reach.acknowledged != UNKNOWN):
@@ -198,7 +198,7 @@ class WaitingRequests:
             one = self._asked.popleft()
             talk.take_from_client(one.form, NOTHING, one.order, 0, -1, _tell_nobody, one.reach)
             is_request = one.form.what in (What.WHOLE, What.CUT, What.PART)
-            if talk.early and is_request and talk.has_early(one.reach):
+            if is_request and talk.has_early(one.form, one.reach):
                 talk.answer_early(one.order, -1, _tell_nobody)
         return order
 
@@ -214,6 +214,7 @@ class WaitingRequests:
 
 
 _RESPONSE, _GAP, _BROKEN, _END = (Form(what) for what in (What.WHOLE, What.GAP, What.BROKEN, What.END))
+_TO_NOBODY = Form(What.WHOLE, answers_nobody=True)
 
 
 def _tell_nobody(_: Happened) -> None:

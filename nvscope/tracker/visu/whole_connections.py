@@ -18,7 +18,7 @@ from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.limits import MOST_WAITING
 from nvscope.tracker.visu.messages import Kind
 from nvscope.tracker.visu.plain_exchanges import AskedFor, Said
-from nvscope.tracker.visu.reach import UNKNOWN, distances
+from nvscope.tracker.visu.reach import UNKNOWN, are_had, distances
 
 
 def take_whole(
@@ -55,6 +55,11 @@ def take_whole(
     if closed:
         whole &= ~np.isin(http.stream[start] >> 1, np.array(sorted(closed)))
     group = np.repeat(np.arange(len(start)), stop - start)
+    # Where the server was heard behind the first request, or had less than is there of the client, it may lack some.
+    client, server = np.flatnonzero(begins & whole[group]).reshape(-1, 2).T
+    late = http.order[server] > http.order[client + 1]
+    late |= distances(http.reach.behind[client], http.reach.acknowledged[server]) > 0
+    whole[group[client[late]]] = False
     ask, answer = (np.flatnonzero(is_plain & whole[group] & (of_server == side)) for side in (False, True))
     # Where the client closed its side before the last reply, it matters how long it waited.
     closes = np.zeros(len(start), np.bool_)
@@ -66,6 +71,7 @@ def take_whole(
     reach = http.reach
     early = http.order[answer] <= http.order[ask]
     early |= distances(reach.acknowledged[answer], reach.body_at[ask]) < 0
+    early |= are_had(reach.behind[answer], reach.acknowledged[ask])
     if early.any():
         whole[group[ask[early]]] = False
         ask, answer = ask[whole[group[ask]]], answer[whole[group[answer]]]

@@ -303,7 +303,7 @@ class Reader:
         known = self.is_late, self.is_wary
         message = self.whole(self.head.end, None)
         self.is_late, self.is_wary = known
-        message.part, message.unasked = not self.response, self.response
+        message.part, message.unasked, message.begin_at = not self.response, self.response, None
         return message
 
     def without_end(self, begin: int) -> Message | None:
@@ -337,6 +337,8 @@ class Reader:
         message.head_at, message.behind = [(self.sequence - one) % 2**32 for one in left]
         if message.cut or end - self.head.end > MOST_BODY:
             message.head_at = message.behind
+        elif self.framing == NO_BODY or isinstance(self.framing, int):
+            message.begin_at = (self.sequence - len(self.buffer)) % 2**32
         message.late = self.is_late and not 100 <= message.status < 200
         if self.framing not in (NO_BODY, 0):
             self.is_late = self.is_wary = False

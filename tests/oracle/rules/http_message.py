@@ -16,6 +16,7 @@ class Message:
     HEAD, which was not captured; ``late``: that it may be one to a request from before the capture;
     ``unbounded``: that nobody knows where it ends, and ``malformed``: that this is so since its chunks are none;
     ``unread``: that nothing is missing of it, and nobody reads it; ``early``: that it came before its request.
+    ``begin_at`` is the sequence number of the first byte of a whole message that says how long it is,
     ``head_at`` and ``behind`` are the sequence numbers behind its head,
     and behind all of it, or both the latter where not all of it came; ``told`` is what the segment with which it was
     whole acknowledges. Of what ends otherwise than by what it says, nobody knows them.
@@ -37,9 +38,12 @@ class Message:
     unread: bool = False
     malformed: bool = False
     early: bool = False
+    begin_at: int | None = None
     head_at: int | None = None
     behind: int | None = None
     told: int | None = None
+    has: int | None = None
+    """What it acknowledges where it answers a request that has begun, whatever it ``told``."""
 
 
 @dataclass

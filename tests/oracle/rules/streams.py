@@ -84,6 +84,8 @@ class Direction:
     """What was delivered since the last hole, by place."""
     told: int | None = None
     """What the segment acknowledged whose bytes were delivered last."""
+    first_told: int | None = None
+    """What the first one did."""
     latest: int = 0
     """When what came latest of what was delivered had come, its end too."""
 
@@ -265,7 +267,8 @@ class Streams:
             return 0
         seq = (segment.seq + syn) % 2**32
         if own.begin is None:
-            own.begin, own.began_with_syn, own.told = seq, syn, told(segment)
+            own.begin, own.began_with_syn = seq, syn
+            own.told = own.first_told = told(segment)
             self.happened["began with SYN" if syn else "began before the capture"] += 1
         begin = own.place(seq)
         if abs(begin - own.next) > FARTHEST:  # as a SYN may be
@@ -297,7 +300,7 @@ class Streams:
         run: list[Carried] = []
         while True:
             found = None if own.next in own.fins else own.kept.pop(own.next, None)
-            if run and (found is None or found.frame != run[0].frame or (found.byte is None) != (run[0].byte is None)):
+            if run and (found is None or found[1:] != run[0][1:] or (found.byte is None) != (run[0].byte is None)):
                 own.latest = max(own.latest, run[0].time) if run[0].byte is not None else own.latest
                 data = bytes(carried.byte for carried in run if carried.byte is not None)
                 own.told = run[0].told if data else own.told
@@ -316,7 +319,7 @@ class Streams:
         if fin is not None:
             own.finished = True
             self.end(own, fin.time)
-            yield Ending(connection, from_client, False, fin.time)
+            yield Ending(connection, from_client, False, own.latest)
 
     def end(self, own: Direction, time: int) -> None:
         own.ended = True

@@ -29,19 +29,19 @@ from typing import Any
 
 from tests.oracle.frame import Address as Node
 from tests.oracle.frame import Frame
-from tests.oracle.rules import visu_body, visu_lists, visu_others, visu_unseen
+from tests.oracle.rules import visu_body, visu_lists, visu_others, visu_turns, visu_unseen
 from tests.oracle.rules.http_message import Lost, Message
 from tests.oracle.rules.keys import node_order
 from tests.oracle.rules.streams import Connection, Delivery, Ending, Event, Others, Streams
 from tests.oracle.rules.visu_body import Answered, Asked
 from tests.oracle.rules.visu_figures import Row, lacks_many, percentiles
 from tests.oracle.rules.visu_late import doubt
-from tests.oracle.rules.visu_leaving import given_up, lacks_reply
+from tests.oracle.rules.visu_leaving import forget_unknown, given_up
 from tests.oracle.rules.visu_old import Values
 from tests.oracle.rules.visu_one_way import OneWay
 from tests.oracle.rules.visu_part import ask_in_part, settle, writes
 from tests.oracle.rules.visu_talk import Home, Pair, Talk, Told, Waiting, Written
-from tests.oracle.rules.visu_turns import asked_behind, begin_servers, has_early, keep, lose_client, wait
+from tests.oracle.rules.visu_turns import asked_behind, begin, has_early, keep, lose_client, wait
 
 SECOND = 1_000_000_000
 FRAMES_KEPT = 10
@@ -72,7 +72,7 @@ class Visu:
         for time, talk in given_up(frame, self.talks.values(), self.streams.ports, self.streams.servers):
             self.now = time
             self.happened["given up"] += 1
-            self.over(talk, is_known=not lacks_reply(talk))
+            self.over(talk, is_known=forget_unknown(talk))
         self.now = frame.ts_ns
         self.one_way.look_at(frame)
         for talk in list(self.talks.values()):
@@ -117,7 +117,7 @@ class Visu:
         while True:
             event = next(events, None)
             self.one_way.note_begin(self.streams.connections.values())
-            begin_servers(self.talks.values())
+            begin(self.talks.values())
             if event is None:
                 return
             yield event
@@ -138,7 +138,7 @@ class Visu:
                 dropped = None if what.dropped is None or 100 <= what.dropped.status < 200 else what.dropped
                 self.response(talk, dropped or Message(cut=True, whole=False))
             talk.forgotten = False
-            talk.turns.doubtful |= what.missing and not (talk.early or later)
+            visu_turns.lose_server(talk, what, later)
         talk.waiting[:] = [] if from_client else later
 
     def cut_request(self, talk: Talk, message: Message) -> bool:
@@ -177,7 +177,7 @@ class Visu:
         else:
             self.ask(talk, message)
         if has_early(talk, message) and talk.waiting:
-            early, forgotten = talk.early.pop(0), talk.forgotten
+            early, forgotten = visu_turns.take_early(talk), talk.forgotten
             early.early, talk.forgotten = True, False
             self.response(talk, early)
             talk.forgotten = forgotten
@@ -252,7 +252,7 @@ class Visu:
     def response(self, talk: Talk, message: Message) -> None:
         """Take a response that is whole, or dropped as cut; one of 1xx answers nothing."""
         forgotten, talk.forgotten = talk.forgotten, False
-        if message.unasked:
+        if visu_turns.passes_by(talk, message, forgotten=forgotten):
             return
         if message.part:
             if talk.waiting and not forgotten:

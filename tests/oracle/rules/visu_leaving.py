@@ -10,7 +10,7 @@ Readings, where the rules leave a choice:
 - where nothing that the server sent was captured but acknowledgements, nobody knows whether it answered. Of who was
   heard later, frames count from then on
 - where it had acknowledged bytes behind all that was captured of the server before that, two or more and up to 1 MiB,
-  nobody knows whether one of these answered it
+  nobody knows whether one of these answered it; what it had acknowledged with the request is no answer to that
 - the frame that ended a connection is the one with which the last byte of the direction was there, not the one that
   brought the FIN
 """
@@ -26,16 +26,23 @@ from tests.oracle.tcp import ACK, RST, SYN, peel_tcp
 
 if TYPE_CHECKING:
     from tests.oracle.rules.streams import End
-    from tests.oracle.rules.visu_talk import Talk
+    from tests.oracle.rules.visu_talk import Talk, Waiting
 
 SECOND = 1_000_000_000
 ANOTHER_AFTER, FORGOTTEN_AFTER = SECOND, 10 * SECOND
 
 
-def lacks_reply(talk: Talk) -> bool:
-    """Tell whether a client acknowledges bytes behind all that its server is known to have sent."""
-    server = talk.connection.directions[False]
-    return server.acknowledged is not None and 1 < distance(server.acknowledged, server.sequence) <= NEAR
+def lacks_reply(talk: Talk, waiting: Waiting) -> bool:
+    """Tell whether a client acknowledges bytes behind all that its server is known to have sent since it asked."""
+    server, had = talk.connection.directions[False], waiting.message.told
+    known = server.sequence if had is None or distance(server.sequence, had) >= 0 else had
+    return server.acknowledged is not None and 1 < distance(server.acknowledged, known) <= NEAR
+
+
+def forget_unknown(talk: Talk) -> bool:
+    """Forget what waits and may be answered by what the capture lacks; return whether something is left."""
+    talk.waiting[:] = [one for one in talk.waiting if not lacks_reply(talk, one)]
+    return bool(talk.waiting)
 
 
 def given_up(

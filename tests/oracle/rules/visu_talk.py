@@ -81,6 +81,7 @@ class Talk:
         self.broken_off = False
         """Whether the client broke the connection off."""
         self.early: list[Message] = []  # responses to requests that are being received, or still to come
+        self.torn = False  # whether bytes of the server are missing behind these
         self.turns = Turns()
         self.readers: dict[bool, Reader] = {}
         self.closed: int | None = None  # when the client closed its side

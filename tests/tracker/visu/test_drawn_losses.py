@@ -1,0 +1,30 @@
+"""Captures that lack segments of drawn conversations: nothing that is told of them is wrong."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.laws import some
+from tests.packets import batch_of, cut
+from tests.tracker.visu.drawn_losses import captured
+from tests.tracker.visu.followed import by_the_rules, followed, told, writes_by_the_rules, writes_of
+from tests.tracker.visu.test_rules import near
+
+SINGULAR = (81, 223, 311, 670, 1185, 1330, 3519, 6590)
+"""In each of these a reply was taken for another one, or what was told depended on the batches."""
+
+
+@pytest.mark.parametrize("seed", [*some(range(80)), *SINGULAR])
+def test_no_reply_is_taken_for_another_one(seed: int) -> None:
+    frames, statuses = captured(seed)
+    whole, rules = followed([batch_of(frames)]), by_the_rules(frames)
+    writes = writes_of(whole)
+    rows, findings = told(whole)
+    for packets in (1, 2 + seed % 6):
+        parts = followed(cut(batch_of(frames), packets))
+        assert (told(parts), writes_of(parts)) == ((rows, findings), writes)
+    assert (writes, findings) == (writes_by_the_rules(rules), rules.findings())
+    assert rows == [near(row) for row in rules.rows()]
+    for *_, value, outcome, _, status in writes:
+        assert outcome == "open" or statuses[value] == status
+    assert "NV804" not in {one["code"] for one in findings}
