@@ -101,7 +101,8 @@ def _is_for_all(case: Case, address: str) -> bool:
 def copied_replies(case: Case) -> Bool:
     """Tell which unexpected replies are copies of replies, where all telegrams came twice.
 
-    They are of pairs of nodes whose replies that close requests are as many, and are about what was answered in time.
+    They are of pairs of nodes whose replies that close requests are as many, those that are known to be copies set
+    aside, and are about what was answered in time.
     """
     chosen = case.free(SDO_UNEXPECTED_REPLY)
     if not chosen.any():
@@ -112,7 +113,9 @@ def copied_replies(case: Case) -> Bool:
         one = case.findings[place]
         asked = place_of(one.variable)
         pair = pairs.get((case.facts.address(one.node) if one.node is not None else "", asked.partner, asked.port))
-        if pair is None or pair.unexpected > pair.replies + pair.busy or (one.node, one.variable) in late:
+        # What is known to be copied, requests and replies alike, ends nothing and is not unexpected.
+        most = pair.replies + pair.busy - pair.copies // 2 if pair is not None else 0
+        if pair is None or pair.unexpected > most or (one.node, one.variable) in late:
             chosen &= case.symptoms.finding != place
     return chosen
 

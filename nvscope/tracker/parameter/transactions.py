@@ -24,7 +24,8 @@ from nvscope.engine.told import Told
 from nvscope.engine.watch import Unheard
 from nvscope.tracker.events import EventLog, LeftOutLog
 from nvscope.tracker.latency import Latencies
-from nvscope.tracker.parameter.asked_ports import AskedPorts
+from nvscope.tracker.parameter.asked_ports import AskedPorts, source_ports
+from nvscope.tracker.parameter.copies import Copies
 from nvscope.tracker.parameter.events import USUAL, ParameterEvent, parameter_name
 from nvscope.tracker.parameter.matching import (
     NO_MESSAGES,
@@ -46,7 +47,6 @@ MOST_OPEN = 1 << 16
 
 _NEVER_NS = int(np.iinfo(np.int64).min)
 _FIRST_ERROR, _LAST_ERROR = int(PARAMETER_ERRORS[0]), int(PARAMETER_ERRORS[-1])
-_UDP_PORTS_BYTES = 8
 _KIND_BITS = 16
 
 
@@ -67,7 +67,7 @@ class Beyond(IntEnum):
 class PairColumns(KeyedColumns):
     """One row a requester, partner and port: what became of its requests, ``errors`` as in ``PARAMETER_ERRORS``.
 
-    ``undeliverable`` are the ICMP messages about requests.
+    ``undeliverable`` are the ICMP messages about requests, ``copies`` the messages that the capture has once more.
     """
 
     requests: I64
@@ -77,12 +77,13 @@ class PairColumns(KeyedColumns):
     retransmissions: I64
     unexpected: I64
     undeliverable: I64
+    copies: I64
     errors: I64
     COLUMNS: ClassVar = {
-        **{
-            name: (np.int64(0), 1)
-            for name in ("requests", "replies", "busy", "timeouts", "retransmissions", "unexpected", "undeliverable")
-        },
+        **dict.fromkeys(
+            ("requests", "replies", "busy", "timeouts", "retransmissions", "unexpected", "undeliverable", "copies"),
+            (np.int64(0), 1),
+        ),
         "errors": (np.int64(0), len(PARAMETER_ERRORS)),
     }
 
@@ -142,7 +143,7 @@ class Transactions:
         self.writes = Writes(self.pairs)
         self.timeout_ns = PARAMETER_TIMEOUT_NS
         self._open = NOTHING_OPEN
-        self._ports = AskedPorts()
+        self._ports, self._copies = AskedPorts(), Copies()
         self._unseen = UnseenWrites()
         self._forgot_until_ns = _NEVER_NS
 
@@ -315,7 +316,8 @@ class Transactions:
         datagram, header = telegrams.datagram.take(part), telegrams.header[part]
         service = header["id"].astype(np.int64)
         asks = np.isin(service, PARAMETER_REQUESTS)
-        source = _source_ports(told, told.packets.offset[packet] + datagram.payload - _UDP_PORTS_BYTES)
+        at = told.packets.offset[packet] + datagram.payload
+        source = source_ports(told.packets.data, at)
         ends = (
             (datagram.source_hi, datagram.destination_hi), (datagram.source_lo, datagram.destination_lo),
             (datagram.destination_hi, datagram.source_hi), (datagram.destination_lo, datagram.source_lo),
@@ -331,13 +333,14 @@ class Transactions:
         value[writes] = list(map(hash, values_in(told, packet[writes])))
         messages = Messages(packet, rows.time_ns[whole], pair, word, service, *ends_by_number, value)
         own = pair >= 0
+        copies = self._copies.of(told.packets.data, at, datagram, word, service, messages.time_ns)
         if not own.all():
             beyond = messages.take(~own)
             self._leave_out(Beyond.PAIR, beyond.time_ns, beyond.packet + told.first_frame)
-            messages = messages.take(own)
         self.columns.resize(len(self.pairs))
         self.latencies.columns.resize(len(self.pairs))
-        return messages
+        np.add.at(self.columns.copies, pair[own & copies], 1)
+        return messages.take(own & ~copies)
 
     def _pairs_of(self, told: Told, packet: I64, *words: U64) -> I64:
         """Return the numbers of pairs, those that are new in the order of the capture, also of requests that came back.
@@ -390,9 +393,3 @@ def event_word(event: ParameterEvent, service: I64) -> U64:
 def event_parts(word: int) -> tuple[int, int]:
     """Return the kind of events, and of error replies their service, from ``event_word``."""
     return word & ((1 << _KIND_BITS) - 1), word >> _KIND_BITS
-
-
-def _source_ports(told: Told, at: I64) -> I64:
-    """Return the ports that datagrams come from; ``at`` is where their UDP headers begin."""
-    high, low = told.packets.data[at].astype(np.int64), told.packets.data[at + 1].astype(np.int64)
-    return high << 8 | low

@@ -8,6 +8,9 @@ Readings, where the rules leave a choice:
   receiver asked its sender last; of one who never asked, it is 1202 where that is one of its two, else the lower one
 - latencies are those of replies; busy has none
 - findings are those of a port: `variable` names it where it is not 1202, as in `sdo/10.0.0.2:1203/0x2000:1`
+- a message whose packet has the identification, the addresses, the ports and all of the telegram that one of the 1024
+  messages before it has, the last such one at most 100 ms away, is a copy of that: it counts as one, and is nothing
+  else; where packets are not identified (by 0, in IPv6, behind options), it is at most 0.5 ms
 - who says that a request is undeliverable need not be the partner; it stays open
 - a request to everybody is one to that address, which answers nothing
 - a write of another value with the same key, while one is open, is not the same request: it opens a transaction of its
@@ -49,6 +52,7 @@ ERRORS = {
 REPLIES = {READ_REPLY: READ, WRITE_REPLY: WRITE}
 TIME_OUT = 27
 LIST_PORT, FRAMES_KEPT, VALUE_BYTES, LATE_READS = 1202, 10, 256, 16
+COPY_NS, UNTOLD_COPY_NS, COPY_REACH = 100_000_000, 500_000, 1024
 
 Pair = tuple[Address, Address, int]
 Place = tuple[Pair, int, int, int]
@@ -67,6 +71,7 @@ class Row:
     retransmissions: int = 0
     unexpected: int = 0
     undeliverable: int = 0
+    copies: int = 0
     latencies: list[int] = field(default_factory=list)
 
 
@@ -145,6 +150,8 @@ class Parameters:
         self.last: dict[Place, int] = {}
         self.holds: dict[tuple[Address, int, int], Holds] = defaultdict(Holds)
         self.writes: list[Write] = []
+        self.packets: dict[tuple[Any, ...], tuple[int, int]] = {}
+        self.messages = 0
 
     def observe(self, number: int, frame: Frame) -> None:
         waits = [(key, wait) for key, some in self.open.items() for wait in some]
@@ -172,10 +179,26 @@ class Parameters:
         if seen.service in (READ, WRITE):
             pair = (seen.source, seen.destination, seen.port)
             self.asked[pair[:2]].append(seen.port)
+            if self.is_copy(content, seen):
+                self.rows[pair].copies += 1
+                return
             self.request((pair, seen.index, seen.subindex, seen.counter), seen)
         elif seen.service in REPLIES or seen.service in ERRORS or seen.service == BUSY:
             pair = (seen.destination, seen.source, self.port_of(content.source_port, seen))
+            if self.is_copy(content, seen):
+                self.rows[pair].copies += 1
+                return
             self.reply((pair, seen.index, seen.subindex, seen.counter), seen)
+
+    def is_copy(self, content: Datagram, seen: Telegram) -> bool:
+        """Tell whether a message is one that was there already."""
+        self.messages += 1
+        ends = content.source, content.source_port, content.destination, content.port
+        packet = (content.identification, *ends, seen.payload[: HEADER_BYTES + VALUE_BYTES])
+        place, time = self.packets.get(packet, (-COPY_REACH, 0))
+        self.packets[packet] = self.messages, seen.time
+        within = COPY_NS if content.identification else UNTOLD_COPY_NS
+        return self.messages - place <= COPY_REACH and abs(seen.time - time) <= within
 
     def port_of(self, source_port: int, seen: Telegram) -> int:
         """Return the port of the request that a reply is to."""
@@ -355,6 +378,7 @@ def row_of(pair: Pair, row: Row) -> dict[str, Any]:
         "port": pair[2], "requests": row.requests,
         "replies": row.replies, "errors": row.errors, "busy": row.busy, "timeouts": row.timeouts,
         "retransmissions": row.retransmissions, "unexpected": row.unexpected, "undeliverable": row.undeliverable,
+        "copies": row.copies,
         "latency_ns": {
             "count": len(latencies), "p50": nearest_rank(latencies, 50) if latencies else None,
             "p99": nearest_rank(latencies, 99) if latencies else None, "max": latencies[-1] if latencies else None,
