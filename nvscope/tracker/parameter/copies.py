@@ -21,7 +21,7 @@ REACH_NS = 100_000_000
 NEAR_NS = 500_000
 """So long of packets that are not identified."""
 
-REACH = 1024
+REACH = 256
 """A copy is one of a packet among so many messages before it."""
 
 _HEADER_BYTES = 20

@@ -8,7 +8,7 @@ Readings, where the rules leave a choice:
   receiver asked its sender last; of one who never asked, it is 1202 where that is one of its two, else the lower one
 - latencies are those of replies; busy has none
 - findings are those of a port: `variable` names it where it is not 1202, as in `sdo/10.0.0.2:1203/0x2000:1`
-- a message whose packet has the identification, the addresses, the ports and all of the telegram that one of the 1024
+- a message whose packet has the identification, the addresses, the ports and all of the telegram that one of the 256
   messages before it has, the last such one at most 100 ms away, is a copy of that: it counts as one, and is nothing
   else; where packets are not identified (by 0, in IPv6, behind options), it is at most 0.5 ms
 - who says that a request is undeliverable need not be the partner; it stays open
@@ -52,7 +52,7 @@ ERRORS = {
 REPLIES = {READ_REPLY: READ, WRITE_REPLY: WRITE}
 TIME_OUT = 27
 LIST_PORT, FRAMES_KEPT, VALUE_BYTES, LATE_READS = 1202, 10, 256, 16
-COPY_NS, UNTOLD_COPY_NS, COPY_REACH = 100_000_000, 500_000, 1024
+COPY_NS, UNTOLD_COPY_NS, COPY_REACH = 100_000_000, 500_000, 256
 
 Pair = tuple[Address, Address, int]
 Place = tuple[Pair, int, int, int]
