@@ -219,10 +219,10 @@ class Transactions:
             self._tell(told, ParameterEvent.WRITE_ASKED, asked, asked.time_ns)
         closing = messages.take(found.closing)
         unexpected = messages.take(found.unexpected)
-        if told.is_heard:
-            confirms = unexpected.take(unexpected.service == Service.ODWriteRequestReply)
-            unseen = self._unseen.of(opened.take(opened.service == Service.ODWriteRequest), confirms)
-            self._tell(told, ParameterEvent.WRITE_UNSEEN, unseen, unseen.time_ns)
+        confirms = unexpected.take(unexpected.service == Service.ODWriteRequestReply)
+        unseen = self._unseen.of(opened.take(opened.service == Service.ODWriteRequest), confirms)
+        self.writes.note_unseen(unseen, told.first_frame)
+        self._tell(told, ParameterEvent.WRITE_UNSEEN, unseen, unseen.time_ns)
         answers = Answers(closing, found.closed, unexpected, found.expired, found.shown)
         untold = self.writes.observe(told, opened, answers)
         for what, left_out in zip((Beyond.WRITE, Beyond.VALUE), untold, strict=True):

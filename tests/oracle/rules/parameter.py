@@ -150,6 +150,8 @@ class Parameters:
         self.last: dict[Place, int] = {}
         self.holds: dict[tuple[Address, int, int], Holds] = defaultdict(Holds)
         self.writes: list[Write] = []
+        self.unseen: list[tuple[Place, int]] = []
+        self.asked_to_write: set[Place] = set()
         self.packets: dict[tuple[Any, ...], tuple[int, int]] = {}
         self.messages = 0
 
@@ -219,6 +221,8 @@ class Parameters:
     def request(self, place: Place, seen: Telegram) -> None:
         self.last[place] = seen.service
         value = value_of(seen) if seen.service == WRITE else None
+        if value is not None:
+            self.asked_to_write.add(place)
         waits = self.open[place, seen.service]
         for wait in waits:
             if wait.write and wait.write.new != value:
@@ -285,6 +289,8 @@ class Parameters:
         waits = self.open[place, REPLIES.get(service, self.last.get(place, READ))]
         if not waits:
             row.unexpected += 1
+            if service == WRITE_REPLY and place not in self.asked_to_write:
+                self.unseen.append((place, time))
             self.find("NV703", place, time, frame)
             self.stray(place, seen)
             return
