@@ -49,14 +49,15 @@ _HINT_OF_PAGES = "See the WebVisu writes in `nvscope report -v`: what was writte
 class _Written:
     """What a host wrote at a partner that it should not have, or not then; names of it in their order.
 
-    ``unseen`` are those of which nothing but the reply was captured.
+    ``unseen`` are those of which nothing but the reply was captured, ``refused`` those that the partner has refused, as
+    far as that is known.
     """
 
     def __init__(self) -> None:
         self.events: Events | None = None
         self.names: dict[str, None] = {}
         self.is_stranger = False
-        self.unseen = 0
+        self.unseen = self.refused = 0
         self.first_outside_ns: int | None = None
 
     def add(self, name: str, events: Events, *, is_stranger: bool) -> None:
@@ -119,7 +120,9 @@ def _parameters(facts: Facts, allowed: _Allowed) -> tuple[_Found, bool]:
         if is_stranger or not allowed.lets_write_in(write.time_ns // _MINUTE_NS):
             events = Events(1, write.time_ns, write.time_ns, (write.frame,))
             name = _parameter(facts, write.partner, write.index, write.subindex)
-            found[write.requester, write.partner].add(name, events, is_stranger=is_stranger)
+            written = found[write.requester, write.partner]
+            written.add(name, events, is_stranger=is_stranger)
+            written.refused += write.error is not None
     known = facts.state.parameters.known
     if known is None:
         return found, False
@@ -203,7 +206,8 @@ def _finding(
     how = "by SDO" if is_sdo else "by WebVisu"
     number = f"{'at least ' if at_least else ''}{count_of(events.count, 'time')}"
     names = f" ({first_few([*written.names])})" if written.names else ""
-    message = f"{writer} wrote {number} to {partner} {how}{names}: "
+    verb = "tried to write" if written.refused == events.count else "wrote"
+    message = f"{writer} {verb} {number} to {partner} {how}{names}: "
     if written.is_stranger:
         assert security.writers is not None
         allowed = ", ".join(str(one).removesuffix("/32").removesuffix("/128") for one in security.writers)
@@ -213,6 +217,9 @@ def _finding(
         hours = ", ".join(one.text for one in security.hours)
         first = units.absolute_time(written.first_outside_ns, utc=False, digits=0)
         message += f"outside the hours {hours}, first at {first} local time."
+    if written.refused:
+        which = "All of it was" if written.refused == events.count else count_of(written.refused, "was", "were")
+        message += f" {which} refused."
     if written.unseen:
         whose = "them" if written.unseen == events.count else f"{count(written.unseen)} of them"
         message += f" Of {whose}, nothing but the reply was captured."
@@ -228,6 +235,7 @@ def _together(several: Iterable[_Written]) -> _Written:
     for one in several:
         found.is_stranger = one.is_stranger
         found.unseen += one.unseen
+        found.refused += one.refused
         found.names |= one.names
         times = [time_ns for time_ns in (found.first_outside_ns, one.first_outside_ns) if time_ns is not None]
         found.first_outside_ns = min(times, default=None)

@@ -146,6 +146,19 @@ def test_a_write_is_told_of_which_nothing_but_the_reply_was_captured(tmp_path: P
     assert finding.count == 4
 
 
+def test_who_was_refused_has_not_written(tmp_path: Path) -> None:
+    frames = []
+    for at in range(3):
+        asked, _ = sdo(MORNING + at * 10**9, OTHER, counter=at)
+        refused = telegram(22, 0x2000, counter=at, data=b"")
+        frames += [asked, data_frame(asked.ts_ns + 10**6, PRESS, OTHER, refused)]
+    (finding,) = found_in(frames, tmp_path, f'[security]\nwriters = "{PANEL}"')
+    told = f"times to {PRESS} by SDO (0x2000:0): the project lets only {PANEL} write."
+    assert finding.message == f"{OTHER} tried to write 3 {told} All of it was refused."
+    (finding,) = found_in(frames + sdo(MORNING + 9 * 10**9, OTHER), tmp_path, f'[security]\nwriters = "{PANEL}"')
+    assert finding.message == f"{OTHER} wrote 4 {told} 3 were refused."
+
+
 def test_a_controller_that_answers_with_another_counter_confirms_what_was_asked(tmp_path: Path) -> None:
     frames = [sdo(MORNING, OTHER, counter=5)[0], sdo(MORNING, OTHER, counter=0)[1]]
     (finding,) = found_in(frames, tmp_path, f'[security]\nwriters = "{PANEL}"')
