@@ -117,7 +117,9 @@ def _finding(
         )
     else:
         kind = SDO_UNEXPECTED_REPLY
-        message = f"{count_of(together.count, 'reply', 'replies')} of {partner} to {ends}: no such request was open."
+        late = sum(events.count for is_late, events in parts if is_late)
+        message = f"{count_of(together.count, 'reply', 'replies')} of {partner} to {ends}: no such request was open"
+        message += f"; {late} came after the timeout." if late else "."
     return Finding(
         kind, message, together.count, together.first_ns, together.last_ns, together.frames,
         node=nodes.get(asked.requester),

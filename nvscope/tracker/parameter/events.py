@@ -17,7 +17,8 @@ class ParameterEvent(IntEnum):
     """What is told of transactions, in frames of replies but for timeouts, which are told of the first request.
 
     ``WRITE_ASKED`` is a request to write, told of its first frame; ``WRITE_UNSEEN`` is a reply to one that was not
-    captured, which is told as unexpected, too. ``since_ns`` is when the request came first. The amount is the service
+    captured, which is told as unexpected, too. ``since_ns`` is when the request came first; of a reply that ends none,
+    too, if that was given up before, else when the reply came. The amount is the service
     of the reply; of what has none, that of the request. No other enumeration of events has the same numbers: who
     listens for kinds compares numbers.
     """

@@ -27,6 +27,7 @@ from nvscope.tracker.latency import Latencies
 from nvscope.tracker.parameter.asked_ports import AskedPorts, source_ports
 from nvscope.tracker.parameter.copies import Copies
 from nvscope.tracker.parameter.events import USUAL, ParameterEvent, parameter_name
+from nvscope.tracker.parameter.given_up import GivenUp
 from nvscope.tracker.parameter.matching import (
     NO_MESSAGES,
     NOTHING_OPEN,
@@ -144,7 +145,7 @@ class Transactions:
         self.timeout_ns = PARAMETER_TIMEOUT_NS
         self._open = NOTHING_OPEN
         self._ports, self._copies = AskedPorts(), Copies()
-        self._unseen = UnseenWrites()
+        self._unseen, self._given_up = UnseenWrites(), GivenUp()
         self._forgot_until_ns = _NEVER_NS
 
     def observe(self, told: Told) -> Became:
@@ -159,6 +160,7 @@ class Transactions:
             late = self._open.last_ns + self.timeout_ns < told.until_ns
             waits = self._sorted(self._open.take(late))
             self._give_up(told, waits)
+            self._given_up.since(waits, np.zeros(len(waits), np.int64), NO_MESSAGES, NO_MESSAGES)
             self.writes.give_up(waits, told.first_frame + len(told))
             self._open = self._open.take(~late)
             shown = np.append(became.shown, np.full(len(waits), len(told)))
@@ -265,13 +267,14 @@ class Transactions:
         ):  # fmt: skip
             self._tell(told, event, closing.take(own), closed.since_ns[own])
         unexpected = messages.take(found.unexpected)
+        since_ns = self._given_up.since(found.expired, found.shown, closing, unexpected)
         unsure = unexpected.time_ns <= self._forgot_until_ns
         if unsure.any():
             own = unexpected.take(unsure)
             self._leave_out(Beyond.REPLY, own.time_ns, own.packet + told.first_frame)
-            unexpected = unexpected.take(~unsure)
+            unexpected, since_ns = unexpected.take(~unsure), since_ns[~unsure]
         np.add.at(columns.unexpected, unexpected.pair, 1)
-        self._tell(told, ParameterEvent.UNEXPECTED_REPLY, unexpected, unexpected.time_ns)
+        self._tell(told, ParameterEvent.UNEXPECTED_REPLY, unexpected, since_ns)
 
     def _tell(self, told: Told, event: ParameterEvent, messages: Messages, since_ns: I64) -> None:
         """Tell of some requests or replies, and log what is a finding."""
@@ -293,7 +296,8 @@ class Transactions:
             words = of.pair.view(np.uint64), parameter_of(of.word).view(np.uint64)
             number = self.parameters.numbers_within(told.max_streams, *words)
             known = number >= 0
-            words = event_word(event, of.service)[known], number[known].view(np.uint64)
+            apart = since_ns != time_ns if event is ParameterEvent.UNEXPECTED_REPLY else of.service
+            words = event_word(event, apart.astype(np.int64))[known], number[known].view(np.uint64)
             self.events.record(time_ns[known], frame[known], *words)
             self._leave_out(Beyond.PARAMETER, time_ns[~known], frame[~known])
         if told.is_heard:
@@ -384,12 +388,13 @@ def _pair_words(back: TelegramBatch) -> tuple[U64, ...]:
     return *ends, datagram.destination_port.astype(np.uint64)
 
 
-def event_word(event: ParameterEvent, service: I64) -> U64:
-    """Return by what events are told apart: their kind, and for error replies which one."""
-    own = service if event is ParameterEvent.ERROR_REPLY else np.zeros(len(service), np.int64)
+def event_word(event: ParameterEvent, apart: I64) -> U64:
+    """Return by what events are told apart: their kind, of error replies which one, of unexpected ones if too late."""
+    told_apart = ParameterEvent.ERROR_REPLY, ParameterEvent.UNEXPECTED_REPLY
+    own = apart if event in told_apart else np.zeros(len(apart), np.int64)
     return (own << _KIND_BITS | int(event)).view(np.uint64)
 
 
 def event_parts(word: int) -> tuple[int, int]:
-    """Return the kind of events, and of error replies their service, from ``event_word``."""
+    """Return the kind of events, and what tells some of them apart, from ``event_word``."""
     return word & ((1 << _KIND_BITS) - 1), word >> _KIND_BITS

@@ -152,6 +152,7 @@ class Parameters:
         self.writes: list[Write] = []
         self.unseen: list[tuple[Place, int]] = []
         self.asked_to_write: set[Place] = set()
+        self.given_up: set[Place] = set()
         self.packets: dict[tuple[Any, ...], tuple[int, int]] = {}
         self.messages = 0
 
@@ -161,6 +162,7 @@ class Parameters:
             if frame.ts_ns > wait.deadline:
                 self.open[place, service].remove(wait)
                 self.rows[place[0]].timeouts += 1
+                self.given_up.add(place)
                 if wait.write and not wait.unsure:
                     wait.write.outcome = "unanswered"
                 holds = self.holds[place[0][1], place[1], place[2]]
@@ -291,9 +293,10 @@ class Parameters:
             row.unexpected += 1
             if service == WRITE_REPLY and place not in self.asked_to_write:
                 self.unseen.append((place, time))
-            self.find("NV703", place, time, frame)
+            self.find("NV703", place, time, frame, int(place in self.given_up))
             self.stray(place, seen)
             return
+        self.given_up.discard(place)
         wait = waits.pop(0)
         wait.unsure |= bool(waits)
         for other in waits:
