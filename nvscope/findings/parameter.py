@@ -50,6 +50,7 @@ SDO_UNEXPECTED_REPLY = FindingKind(
     causes=(
         "the request is missing in the capture",
         "a reply that came after the timeout: the caller has given up, and may have asked again",
+        "a request that was sent again and answered each time, or a partner that answers twice",
         "two callers that use the same address",
     ),
     next_steps=(
