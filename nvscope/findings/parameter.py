@@ -75,7 +75,7 @@ def judge_parameters(facts: Facts) -> Iterator[Finding]:
     known = facts.state.parameters.known
     if known is None:
         return
-    from nvscope.tracker.parameter.transactions import event_parts
+    from nvscope.tracker.parameter.events import event_parts
 
     found: dict[tuple[int, Asked], list[tuple[int, Events]]] = defaultdict(list)
     for log in (known.events, *([known.overdue_events(facts.at_ns)] if facts.overdue else ())):

@@ -66,6 +66,25 @@ def test_requests_that_come_back_are_told_as_such(tmp_path: Path) -> None:
     assert cause.next.startswith("What the ICMP messages say")
 
 
+@pytest.mark.parametrize("identification", [0, 77])
+def test_what_came_back_and_was_captured_twice_came_back_once(identification: int, tmp_path: Path) -> None:
+    frames = []
+    for number in range(5):
+        payload = telegram(1, 0x2000, 1, counter=number, data=b"")
+        own = identification and identification + number
+        sent = internet_packet(
+            ip_address(ASKING), ip_address(ASKED), PROTOCOL_UDP, udp(payload), identification=own
+        )  # fmt: skip
+        told = link_frame(unreachable(ip_address(ASKED), sent[:48]))
+        for after in (0, 30 * MILLISECOND if identification else 20_000):
+            at_ns = number * 1000 * MILLISECOND + after
+            frames += [whole(at_ns, ETHERNET, link_frame(sent)), whole(at_ns + MILLISECOND, ETHERNET, told)]
+    frames.append(asked(rejected=0)[-1])
+    cause = cause_of(sorted(frames, key=lambda one: one.ts_ns), tmp_path)
+    assert cause.title.startswith(f"Node {ASKED} did not answer 5 requests")
+    assert "5 requests came back: ICMP destination unreachable" in cause.checked
+
+
 def test_without_such_messages_nothing_is_said_of_them(tmp_path: Path) -> None:
     there = data_frame(10 * MILLISECOND, ASKED, "255.255.255.255", telegram(0, 2))
     first, *others = asked(rejected=0)

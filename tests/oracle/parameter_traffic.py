@@ -43,11 +43,14 @@ def conversations(seed: int, requests: int = 60) -> list[Frame]:
             at, source, destination, payload, port=port, source_port=source_port,
             identification=9 if own is None else own and number % 65_535 + 1,
         )  # fmt: skip
-        found.append(frame)
+        found.extend(twice(frame))
+
+    def twice(frame: Frame) -> list[Frame]:
+        frames = [frame]
         while copies.random() < wild / 6:
             after = copies.choice((0, 20_000, 500_000, 500_001, *(MILLISECOND * one for one in (30, 99, 100, 101))))
-            frame = frame._replace(ts_ns=frame.ts_ns + after)
-            found.append(frame)
+            frames.append(frames[-1]._replace(ts_ns=frames[-1].ts_ns + after))
+        return frames
 
     for _ in range(requests):
         at += rng.choice((0, 1, 5, 100, 300, 700)) * MILLISECOND
@@ -72,10 +75,11 @@ def conversations(seed: int, requests: int = 60) -> list[Frame]:
         if rng.random() < wild / 8:
             by = rng.choice((partner, "fe80::9" if ":" in partner else "10.0.0.9"))
             quoted = internet_packet(
-                *map(ip_address, (requester, partner)), PROTOCOL_UDP, udp(payload, source_port=source_port, port=port)
-            )
+                *map(ip_address, (requester, partner)), PROTOCOL_UDP, udp(payload, source_port=source_port, port=port),
+                identification=copies.choice((0, 9, number + 1)),
+            )  # fmt: skip
             told = unreachable(ip_address(by), quoted[: rng.choice((36, 38, 60, 200))], rng.choice((0, 1, 3, 4)))
-            found.append(whole(at + MILLISECOND, ETHERNET, link_frame(told)))
+            found += twice(whole(at + MILLISECOND, ETHERNET, link_frame(told)))
         for _ in range(rng.choice((1, 1, 1, 0, 2)) if rng.random() < wild else 1):
             kind = READ_REPLY if service == READ else WRITE_REPLY
             if rng.random() < wild / 3:

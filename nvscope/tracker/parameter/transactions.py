@@ -26,7 +26,7 @@ from nvscope.tracker.events import EventLog, LeftOutLog
 from nvscope.tracker.latency import Latencies
 from nvscope.tracker.parameter.asked_ports import AskedPorts, source_ports
 from nvscope.tracker.parameter.copies import Copies
-from nvscope.tracker.parameter.events import USUAL, ParameterEvent, parameter_name
+from nvscope.tracker.parameter.events import USUAL, ParameterEvent, event_word, parameter_name
 from nvscope.tracker.parameter.given_up import GivenUp
 from nvscope.tracker.parameter.matching import (
     NO_MESSAGES,
@@ -48,7 +48,6 @@ MOST_OPEN = 1 << 16
 
 _NEVER_NS = int(np.iinfo(np.int64).min)
 _FIRST_ERROR, _LAST_ERROR = int(PARAMETER_ERRORS[0]), int(PARAMETER_ERRORS[-1])
-_KIND_BITS = 16
 
 
 class Beyond(IntEnum):
@@ -144,7 +143,7 @@ class Transactions:
         self.writes = Writes(self.pairs)
         self.timeout_ns = PARAMETER_TIMEOUT_NS
         self._open = NOTHING_OPEN
-        self._ports, self._copies = AskedPorts(), Copies()
+        self._ports, self._copies, self._quotes = AskedPorts(), Copies(), Copies()
         self._unseen, self._given_up = UnseenWrites(), GivenUp()
         self._forgot_until_ns = _NEVER_NS
 
@@ -246,10 +245,14 @@ class Transactions:
         back = _undeliverable(told)
         if not len(back):
             return
-        pair = self.pairs.numbers_within(told.max_streams, *_pair_words(back))
+        pair, datagram = self.pairs.numbers_within(told.max_streams, *_pair_words(back)), back.datagram
         self.columns.resize(len(self.pairs))
         self.latencies.columns.resize(len(self.pairs))
-        np.add.at(self.columns.undeliverable, pair[pair >= 0], 1)
+        # What is quoted is told by its identification, as if it came itself.
+        index, service = (back.header[name].astype(np.int64) for name in ("index", "id"))
+        time_ns = told.packets.ts_ns[datagram.row]
+        copies = self._quotes.of(told.packets.data, datagram.payload, datagram, index, service, time_ns)
+        np.add.at(self.columns.undeliverable, pair[(pair >= 0) & ~copies], 1)
 
     def _count_replies(self, told: Told, messages: Messages, found: Matched) -> None:
         columns, closing, closed = self.columns, messages.take(found.closing), found.closed
@@ -386,15 +389,3 @@ def _pair_words(back: TelegramBatch) -> tuple[U64, ...]:
     datagram = back.datagram
     ends = datagram.source_hi, datagram.source_lo, datagram.destination_hi, datagram.destination_lo
     return *ends, datagram.destination_port.astype(np.uint64)
-
-
-def event_word(event: ParameterEvent, apart: I64) -> U64:
-    """Return by what events are told apart: their kind, of error replies which one, of unexpected ones if too late."""
-    told_apart = ParameterEvent.ERROR_REPLY, ParameterEvent.UNEXPECTED_REPLY
-    own = apart if event in told_apart else np.zeros(len(apart), np.int64)
-    return (own << _KIND_BITS | int(event)).view(np.uint64)
-
-
-def event_parts(word: int) -> tuple[int, int]:
-    """Return the kind of events, and what tells some of them apart, from ``event_word``."""
-    return word & ((1 << _KIND_BITS) - 1), word >> _KIND_BITS

@@ -8,9 +8,8 @@ Readings, where the rules leave a choice:
   receiver asked its sender last; of one who never asked, it is 1202 where that is one of its two, else the lower one
 - latencies are those of replies; busy has none
 - findings are those of a port: `variable` names it where it is not 1202, as in `sdo/10.0.0.2:1203/0x2000:1`
-- a message whose packet has the identification, the addresses, the ports and all of the telegram that one of the 256
-  messages before it has, the last such one at most 100 ms away, is a copy of that: it counts as one, and is nothing
-  else; where packets are not identified (by 0, in IPv6, behind options), it is at most 0.5 ms
+- a message whose packet the capture has once more (``copies``) counts as a copy, and is nothing else; who says that a
+  request is undeliverable says so once, of one packet
 - who says that a request is undeliverable need not be the partner; it stays open
 - a request to everybody is one to that address, which answers nothing
 - a write of another value with the same key, while one is open, is not the same request: it opens a transaction of its
@@ -39,6 +38,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from tests.oracle.frame import Address, Datagram, Frame, Unreachable, peel
+from tests.oracle.rules.copies import Copies
 from tests.oracle.rules.keys import node_order
 from tests.oracle.rules.telegram import HEADER_BYTES, IDENTITIES, Telegram, telegram
 from tests.oracle.rules.timing import nearest_rank
@@ -52,7 +52,6 @@ ERRORS = {
 REPLIES = {READ_REPLY: READ, WRITE_REPLY: WRITE}
 TIME_OUT = 27
 LIST_PORT, FRAMES_KEPT, VALUE_BYTES, LATE_READS = 1202, 10, 256, 16
-COPY_NS, UNTOLD_COPY_NS, COPY_REACH = 100_000_000, 500_000, 256
 
 Pair = tuple[Address, Address, int]
 Place = tuple[Pair, int, int, int]
@@ -153,8 +152,7 @@ class Parameters:
         self.unseen: list[tuple[Place, int]] = []
         self.asked_to_write: set[Place] = set()
         self.given_up: set[Place] = set()
-        self.packets: dict[tuple[Any, ...], tuple[int, int]] = {}
-        self.messages = 0
+        self.messages, self.quotes = Copies(), Copies()
 
     def observe(self, number: int, frame: Frame) -> None:
         waits = [(key, wait) for key, some in self.open.items() for wait in some]
@@ -174,7 +172,7 @@ class Parameters:
                 self.find("NV701", place, wait.deadline, wait.frame)
         content = peel(frame)
         if isinstance(content, Unreachable):
-            self.came_back(content.quoted)
+            self.came_back(content.quoted, frame.ts_ns)
         seen = None if content is None or not hasattr(content, "payload") else telegram(number, frame.ts_ns, content)
         if seen is None or seen.header_cut or seen.fault:
             if seen is not None and seen.service == WRITE:
@@ -183,26 +181,16 @@ class Parameters:
         if seen.service in (READ, WRITE):
             pair = (seen.source, seen.destination, seen.port)
             self.asked[pair[:2]].append(seen.port)
-            if self.is_copy(content, seen):
+            if self.messages.again(content, seen.time):
                 self.rows[pair].copies += 1
                 return
             self.request((pair, seen.index, seen.subindex, seen.counter), seen)
         elif seen.service in REPLIES or seen.service in ERRORS or seen.service == BUSY:
             pair = (seen.destination, seen.source, self.port_of(content.source_port, seen))
-            if self.is_copy(content, seen):
+            if self.messages.again(content, seen.time):
                 self.rows[pair].copies += 1
                 return
             self.reply((pair, seen.index, seen.subindex, seen.counter), seen)
-
-    def is_copy(self, content: Datagram, seen: Telegram) -> bool:
-        """Tell whether a message is one that was there already."""
-        self.messages += 1
-        ends = content.source, content.source_port, content.destination, content.port
-        packet = (content.identification, *ends, seen.payload[: HEADER_BYTES + VALUE_BYTES])
-        place, time = self.packets.get(packet, (-COPY_REACH, 0))
-        self.packets[packet] = self.messages, seen.time
-        within = COPY_NS if content.identification else UNTOLD_COPY_NS
-        return self.messages - place <= COPY_REACH and abs(seen.time - time) <= within
 
     def port_of(self, source_port: int, seen: Telegram) -> int:
         """Return the port of the request that a reply is to."""
@@ -214,11 +202,13 @@ class Parameters:
             return asked[-1]
         return LIST_PORT if LIST_PORT in (source_port, seen.port) else min(source_port, seen.port)
 
-    def came_back(self, quoted: Datagram) -> None:
+    def came_back(self, quoted: Datagram, time: int) -> None:
         """Count a message that says of a request that it went nowhere."""
         quote = quoted.payload[:10]
         if len(quote) == 10 and quote[:4] in IDENTITIES and int.from_bytes(quote[4:8], "little") in (READ, WRITE):
-            self.rows[quoted.source, quoted.destination, quoted.port].undeliverable += 1
+            self.rows[quoted.source, quoted.destination, quoted.port].undeliverable += not self.quotes.again(
+                quoted, time
+            )
 
     def request(self, place: Place, seen: Telegram) -> None:
         self.last[place] = seen.service
