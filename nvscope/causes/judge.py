@@ -45,6 +45,7 @@ from nvscope.causes.silences import NODE_SILENT, PROGRAM_STOPPED, judge_lists, j
 from nvscope.causes.snapped import judge_cut_frames, judge_cut_pages, judge_drops
 from nvscope.causes.standstills import judge_standstills
 from nvscope.causes.unplugged import judge_without_carrier
+from nvscope.causes.unseen_requests import judge_unseen_requests
 from nvscope.causes.unseen_restarts import judge_unseen_restarts
 from nvscope.findings.facts import Facts
 from nvscope.findings.finding import Finding
@@ -87,6 +88,7 @@ JUDGES: tuple[Judge, ...] = (
     judge_scanned_lists,
     judge_boot_up,
     judge_unanswered_parameters,
+    judge_unseen_requests,
     judge_refused_parameters,
     judge_losses_at_senders,
     judge_losses_of_lists,

@@ -13,7 +13,7 @@ from dissectors.batch import I64, Bool
 from dissectors.netvar import PORT
 from nvscope.causes.case import Case, Draft, Explained
 from nvscope.causes.kind import CauseKind
-from nvscope.causes.words import span_in_words
+from nvscope.causes.words import capitalised, span_in_words
 from nvscope.engine.runs import distinct
 from nvscope.enumeration import first_few
 from nvscope.findings.kind import FindingKind
@@ -51,6 +51,17 @@ NEXT_WHERE_UNDELIVERABLE = (
     "What the ICMP messages say (`nvscope packets -Y 'icmp || icmpv6'`): port unreachable, that its program does not "
     "listen on that port; host or network unreachable, that nobody has that address."
 )
+NEXT_WHERE_NOTHING_IS_SEEN = (
+    "Whether this capture sees what {partner} sends: a mirror port of one direction shows no replies. If it does: "
+)
+NEXT_OF_OTHER_COUNTERS = (
+    "The Counter in its replies (`nvscope packets -Y sdo -e sdo.index -e nv.counter`): who asks takes a reply that "
+    "repeats that of the request."
+)
+NEXT_OF_LATE = (
+    "Its task cycle, in each of which it answers once, and the TimeOut of the function block that asks: its replies "
+    "come, and too late."
+)
 NEXT_OF_BROADCASTS = "The address of the partner, in the program that asks: it has to be that of the controller."
 _OF_BROADCASTS = ".255"
 _NAMED = 3
@@ -69,8 +80,12 @@ def judge_unanswered_parameters(case: Case) -> Iterator[Explained]:
     for served, own in _by_served(case, SDO_TIMEOUT).items():
         pairs = _pairs(case, served)
         since_ns, until_ns = int(symptoms.since_ns[own].min()), case.end_of(symptoms.time_ns[own])
-        late = case.free(SDO_UNEXPECTED_REPLY) & np.isin(symptoms.finding, _replies_to(case, own))
-        late &= symptoms.time_ns >= since_ns
+        is_for_all = _is_for_all(case, served.partner)
+        stray = case.free(SDO_UNEXPECTED_REPLY) & np.isin(symptoms.finding, _replies_to(case, own, is_for_all))
+        stray &= symptoms.time_ns >= since_ns
+        # What was asked for, and given up, has begun before.
+        late = stray & (symptoms.since_ns != symptoms.time_ns)
+        others = int(np.count_nonzero(stray & ~late))
         asked = sum(one.requests for one in pairs)
         what = f"{_what(case, own)}{_on(case, served)}"
         requests = f"{count_of(len(own), 'request')} {what}"
@@ -80,16 +95,28 @@ def judge_unanswered_parameters(case: Case) -> Iterator[Explained]:
             requests = f"{len(own)} of {count_of(asked, 'request')}, {those} {what},"
         when = span_in_words(case, since_ns, until_ns)
         title = f"{_name(case, served.partner)} did not answer {requests} {when}"
-        step = NEXT_WHERE_UNDELIVERABLE if any(one.undeliverable for one in pairs) else PARAMETERS_UNANSWERED.next_step
-        checked = list(_checked(case, served.partner, pairs, int(np.count_nonzero(late))))
-        if _is_for_all(case, served.partner):
+        step = PARAMETERS_UNANSWERED.next_step
+        is_seen = is_for_all or _is_seen(case, served.partner)
+        checked = list(_checked(case, served.partner, pairs, late, others, is_seen=is_seen))
+        if any(one.undeliverable for one in pairs):
+            step = NEXT_WHERE_UNDELIVERABLE
+        elif 2 * others > len(own) and not any(one.replies or one.busy for one in pairs):
+            step = NEXT_OF_OTHER_COUNTERS
+        elif 2 * int(np.count_nonzero(late)) > len(own):
+            step = NEXT_OF_LATE
+        elif not is_seen:
+            step = NEXT_WHERE_NOTHING_IS_SEEN.format(partner=served.partner) + step[0].lower() + step[1:]
+        if is_for_all:
             title, step = f"Nobody answered {requests} to {served.partner} {when}", NEXT_OF_BROADCASTS
             checked = ["they go to everybody: it is one node that is asked for a parameter"]
+            if others:
+                title = f"{capitalised(requests)} went to everybody, {served.partner}, {when}"
+                checked.append(f"{count_of(others, 'reply', 'replies')} came, of {_repliers(case, stray)}")
         draft = Draft(
             PARAMETERS_UNANSWERED, title, step, checked,
             nodes=_nodes(case, own, served.partner), since_ns=since_ns, until_ns=until_ns,
         )  # fmt: skip
-        yield draft, case.only(own) | late
+        yield draft, case.only(own) | stray
 
 
 def _is_for_all(case: Case, address: str) -> bool:
@@ -101,7 +128,8 @@ def _is_for_all(case: Case, address: str) -> bool:
 def copied_replies(case: Case) -> Bool:
     """Tell which unexpected replies are copies of replies, where all telegrams came twice.
 
-    They are of pairs of nodes whose replies that close requests are as many, and are about what was answered in time.
+    They are of pairs of nodes whose replies that close requests are as many, those that are known to be copies set
+    aside, and are about what was answered in time.
     """
     chosen = case.free(SDO_UNEXPECTED_REPLY)
     if not chosen.any():
@@ -112,7 +140,9 @@ def copied_replies(case: Case) -> Bool:
         one = case.findings[place]
         asked = place_of(one.variable)
         pair = pairs.get((case.facts.address(one.node) if one.node is not None else "", asked.partner, asked.port))
-        if pair is None or pair.unexpected > pair.replies + pair.busy or (one.node, one.variable) in late:
+        # What is known to be copied, requests and replies alike, ends nothing and is not unexpected.
+        most = pair.replies + pair.busy - pair.copies // 2 if pair is not None else 0
+        if pair is None or pair.unexpected > most or (one.node, one.variable) in late:
             chosen &= case.symptoms.finding != place
     return chosen
 
@@ -140,7 +170,26 @@ def judge_refused_parameters(case: Case) -> Iterator[Explained]:
         yield draft, case.only(own)
 
 
-def _checked(case: Case, partner: str, pairs: Sequence[PairSummary], late: int) -> Iterator[str]:
+def _is_seen(case: Case, partner: str) -> bool:
+    """Tell whether anything that a node sends is in the capture, or anything of others says that it is there."""
+    for one in case.facts.summary.parameters:
+        came = one.replies or one.busy or one.unexpected or one.undeliverable
+        if (came and one.partner == partner) or (one.requests and one.requester == partner):
+            return True
+    node = _number(case, partner)
+    return node is not None and (node in case.streams_of_node or case.life.is_heard(node))
+
+
+def _repliers(case: Case, stray: Bool) -> str:
+    """Return the names of who sent some unexpected replies."""
+    partners = {place_of(case.findings[place].variable).partner for place in _distinct(case, np.flatnonzero(stray))}
+    numbers = [(one, _number(case, one)) for one in sorted(partners)]
+    return first_few([one if number is None else case.address(number) for one, number in numbers], _NAMED)
+
+
+def _checked(
+    case: Case, partner: str, pairs: Sequence[PairSummary], late: Bool, others: int, *, is_seen: bool
+) -> Iterator[str]:
     replies = sum(one.replies for one in pairs)
     if replies:
         slowest = max((one.latency.maximum or 0 for one in pairs), default=0)
@@ -149,8 +198,15 @@ def _checked(case: Case, partner: str, pairs: Sequence[PairSummary], late: int) 
         yield "it answered none"
     if undeliverable := sum(one.undeliverable for one in pairs):
         yield f"{count_of(undeliverable, 'request')} came back: ICMP destination unreachable"
-    if late:
-        yield f"{count_of(late, 'reply', 'replies')} came after the timeout"
+    if late.any():
+        slowest = int((case.symptoms.time_ns - case.symptoms.since_ns)[late].max())
+        number = int(np.count_nonzero(late))
+        yield f"{count_of(number, 'reply', 'replies')} came after the timeout, the slowest after {duration(slowest)}"
+    if others:
+        yield f"{count_of(others, 'reply', 'replies')} came with a Counter of which no request was open"
+    if not is_seen:
+        yield "nothing that it sends is in this capture"
+        return
     node = _number(case, partner)
     sends = node is not None and any(node in entry.senders for entry in case.facts.summary.lists)
     yield "it sends lists" if sends else "it sends no list"
@@ -169,12 +225,20 @@ def _place(case: Case, row: int) -> Place:
     return place_of(case.findings[int(case.symptoms.finding[row])].variable)
 
 
-def _replies_to(case: Case, own: I64) -> list[int]:
-    """Return the findings of unexpected replies that are about what some symptoms are about."""
-    about = {(one.node, one.variable) for one in (case.findings[place] for place in _distinct(case, own))}
+def _replies_to(case: Case, own: I64, is_for_all: bool) -> list[int]:
+    """Return the findings of unexpected replies that are about what some symptoms are about, by whomever if all were.
+
+    Who was asked with all others answers in its own name.
+    """
+
+    def about(place: int) -> tuple[object, ...]:
+        one = case.findings[place]
+        asked = place_of(one.variable)
+        return one.node, asked.port, asked.parameter, None if is_for_all else asked.partner
+
+    sought = {about(place) for place in _distinct(case, own)}
     return [
-        place for place, one in enumerate(case.findings)
-        if one.kind is SDO_UNEXPECTED_REPLY and (one.node, one.variable) in about
+        place for place, one in enumerate(case.findings) if one.kind is SDO_UNEXPECTED_REPLY and about(place) in sought
     ]  # fmt: skip
 
 

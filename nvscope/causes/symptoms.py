@@ -233,22 +233,19 @@ def _of_steps(facts: Facts, places: _Places, evidence: Evidence) -> Iterator[Sym
 
 
 def _of_parameters(facts: Facts, findings: Sequence[Finding], evidence: Evidence) -> Iterator[Symptoms]:
-    """Yield what went wrong with requests of the Parameter Manager; of those to everybody, nobody is the peer."""
+    """Yield what went wrong with requests of the Parameter Manager; who is no node is told by its address alone."""
     columns = evidence.columns[PARAMETERS]
     table, kinds = columns.table(), columns.kinds
     known = facts.state.parameters.known
     if not len(table.frame) or known is None:
         return
-    ports = known.pairs.words[-1]
     places = {(one.code, one.node, one.variable): number for number, one in enumerate(findings) if one.variable}
-    for (number, node, peer, detail, pair), row in rows_by(
-        (table.kind, table.node, table.peer, table.detail, table.pair)
-    ):  # fmt: skip
+    for (number, node, detail, pair), row in rows_by((table.kind, table.node, table.detail, table.pair)):
         kind = _OF_PARAMETERS.get(kinds[number])
-        if kind is None or node < 0 or peer < 0:
+        if kind is None:
             continue
-        variable = variable_name(facts.address(peer), int(ports[pair]), parameter_name(detail))
-        finding = places.get((kind.code, node, variable))
+        variable = variable_name(*known.writes.ends(pair)[1:], parameter_name(detail))
+        finding = places.get((kind.code, node if node >= 0 else None, variable))
         if finding is not None:
             own = _where(table, row)
             yield Symptoms(

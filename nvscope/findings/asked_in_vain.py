@@ -99,8 +99,7 @@ def _add_ports_of_parameters(facts: Facts, ports: dict[int, dict[int, Asked]]) -
     if known is None:
         return
     from dissectors import address
-    from nvscope.tracker.parameter.events import ParameterEvent
-    from nvscope.tracker.parameter.transactions import event_parts
+    from nvscope.tracker.parameter.events import ParameterEvent, event_parts
 
     columns, log = known.columns, known.events
     of_pair = known.pairs.words[4].tolist()

@@ -50,6 +50,7 @@ SDO_UNEXPECTED_REPLY = FindingKind(
     causes=(
         "the request is missing in the capture",
         "a reply that came after the timeout: the caller has given up, and may have asked again",
+        "a request that was sent again and answered each time, or a partner that answers twice",
         "two callers that use the same address",
     ),
     next_steps=(
@@ -74,7 +75,7 @@ def judge_parameters(facts: Facts) -> Iterator[Finding]:
     known = facts.state.parameters.known
     if known is None:
         return
-    from nvscope.tracker.parameter.transactions import event_parts
+    from nvscope.tracker.parameter.events import event_parts
 
     found: dict[tuple[int, Asked], list[tuple[int, Events]]] = defaultdict(list)
     for log in (known.events, *([known.overdue_events(facts.at_ns)] if facts.overdue else ())):
@@ -117,7 +118,9 @@ def _finding(
         )
     else:
         kind = SDO_UNEXPECTED_REPLY
-        message = f"{count_of(together.count, 'reply', 'replies')} of {partner} to {ends}: no such request was open."
+        late = sum(events.count for is_late, events in parts if is_late)
+        message = f"{count_of(together.count, 'reply', 'replies')} of {partner} to {ends}: no such request was open"
+        message += f"; {late} came after the timeout." if late else "."
     return Finding(
         kind, message, together.count, together.first_ns, together.last_ns, together.frames,
         node=nodes.get(asked.requester),

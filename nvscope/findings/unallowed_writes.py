@@ -15,6 +15,7 @@ from nvscope.units import count, count_of
 if TYPE_CHECKING:
     from nvscope.definition.project_security import Security
     from nvscope.findings.facts import Facts
+    from nvscope.tracker.parameter.writes import Writes
 
 WRITE_NOT_ALLOWED = FindingKind(
     "NV962",
@@ -46,12 +47,17 @@ _HINT_OF_PAGES = "See the WebVisu writes in `nvscope report -v`: what was writte
 
 
 class _Written:
-    """What a host wrote at a partner that it should not have, or not then; names of it in their order."""
+    """What a host wrote at a partner that it should not have, or not then; names of it in their order.
+
+    ``unseen`` are those of which nothing but the reply was captured, ``refused`` those that the partner has refused, as
+    far as that is known.
+    """
 
     def __init__(self) -> None:
         self.events: Events | None = None
         self.names: dict[str, None] = {}
         self.is_stranger = False
+        self.unseen = self.refused = 0
         self.first_outside_ns: int | None = None
 
     def add(self, name: str, events: Events, *, is_stranger: bool) -> None:
@@ -114,7 +120,9 @@ def _parameters(facts: Facts, allowed: _Allowed) -> tuple[_Found, bool]:
         if is_stranger or not allowed.lets_write_in(write.time_ns // _MINUTE_NS):
             events = Events(1, write.time_ns, write.time_ns, (write.frame,))
             name = _parameter(facts, write.partner, write.index, write.subindex)
-            found[write.requester, write.partner].add(name, events, is_stranger=is_stranger)
+            written = found[write.requester, write.partner]
+            written.add(name, events, is_stranger=is_stranger)
+            written.refused += write.error is not None
     known = facts.state.parameters.known
     if known is None:
         return found, False
@@ -125,7 +133,31 @@ def _parameters(facts: Facts, allowed: _Allowed) -> tuple[_Found, bool]:
         is_stranger = not allowed.lets_write(requester)
         if is_stranger or not allowed.lets_write_in(minute):
             found[requester, partner].add("", events_of(further.rows, row), is_stranger=is_stranger)
+    _add_unseen(facts, allowed, known.writes, found)
     return found, known.writes.further_left_out > 0
+
+
+def _add_unseen(facts: Facts, allowed: _Allowed, writes: Writes, found: _Found) -> None:
+    """Add writes of which nothing but the reply was captured, as at a mirror port of one direction.
+
+    Not those of parameters that the host asked for in a request that was captured: a controller that answers with
+    another Counter confirms that one.
+    """
+    asked = {(one.requester, one.partner, one.index << 16 | one.subindex) for one in facts.summary.parameter_writes}
+    beyond = {writes.ends(pair)[:2] for pair in writes.further.keys.high.tolist()}
+    pairs, parameters, minutes = writes.unseen.keys.words
+    words = pairs.tolist(), parameters.tolist(), minutes.view("int64").tolist()
+    for row, (pair, parameter, minute) in enumerate(zip(*words, strict=True)):
+        requester, partner, _ = writes.ends(pair)
+        if (requester, partner, parameter) in asked or (requester, partner) in beyond:
+            continue
+        is_stranger = not allowed.lets_write(requester)
+        # When it was asked for is not known: it may have been in the minute before.
+        if is_stranger or not (allowed.lets_write_in(minute) or allowed.lets_write_in(minute - 1)):
+            name = _parameter(facts, partner, parameter >> 16, parameter & 0xFFFF)
+            written, events = found[requester, partner], events_of(writes.unseen.rows, row)
+            written.add(name, events, is_stranger=is_stranger)
+            written.unseen += events.count
 
 
 def _parameter(facts: Facts, partner: str, index: int, subindex: int) -> str:
@@ -174,7 +206,8 @@ def _finding(
     how = "by SDO" if is_sdo else "by WebVisu"
     number = f"{'at least ' if at_least else ''}{count_of(events.count, 'time')}"
     names = f" ({first_few([*written.names])})" if written.names else ""
-    message = f"{writer} wrote {number} to {partner} {how}{names}: "
+    verb = "tried to write" if written.refused == events.count else "wrote"
+    message = f"{writer} {verb} {number} to {partner} {how}{names}: "
     if written.is_stranger:
         assert security.writers is not None
         allowed = ", ".join(str(one).removesuffix("/32").removesuffix("/128") for one in security.writers)
@@ -184,6 +217,12 @@ def _finding(
         hours = ", ".join(one.text for one in security.hours)
         first = units.absolute_time(written.first_outside_ns, utc=False, digits=0)
         message += f"outside the hours {hours}, first at {first} local time."
+    if written.refused:
+        which = "All of it was" if written.refused == events.count else count_of(written.refused, "was", "were")
+        message += f" {which} refused."
+    if written.unseen:
+        whose = "them" if written.unseen == events.count else f"{count(written.unseen)} of them"
+        message += f" Of {whose}, nothing but the reply was captured."
     return Finding(
         WRITE_NOT_ALLOWED, message, events.count, events.first_ns, events.last_ns, events.frames,
         node=facts.node_numbers.get(writer), variable=variable, hint="" if is_sdo else _HINT_OF_PAGES,
@@ -195,6 +234,8 @@ def _together(several: Iterable[_Written]) -> _Written:
     found = _Written()
     for one in several:
         found.is_stranger = one.is_stranger
+        found.unseen += one.unseen
+        found.refused += one.refused
         found.names |= one.names
         times = [time_ns for time_ns in (found.first_outside_ns, one.first_outside_ns) if time_ns is not None]
         found.first_outside_ns = min(times, default=None)

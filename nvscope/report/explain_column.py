@@ -45,6 +45,7 @@ MEANINGS = MappingProxyType(
         "unanswered": "requests without a reply in time, of WebVisu none before its connection ended or was given up",
         "came back": "requests of which ICMP tells that they were not delivered",
         "repeated": "requests that were sent again while the same one was open",
+        "copies": "requests and replies that the capture has once more, as of a mirror port; they count nowhere else",
         "unexpected": "replies that no open request waits for: late, second, or never asked for",
         "busy": "requests that were answered by ODStateBusy",
         "refused": "requests that were refused; of the Parameter Manager, by which service",

@@ -224,6 +224,11 @@ def _next_of_silence(exchange: Mapping[str, Any]) -> str:
 
     if exchange["ignored"]["other_node"]:
         return "another node answered: perhaps the controller has several addresses, name that one"
+    if exchange["ignored"]["other_request"]:
+        return (
+            "it answers, and not to this request: --timeout waits longer, as late answers to earlier ones do so; a "
+            "controller that does not repeat the Counter of a request does so, too"
+        )
     return "check " + _lower(PARAMETERS_UNANSWERED.next_step).removesuffix(".") + "; --timeout waits longer"
 
 

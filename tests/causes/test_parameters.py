@@ -66,11 +66,67 @@ def test_requests_that_come_back_are_told_as_such(tmp_path: Path) -> None:
     assert cause.next.startswith("What the ICMP messages say")
 
 
+@pytest.mark.parametrize("identification", [0, 77])
+def test_what_came_back_and_was_captured_twice_came_back_once(identification: int, tmp_path: Path) -> None:
+    frames = []
+    for number in range(5):
+        payload = telegram(1, 0x2000, 1, counter=number, data=b"")
+        own = identification and identification + number
+        sent = internet_packet(
+            ip_address(ASKING), ip_address(ASKED), PROTOCOL_UDP, udp(payload), identification=own
+        )  # fmt: skip
+        told = link_frame(unreachable(ip_address(ASKED), sent[:48]))
+        for after in (0, 30 * MILLISECOND if identification else 20_000):
+            at_ns = number * 1000 * MILLISECOND + after
+            frames += [whole(at_ns, ETHERNET, link_frame(sent)), whole(at_ns + MILLISECOND, ETHERNET, told)]
+    frames.append(asked(rejected=0)[-1])
+    cause = cause_of(sorted(frames, key=lambda one: one.ts_ns), tmp_path)
+    assert cause.title.startswith(f"Node {ASKED} did not answer 5 requests")
+    assert "5 requests came back: ICMP destination unreachable" in cause.checked
+
+
 def test_without_such_messages_nothing_is_said_of_them(tmp_path: Path) -> None:
-    cause = cause_of(asked(rejected=0), tmp_path)
+    there = data_frame(10 * MILLISECOND, ASKED, "255.255.255.255", telegram(0, 2))
+    first, *others = asked(rejected=0)
+    cause = cause_of([first, there, *others], tmp_path)
     assert cause.kind.name == "parameters-unanswered"
     assert cause.next == cause.kind.next_step
     assert not any("ICMP" in line for line in cause.checked)
+
+
+def test_of_whom_nothing_is_captured_nobody_knows_whether_it_answers(tmp_path: Path) -> None:
+    """As at a mirror port of one direction: a node that is off is not even asked, since ARP does not find it."""
+    cause = cause_of(asked(rejected=0), tmp_path)
+    assert cause.next.startswith(
+        f"Whether this capture sees what {ASKED} sends: a mirror port of one direction shows no"
+    )
+    assert cause.checked == ("it answered none", "nothing that it sends is in this capture")
+
+
+@pytest.mark.parametrize(
+    ("after_ms", "counter", "told", "step"),
+    [
+        (700, 0, "5 replies came after the timeout, the slowest after 700.0 ms", "Its task cycle, "),
+        (5, 500, "5 replies came with a Counter of which no request was open", "The Counter in its replies "),
+        (700, 500, "5 replies came with a Counter of which no request was open", "The Counter in its replies "),
+    ],
+)
+def test_replies_that_come_too_late_are_not_those_of_another_counter(
+    after_ms: int, counter: int, told: str, step: str, tmp_path: Path
+) -> None:
+    frames = []
+    for number in range(5):
+        frames += [served(1, number * 1000, number, 1202), served(2, number * 1000 + after_ms, number + counter, 1202)]
+    cause = cause_of([*frames, data_frame(6000 * MILLISECOND, ASKING, "255.255.255.255", telegram(0, 1))], tmp_path)
+    assert told in cause.checked
+    assert cause.next.startswith(step)
+
+
+def test_a_request_that_was_answered_later_is_not_given_up_any_more(tmp_path: Path) -> None:
+    """Programs without a Counter ask again with the same one: what comes behind its answer is no late one."""
+    frames = [served(1, 0, 7, 1202), served(1, 1000, 7, 1202), served(2, 1005, 7, 1202), served(2, 1300, 7, 1202)]
+    cause = cause_of([*frames, data_frame(6000 * MILLISECOND, ASKING, "255.255.255.255", telegram(0, 1))], tmp_path)
+    assert "1 reply came with a Counter of which no request was open" in cause.checked
 
 
 def test_where_nothing_was_answered_those_that_still_wait_are_not_counted(tmp_path: Path) -> None:
@@ -86,6 +142,17 @@ def test_requests_to_everybody_are_no_silent_nodes(partner: str, tmp_path: Path)
     request = data_frame(0, ASKING, partner, telegram(1, 0x2000, 1, data=b""))
     cause = cause_of([request, asked(rejected=0)[-1]], tmp_path)
     assert cause.title.startswith(f"Nobody answered 1 request of {ASKING} for 0x2000:1 to {partner}")
+
+
+def test_who_answers_a_request_to_everybody_is_told_with_it(tmp_path: Path) -> None:
+    frames = []
+    for number in range(5):
+        asking = telegram(1, 0x2000, 1, counter=number, data=b"")
+        frames.append(data_frame(number * 1000 * MILLISECOND, ASKING, "10.0.0.255", asking))
+        frames.append(served(2, number * 1000 + 5, number, 1202))
+    cause = cause_of([*frames, asked(rejected=0)[-1]], tmp_path)
+    assert cause.title.startswith(f"5 requests of {ASKING} for 0x2000:1 went to everybody, 10.0.0.255,")
+    assert cause.checked[-1] == f"5 replies came, of {ASKED}"
 
 
 def test_copies_of_replies_are_the_fault_of_a_mirror_that_shows_all_twice(tmp_path: Path) -> None:

@@ -103,7 +103,12 @@ def test_busy_is_told_and_passes(controller: Served) -> None:
         ("0x2005 0 --timeout 20s", 1, "0x2005:0 is not read: ODErrorReplyAccess"),
         ("0x2001 0 --timeout 20s", 1, "0x2001:0 is not read: ODErrorReplyItems"),
         ("0x2006 0 --timeout 20ms", 3, "0x2006:0: no answer\n  check whether its program runs"),
-        ("0x2009 0 --timeout 1s", 3, "no answer; what came was no answer: 1 with another Index, SubIndex or Counter\n"),
+        (
+            "0x2009 0 --timeout 1s",
+            3,
+            "no answer; what came was no answer: 1 with another Index, SubIndex or Counter\n"
+            "  it answers, and not to this request: ",
+        ),
         (
             "0x2000 1 --type UINT --timeout 20s",
             3,

@@ -16,7 +16,7 @@ from tests.laws import some
 from tests.oracle.builders import data_frame, telegram
 from tests.oracle.frame import Frame
 from tests.oracle.parameter_traffic import conversations
-from tests.oracle.rules.parameter import READ, WRITE, WRITE_REPLY, observed
+from tests.oracle.rules.parameter import READ, READ_REPLY, WRITE, WRITE_REPLY, observed
 from tests.oracle.rules.visu import Visu
 from tests.oracle.tcp_line import Line
 from tests.oracle.visu_traffic import visu_traffic
@@ -31,7 +31,8 @@ PANEL, PRESS, OTHER = "10.0.0.1", "10.0.0.2", "10.0.0.3"
 def sdo(ts_ns: int, writer: str, index: int = 0x2000, service: int = WRITE, counter: int = 1) -> list[Frame]:
     data = b"\1\0" if service == WRITE else b""
     asked = data_frame(ts_ns, writer, PRESS, telegram(service, index, counter=counter, data=data))
-    return [asked, data_frame(ts_ns + 10**6, PRESS, writer, telegram(WRITE_REPLY, index, counter=counter, data=b""))]
+    reply = telegram(WRITE_REPLY if service == WRITE else READ_REPLY, index, counter=counter, data=b"")
+    return [asked, data_frame(ts_ns + 10**6, PRESS, writer, reply)]
 
 
 def visu(ts_ns: int, client: str, body: str = "|1|1|0|4|0|4|6|1.5|", answer: str = "|0|") -> list[Frame]:
@@ -126,6 +127,44 @@ def test_reads_are_no_writes_and_a_refused_write_is_one(tmp_path: Path) -> None:
     assert finding.message.endswith("the project lets nobody write.")
 
 
+def test_a_write_is_told_of_which_nothing_but_the_reply_was_captured(tmp_path: Path) -> None:
+    """As at a mirror port of one direction: who is told that it has written has asked for it."""
+    replies = [one for at in range(3) for one in sdo(MORNING + at * 10**9, OTHER, counter=at)[1:]]
+    (finding,) = found_in(replies, tmp_path, f'[security]\nwriters = "{PANEL}"')
+    assert finding.message == (
+        f"{OTHER} wrote 3 times to {PRESS} by SDO (0x2000:0): the project lets only {PANEL} write. "
+        "Of them, nothing but the reply was captured."
+    )
+    assert (finding.count, finding.frames) == (3, (1, 2, 3))
+    assert not told_in(replies, tmp_path, f'[security]\nwriters = "{OTHER}"')
+    # A minute before, it was allowed, and the request may have been sent then.
+    assert not told_in(replies, tmp_path, '[security]\nhours = "05:00-05:30"')
+    assert told_in(replies, tmp_path, '[security]\nhours = "05:00-05:29"')
+    both = replies + sdo(MORNING + 5 * 10**9, OTHER, 0x2001, counter=9)
+    (finding,) = found_in(both, tmp_path, f'[security]\nwriters = "{PANEL}"')
+    assert finding.message.endswith(" Of 3 of them, nothing but the reply was captured.")
+    assert finding.count == 4
+
+
+def test_who_was_refused_has_not_written(tmp_path: Path) -> None:
+    frames = []
+    for at in range(3):
+        asked, _ = sdo(MORNING + at * 10**9, OTHER, counter=at)
+        refused = telegram(22, 0x2000, counter=at, data=b"")
+        frames += [asked, data_frame(asked.ts_ns + 10**6, PRESS, OTHER, refused)]
+    (finding,) = found_in(frames, tmp_path, f'[security]\nwriters = "{PANEL}"')
+    told = f"times to {PRESS} by SDO (0x2000:0): the project lets only {PANEL} write."
+    assert finding.message == f"{OTHER} tried to write 3 {told} All of it was refused."
+    (finding,) = found_in(frames + sdo(MORNING + 9 * 10**9, OTHER), tmp_path, f'[security]\nwriters = "{PANEL}"')
+    assert finding.message == f"{OTHER} wrote 4 {told} 3 were refused."
+
+
+def test_a_controller_that_answers_with_another_counter_confirms_what_was_asked(tmp_path: Path) -> None:
+    frames = [sdo(MORNING, OTHER, counter=5)[0], sdo(MORNING, OTHER, counter=0)[1]]
+    (finding,) = found_in(frames, tmp_path, f'[security]\nwriters = "{PANEL}"')
+    assert (finding.count, finding.frames) == (1, (1,))
+
+
 def test_a_write_that_nobody_may_is_a_cause_of_its_own(tmp_path: Path) -> None:
     found = analysed(writes(), tmp_path, f'[security]\nwriters = "{PANEL}"')
     assert found.happened is not None
@@ -141,12 +180,20 @@ def test_parameters_that_were_written_are_those_of_the_rules(seed: int, tmp_path
     moved = [one._replace(ts_ns=one.ts_ns - base + MORNING + 50 * 10**9) for one in frames]
     project = '[security]\nwriters = ["10.0.0.1", "192.168.0.0/16"]\nhours = "00:00-05:31"\n'
     expected: dict[tuple[str, str], int] = defaultdict(int)
-    for write in observed(sorted(moved, key=lambda one: one.ts_ns)).writes:
-        own = ip_address(write.requester)
+    known = observed(sorted(moved, key=lambda one: one.ts_ns))
+    asked = {(one.requester, one.partner, one.index, one.subindex) for one in known.writes}
+    seen = [(one.requester, one.partner, one.time) for one in known.writes] + [
+        # When that was asked for is not known: perhaps in the minute before.
+        (str(requester), str(partner), time - 60 * 10**9)
+        for ((requester, partner, _), index, subindex, _), time in known.unseen
+        if (str(requester), str(partner), index, subindex) not in asked
+    ]
+    for writer, partner, time in seen:
+        own = ip_address(writer)
         stranger = str(own) != "10.0.0.1" and not (own.version == 4 and own in ip_network("192.168.0.0/16"))
-        local = datetime.fromtimestamp(write.time // 10**9)
+        local = datetime.fromtimestamp(time // 10**9)
         if stranger or (local.hour, local.minute) >= (5, 31):
-            expected[str(own), f"sdo/{write.partner}"] += 1
+            expected[writer, f"sdo/{partner}"] += 1
     analysis = analysed(moved, tmp_path, project)
     addresses = analysis.summary.addresses
     found = {

@@ -66,19 +66,28 @@ def internet_packet(
     extensions: Sequence[int] = (),
     fragment: tuple[int, bool] | None = None,
     total_length: int | None = None,
+    identification: int = 0,
 ) -> bytes:
     """Wrap a transport segment in IPv4 or IPv6.
 
     ``options`` (multiples of 4 bytes) are IPv4's, ``extensions`` the numbers of IPv6 extension headers. ``fragment``
     is (offset in 8 bytes, more); in IPv6 it adds a fragment header, (0, False) an atomic one. ``total_length``
-    replaces the length field.
+    replaces the length field. ``identification`` is IPv4's; without one, as many send it, a packet is told by nothing.
     """
     offset, more = fragment or (0, False)
     if source.version == 4:
         length = 20 + len(options) + len(content) if total_length is None else total_length
         header = bytearray(
             struct.pack(
-                ">BBHHHBBH", 0x45 + len(options) // 4, 0, length & 0xFFFF, 7, more << 13 | offset, 64, protocol, 0
+                ">BBHHHBBH",
+                0x45 + len(options) // 4,
+                0,
+                length & 0xFFFF,
+                7 if fragment else identification,
+                more << 13 | offset,
+                64,
+                protocol,
+                0,
             )
             + source.packed
             + destination.packed
@@ -174,11 +183,14 @@ def link_frame(
 
 def data_frame(
     ts_ns: int, source: str, destination: str, payload: bytes, *, port: int = 1202, link: int = ETHERNET,
-    source_port: int = 1202,
+    source_port: int = 1202, identification: int = 0,
 ) -> Frame:  # fmt: skip
     """Return a plain frame with a telegram, its link layer as the destination suggests."""
     to = ip_address(destination)
-    packet = internet_packet(ip_address(source), to, PROTOCOL_UDP, udp(payload, source_port=source_port, port=port))
+    packet = internet_packet(
+        ip_address(source), to, PROTOCOL_UDP, udp(payload, source_port=source_port, port=port),
+        identification=identification,
+    )  # fmt: skip
     group = to.is_multicast or to.packed[-1] == 255
     return whole(ts_ns, link, link_frame(packet, link, broadcast=group))
 

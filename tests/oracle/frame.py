@@ -46,6 +46,7 @@ class Datagram:
     payload: bytes
     broadcast: bool
     source_port: int = field(default=0, compare=False)
+    identification: int = field(default=0, compare=False)
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,10 @@ class LinkHeader(NamedTuple):
 
 
 class InternetHeader(NamedTuple):
-    """What the IP layer says: where its transport starts and ends among the captured bytes."""
+    """What the IP layer says: where its transport starts and ends among the captured bytes.
+
+    ``identification`` is that of a header of IPv4 without options; 0 where it says nothing.
+    """
 
     version: int
     source: Address
@@ -77,6 +81,7 @@ class InternetHeader(NamedTuple):
     protocol: int
     start: int
     end: int
+    identification: int = 0
 
 
 @lru_cache
@@ -168,7 +173,8 @@ def ipv4_header(data: bytes, start: int, end: int) -> InternetHeader | None:
         return None
     source = ipv4_address(data[start + 12 : start + 16])
     destination = ipv4_address(data[start + 16 : start + 20])
-    return InternetHeader(4, source, destination, data[start + 9], start + header_bytes, end)
+    identification = number(data, start + 4, 2) if header_bytes == 20 else 0
+    return InternetHeader(4, source, destination, data[start + 9], start + header_bytes, end, identification)
 
 
 def ipv6_header(data: bytes, start: int, end: int) -> InternetHeader | None:
@@ -205,7 +211,9 @@ def datagram(data: bytes, header: InternetHeader, link_broadcast: bool | None) -
     payload = data[at + 8 : min(header.end, at + udp_length)]
     broadcast = is_broadcast(header.destination, link_broadcast)
     port, source_port = number(data, at + 2, 2), number(data, at, 2)
-    return Datagram(header.source, header.destination, port, udp_length - 8, payload, broadcast, source_port)
+    return Datagram(
+        header.source, header.destination, port, udp_length - 8, payload, broadcast, source_port, header.identification
+    )  # fmt: skip
 
 
 def is_broadcast(destination: Address, link_broadcast: bool | None) -> bool:

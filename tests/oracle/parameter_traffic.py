@@ -30,7 +30,28 @@ def conversations(seed: int, requests: int = 60) -> list[Frame]:
     rng, values, ports = random.Random(seed), random.Random(~seed), random.Random(seed + (1 << 32))
     wild = rng.random()
     found: list[Frame] = []
-    at, counter = 0, 0
+    at, counter, copies = 0, 0, random.Random(seed + (2 << 32))
+    # Programs that say which packet is which, that never do, and that give all the same number.
+    numbers = {node: copies.choice((0, 1, 1, 1, None)) for node in NODES}
+    number = 0
+
+    def packet(at: int, source: str, destination: str, payload: bytes, port: int, source_port: int) -> None:
+        nonlocal number
+        own = numbers.get(source)
+        number += 1 if own else 0
+        frame = data_frame(
+            at, source, destination, payload, port=port, source_port=source_port,
+            identification=9 if own is None else own and number % 65_535 + 1,
+        )  # fmt: skip
+        found.extend(twice(frame))
+
+    def twice(frame: Frame) -> list[Frame]:
+        frames = [frame]
+        while copies.random() < wild / 6:
+            after = copies.choice((0, 20_000, 500_000, 500_001, *(MILLISECOND * one for one in (30, 99, 100, 101))))
+            frames.append(frames[-1]._replace(ts_ns=frames[-1].ts_ns + after))
+        return frames
+
     for _ in range(requests):
         at += rng.choice((0, 1, 5, 100, 300, 700)) * MILLISECOND
         counter = (counter + 1) % 65536 if rng.random() > wild / 2 else rng.randrange(3)
@@ -50,18 +71,15 @@ def conversations(seed: int, requests: int = 60) -> list[Frame]:
             )  # fmt: skip
             source_port = rng.choice((port, port, 50_000 + counter % 1000))
             source_port = ports.choice((source_port, source_port, source_port, 1202, 1203))
-            found.append(
-                data_frame(
-                    at + again * 100 * MILLISECOND, requester, partner, payload, port=port, source_port=source_port
-                )
-            )
+            packet(at + again * 100 * MILLISECOND, requester, partner, payload, port, source_port)
         if rng.random() < wild / 8:
             by = rng.choice((partner, "fe80::9" if ":" in partner else "10.0.0.9"))
             quoted = internet_packet(
-                *map(ip_address, (requester, partner)), PROTOCOL_UDP, udp(payload, source_port=source_port, port=port)
-            )
+                *map(ip_address, (requester, partner)), PROTOCOL_UDP, udp(payload, source_port=source_port, port=port),
+                identification=copies.choice((0, 9, number + 1)),
+            )  # fmt: skip
             told = unreachable(ip_address(by), quoted[: rng.choice((36, 38, 60, 200))], rng.choice((0, 1, 3, 4)))
-            found.append(whole(at + MILLISECOND, ETHERNET, link_frame(told)))
+            found += twice(whole(at + MILLISECOND, ETHERNET, link_frame(told)))
         for _ in range(rng.choice((1, 1, 1, 0, 2)) if rng.random() < wild else 1):
             kind = READ_REPLY if service == READ else WRITE_REPLY
             if rng.random() < wild / 3:
@@ -71,9 +89,7 @@ def conversations(seed: int, requests: int = 60) -> list[Frame]:
                              data=_value(values) if kind == READ_REPLY else b"")  # fmt: skip
             to_port = rng.choice((port, port, source_port))
             from_port = ports.choice((port, port, port, 40_000 + counter % 7, 1202, 1203))
-            found.append(
-                data_frame(at + took * MILLISECOND, partner, requester, reply, port=to_port, source_port=from_port)
-            )
+            packet(at + took * MILLISECOND, partner, requester, reply, to_port, from_port)
     return sorted(found, key=lambda frame: frame.ts_ns)
 
 

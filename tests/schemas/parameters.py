@@ -29,6 +29,7 @@ def sdo() -> Schema:
             "retransmissions": whole("requests that were there already, and open"),
             "unexpected": whole("replies that ended no request: too late, again, or never asked for"),
             "undeliverable": whole("requests that came back: ICMP destination unreachable"),
+            "copies": whole("requests and replies that the capture has once more: they count nowhere else"),
             "latency_ns": record(latency) | {"description": "from the first request to its reply"},
         }
     )  # fmt: skip

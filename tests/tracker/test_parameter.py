@@ -116,7 +116,8 @@ def test_the_traffic_shows_everything() -> None:
             seen.update([write.outcome, "new cut" if len(write.new.data) < write.new.size else "new"])
             seen.update(["no old" if write.old is None else "old cut" if write.old.size > VALUE_BYTES else "old"])
     assert min(seen[outcome] for outcome in (*Outcome, "new", "new cut", "old", "old cut", "no old")) > 20
-    wanted = ("requests", "replies", "busy", "timeouts", "retransmissions", "unexpected", "undeliverable", *CODES)
+    rows = "requests", "replies", "busy", "timeouts", "retransmissions", "unexpected", "undeliverable", "copies"
+    wanted = (*rows, *CODES)
     assert min(seen[name] for name in wanted) > 20
     assert sum(name.startswith("OD") for name in seen) == 9
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from dissectors.batch import I64, U64, Bool
+from dissectors.batch import I64, U8, U64, Bool
 from dissectors.keys import KeyTable, first_rows_from
 from dissectors.netvar import PORT
 
 _UNASKED, _BEFORE = -1, -1
+_UDP_BYTES = 8
 
 
 class AskedPorts:
@@ -70,3 +71,9 @@ class AskedPorts:
         last = order[np.maximum(place, 0)]
         is_here = (place >= 0) & (ends >= 0) & (asked[last] == ends)
         return np.where(is_here, destination[request[last]], latest)
+
+
+def source_ports(data: U8, at: I64) -> I64:
+    """Return the ports that datagrams come from; ``at`` is where their payloads begin."""
+    ports = at - _UDP_BYTES
+    return data[ports].astype(np.int64) << 8 | data[ports + 1].astype(np.int64)

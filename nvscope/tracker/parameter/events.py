@@ -9,15 +9,21 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import NamedTuple
 
+import numpy as np
+
+from dissectors.batch import I64, U64
 from dissectors.netvar import PORT
 from nvscope import units
+
+_KIND_BITS = 16
 
 
 class ParameterEvent(IntEnum):
     """What is told of transactions, in frames of replies but for timeouts, which are told of the first request.
 
     ``WRITE_ASKED`` is a request to write, told of its first frame; ``WRITE_UNSEEN`` is a reply to one that was not
-    captured, which is told as unexpected, too. ``since_ns`` is when the request came first. The amount is the service
+    captured, which is told as unexpected, too. ``since_ns`` is when the request came first; of a reply that ends none,
+    too, if that was given up before, else when the reply came. The amount is the service
     of the reply; of what has none, that of the request. No other enumeration of events has the same numbers: who
     listens for kinds compares numbers.
     """
@@ -68,3 +74,15 @@ USUAL = (
     ParameterEvent.REPLIED, ParameterEvent.BUSY, ParameterEvent.WRITE_ASKED, ParameterEvent.WRITE_UNSEEN
 )  # fmt: skip
 """The events that are no finding."""
+
+
+def event_word(event: ParameterEvent, apart: I64) -> U64:
+    """Return by what events are told apart: their kind, of error replies which one, of unexpected ones if too late."""
+    told_apart = ParameterEvent.ERROR_REPLY, ParameterEvent.UNEXPECTED_REPLY
+    own = apart if event in told_apart else np.zeros(len(apart), np.int64)
+    return (own << _KIND_BITS | int(event)).view(np.uint64)
+
+
+def event_parts(word: int) -> tuple[int, int]:
+    """Return the kind of events, and what tells some of them apart, from ``event_word``."""
+    return word & ((1 << _KIND_BITS) - 1), word >> _KIND_BITS

@@ -19,7 +19,8 @@ class PairSummary(Struct, frozen=True):
 
     ``requests`` are those that were opened, without those that repeat one; ``replies`` ended them, ``errors`` are those
     among these that refused, by the name of their service. ``undeliverable`` are the ICMP messages that say of requests
-    that they went nowhere. ``latency`` is from the first request to its reply.
+    that they went nowhere, ``copies`` requests and replies that the capture has once more: they count nowhere else.
+    ``latency`` is from the first request to its reply.
     """
 
     requester: str
@@ -33,6 +34,7 @@ class PairSummary(Struct, frozen=True):
     retransmissions: int
     unexpected: int
     undeliverable: int
+    copies: int
     latency: LatencyFigures = field(default_factory=LatencyFigures)
 
 
@@ -51,7 +53,8 @@ def summarize_parameters(known: Transactions) -> Sequence[PairSummary]:
             address.text(*ends[0]), address.text(*ends[1]), int(port[pair]), int(columns.requests[pair]),
             int(columns.replies[pair]), MappingProxyType({service.name: count for service, count in errors if count}),
             int(columns.busy[pair]), int(columns.timeouts[pair]), int(columns.retransmissions[pair]),
-            int(columns.unexpected[pair]), int(columns.undeliverable[pair]), figures.get(pair, LatencyFigures()),
+            int(columns.unexpected[pair]), int(columns.undeliverable[pair]), int(columns.copies[pair]),
+            figures.get(pair, LatencyFigures()),
         )  # fmt: skip
         found.append((address.order(*ends[0]), address.order(*ends[1]), int(port[pair]), row))
     return tuple(row for *_, row in sorted(found, key=lambda one: one[:3]))

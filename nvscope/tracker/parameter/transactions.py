@@ -24,8 +24,10 @@ from nvscope.engine.told import Told
 from nvscope.engine.watch import Unheard
 from nvscope.tracker.events import EventLog, LeftOutLog
 from nvscope.tracker.latency import Latencies
-from nvscope.tracker.parameter.asked_ports import AskedPorts
-from nvscope.tracker.parameter.events import USUAL, ParameterEvent, parameter_name
+from nvscope.tracker.parameter.asked_ports import AskedPorts, source_ports
+from nvscope.tracker.parameter.copies import Copies
+from nvscope.tracker.parameter.events import USUAL, ParameterEvent, event_word, parameter_name
+from nvscope.tracker.parameter.given_up import GivenUp
 from nvscope.tracker.parameter.matching import (
     NO_MESSAGES,
     NOTHING_OPEN,
@@ -46,8 +48,6 @@ MOST_OPEN = 1 << 16
 
 _NEVER_NS = int(np.iinfo(np.int64).min)
 _FIRST_ERROR, _LAST_ERROR = int(PARAMETER_ERRORS[0]), int(PARAMETER_ERRORS[-1])
-_UDP_PORTS_BYTES = 8
-_KIND_BITS = 16
 
 
 class Beyond(IntEnum):
@@ -67,7 +67,7 @@ class Beyond(IntEnum):
 class PairColumns(KeyedColumns):
     """One row a requester, partner and port: what became of its requests, ``errors`` as in ``PARAMETER_ERRORS``.
 
-    ``undeliverable`` are the ICMP messages about requests.
+    ``undeliverable`` are the ICMP messages about requests, ``copies`` the messages that the capture has once more.
     """
 
     requests: I64
@@ -77,12 +77,13 @@ class PairColumns(KeyedColumns):
     retransmissions: I64
     unexpected: I64
     undeliverable: I64
+    copies: I64
     errors: I64
     COLUMNS: ClassVar = {
-        **{
-            name: (np.int64(0), 1)
-            for name in ("requests", "replies", "busy", "timeouts", "retransmissions", "unexpected", "undeliverable")
-        },
+        **dict.fromkeys(
+            ("requests", "replies", "busy", "timeouts", "retransmissions", "unexpected", "undeliverable", "copies"),
+            (np.int64(0), 1),
+        ),
         "errors": (np.int64(0), len(PARAMETER_ERRORS)),
     }
 
@@ -142,8 +143,8 @@ class Transactions:
         self.writes = Writes(self.pairs)
         self.timeout_ns = PARAMETER_TIMEOUT_NS
         self._open = NOTHING_OPEN
-        self._ports = AskedPorts()
-        self._unseen = UnseenWrites()
+        self._ports, self._copies, self._quotes = AskedPorts(), Copies(), Copies()
+        self._unseen, self._given_up = UnseenWrites(), GivenUp()
         self._forgot_until_ns = _NEVER_NS
 
     def observe(self, told: Told) -> Became:
@@ -158,6 +159,7 @@ class Transactions:
             late = self._open.last_ns + self.timeout_ns < told.until_ns
             waits = self._sorted(self._open.take(late))
             self._give_up(told, waits)
+            self._given_up.since(waits, np.zeros(len(waits), np.int64), NO_MESSAGES, NO_MESSAGES)
             self.writes.give_up(waits, told.first_frame + len(told))
             self._open = self._open.take(~late)
             shown = np.append(became.shown, np.full(len(waits), len(told)))
@@ -218,10 +220,10 @@ class Transactions:
             self._tell(told, ParameterEvent.WRITE_ASKED, asked, asked.time_ns)
         closing = messages.take(found.closing)
         unexpected = messages.take(found.unexpected)
-        if told.is_heard:
-            confirms = unexpected.take(unexpected.service == Service.ODWriteRequestReply)
-            unseen = self._unseen.of(opened.take(opened.service == Service.ODWriteRequest), confirms)
-            self._tell(told, ParameterEvent.WRITE_UNSEEN, unseen, unseen.time_ns)
+        confirms = unexpected.take(unexpected.service == Service.ODWriteRequestReply)
+        unseen = self._unseen.of(opened.take(opened.service == Service.ODWriteRequest), confirms)
+        self.writes.note_unseen(unseen, told.first_frame)
+        self._tell(told, ParameterEvent.WRITE_UNSEEN, unseen, unseen.time_ns)
         answers = Answers(closing, found.closed, unexpected, found.expired, found.shown)
         untold = self.writes.observe(told, opened, answers)
         for what, left_out in zip((Beyond.WRITE, Beyond.VALUE), untold, strict=True):
@@ -243,10 +245,14 @@ class Transactions:
         back = _undeliverable(told)
         if not len(back):
             return
-        pair = self.pairs.numbers_within(told.max_streams, *_pair_words(back))
+        pair, datagram = self.pairs.numbers_within(told.max_streams, *_pair_words(back)), back.datagram
         self.columns.resize(len(self.pairs))
         self.latencies.columns.resize(len(self.pairs))
-        np.add.at(self.columns.undeliverable, pair[pair >= 0], 1)
+        # What is quoted is told by its identification, as if it came itself.
+        index, service = (back.header[name].astype(np.int64) for name in ("index", "id"))
+        time_ns = told.packets.ts_ns[datagram.row]
+        copies = self._quotes.of(told.packets.data, datagram.payload, datagram, index, service, time_ns)
+        np.add.at(self.columns.undeliverable, pair[(pair >= 0) & ~copies], 1)
 
     def _count_replies(self, told: Told, messages: Messages, found: Matched) -> None:
         columns, closing, closed = self.columns, messages.take(found.closing), found.closed
@@ -264,13 +270,14 @@ class Transactions:
         ):  # fmt: skip
             self._tell(told, event, closing.take(own), closed.since_ns[own])
         unexpected = messages.take(found.unexpected)
+        since_ns = self._given_up.since(found.expired, found.shown, closing, unexpected)
         unsure = unexpected.time_ns <= self._forgot_until_ns
         if unsure.any():
             own = unexpected.take(unsure)
             self._leave_out(Beyond.REPLY, own.time_ns, own.packet + told.first_frame)
-            unexpected = unexpected.take(~unsure)
+            unexpected, since_ns = unexpected.take(~unsure), since_ns[~unsure]
         np.add.at(columns.unexpected, unexpected.pair, 1)
-        self._tell(told, ParameterEvent.UNEXPECTED_REPLY, unexpected, unexpected.time_ns)
+        self._tell(told, ParameterEvent.UNEXPECTED_REPLY, unexpected, since_ns)
 
     def _tell(self, told: Told, event: ParameterEvent, messages: Messages, since_ns: I64) -> None:
         """Tell of some requests or replies, and log what is a finding."""
@@ -292,7 +299,8 @@ class Transactions:
             words = of.pair.view(np.uint64), parameter_of(of.word).view(np.uint64)
             number = self.parameters.numbers_within(told.max_streams, *words)
             known = number >= 0
-            words = event_word(event, of.service)[known], number[known].view(np.uint64)
+            apart = since_ns != time_ns if event is ParameterEvent.UNEXPECTED_REPLY else of.service
+            words = event_word(event, apart.astype(np.int64))[known], number[known].view(np.uint64)
             self.events.record(time_ns[known], frame[known], *words)
             self._leave_out(Beyond.PARAMETER, time_ns[~known], frame[~known])
         if told.is_heard:
@@ -315,7 +323,8 @@ class Transactions:
         datagram, header = telegrams.datagram.take(part), telegrams.header[part]
         service = header["id"].astype(np.int64)
         asks = np.isin(service, PARAMETER_REQUESTS)
-        source = _source_ports(told, told.packets.offset[packet] + datagram.payload - _UDP_PORTS_BYTES)
+        at = told.packets.offset[packet] + datagram.payload
+        source = source_ports(told.packets.data, at)
         ends = (
             (datagram.source_hi, datagram.destination_hi), (datagram.source_lo, datagram.destination_lo),
             (datagram.destination_hi, datagram.source_hi), (datagram.destination_lo, datagram.source_lo),
@@ -331,13 +340,14 @@ class Transactions:
         value[writes] = list(map(hash, values_in(told, packet[writes])))
         messages = Messages(packet, rows.time_ns[whole], pair, word, service, *ends_by_number, value)
         own = pair >= 0
+        copies = self._copies.of(told.packets.data, at, datagram, word, service, messages.time_ns)
         if not own.all():
             beyond = messages.take(~own)
             self._leave_out(Beyond.PAIR, beyond.time_ns, beyond.packet + told.first_frame)
-            messages = messages.take(own)
         self.columns.resize(len(self.pairs))
         self.latencies.columns.resize(len(self.pairs))
-        return messages
+        np.add.at(self.columns.copies, pair[own & copies], 1)
+        return messages.take(own & ~copies)
 
     def _pairs_of(self, told: Told, packet: I64, *words: U64) -> I64:
         """Return the numbers of pairs, those that are new in the order of the capture, also of requests that came back.
@@ -379,20 +389,3 @@ def _pair_words(back: TelegramBatch) -> tuple[U64, ...]:
     datagram = back.datagram
     ends = datagram.source_hi, datagram.source_lo, datagram.destination_hi, datagram.destination_lo
     return *ends, datagram.destination_port.astype(np.uint64)
-
-
-def event_word(event: ParameterEvent, service: I64) -> U64:
-    """Return by what events are told apart: their kind, and for error replies which one."""
-    own = service if event is ParameterEvent.ERROR_REPLY else np.zeros(len(service), np.int64)
-    return (own << _KIND_BITS | int(event)).view(np.uint64)
-
-
-def event_parts(word: int) -> tuple[int, int]:
-    """Return the kind of events, and of error replies their service, from ``event_word``."""
-    return word & ((1 << _KIND_BITS) - 1), word >> _KIND_BITS
-
-
-def _source_ports(told: Told, at: I64) -> I64:
-    """Return the ports that datagrams come from; ``at`` is where their UDP headers begin."""
-    high, low = told.packets.data[at].astype(np.int64), told.packets.data[at + 1].astype(np.int64)
-    return high << 8 | low

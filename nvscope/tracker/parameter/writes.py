@@ -13,6 +13,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from dissectors import address
+from dissectors.batch import U64
 from dissectors.keys import KeyTable
 from dissectors.netvar import Service
 from nvscope.engine.told import Told
@@ -74,11 +75,13 @@ class Writes:
 
     ``pairs`` are those of the transactions: requester, partner (the halves of their addresses) and port. ``further``
     are the writes behind those that are kept, by pair and minute since 1970; of ``further_left_out`` not even that is.
+    ``unseen`` are those of which nothing but the reply was captured, by pair, parameter and minute.
     """
 
     def __init__(self, pairs: KeyTable) -> None:
         self.kept: list[Write] = []
         self.further, self.further_left_out = EventLog(), 0
+        self.unseen = EventLog(3)
         self._pairs = pairs
         self._places: dict[int, int] = {}  # By the frames of those that are open.
         self._described: dict[int, tuple[str, str, int]] = {}
@@ -94,7 +97,7 @@ class Writes:
         has_room = np.arange(len(asked)) < room
         fresh, beyond = asked.take(has_room), asked.take(~has_room)
         if len(beyond):
-            self._note(beyond, told.first_frame)
+            self._note(self.further, beyond, told.first_frame)
         # Values that come behind the last write that is kept are those of nothing.
         stop = len(told) if len(fresh) < room else int(fresh.packet[-1]) if room else 0
         new = values_in(told, fresh.packet)
@@ -136,14 +139,19 @@ class Writes:
             if place is not None and not unsure:
                 self.kept[place] = replace(self.kept[place], outcome=Outcome.UNANSWERED)
 
-    def _note(self, beyond: Messages, first_frame: int) -> None:
-        """Take writes for which there is no room, as closely as hours of a day ask for it."""
-        words = beyond.pair.astype(np.uint64), (beyond.time_ns // MINUTE_NS).view(np.uint64)
-        has_room = self.further.keys.numbers_within(MOST_WRITES, *words) >= 0
+    def note_unseen(self, replies: Messages, first_frame: int) -> None:
+        """Take the replies to writes that nobody saw."""
+        if len(replies):
+            self._note(self.unseen, replies, first_frame, parameter_of(replies.word).view(np.uint64))
+
+    def _note(self, log: EventLog, some: Messages, first_frame: int, *words: U64) -> None:
+        """Take writes of which no more is kept than hours of a day ask for; ``words`` are further ones of their key."""
+        words = some.pair.astype(np.uint64), *words, (some.time_ns // MINUTE_NS).view(np.uint64)
+        has_room = log.keys.numbers_within(MOST_WRITES, *words) >= 0
         self.further_left_out += int(np.count_nonzero(~has_room))
-        frame = beyond.packet[has_room] + first_frame
-        self.further.record(beyond.time_ns[has_room], frame, *(word[has_room] for word in words))
-        self.further.settle()
+        frame = some.packet[has_room] + first_frame
+        log.record(some.time_ns[has_room], frame, *(word[has_room] for word in words))
+        log.settle()
 
     def _answer(self, told: Told, closing: Messages, closed: Open) -> None:
         """Take what replies say of writes that are kept."""

@@ -28,6 +28,7 @@ def sdo_rows(
             "retransmissions": one.retransmissions,
             "unexpected": one.unexpected,
             "undeliverable": one.undeliverable,
+            "copies": one.copies,
             "latency_ns": {
                 "count": one.latency.count,
                 "p50": one.latency.p50,

@@ -8,6 +8,8 @@ Readings, where the rules leave a choice:
   receiver asked its sender last; of one who never asked, it is 1202 where that is one of its two, else the lower one
 - latencies are those of replies; busy has none
 - findings are those of a port: `variable` names it where it is not 1202, as in `sdo/10.0.0.2:1203/0x2000:1`
+- a message whose packet the capture has once more (``copies``) counts as a copy, and is nothing else; who says that a
+  request is undeliverable says so once, of one packet
 - who says that a request is undeliverable need not be the partner; it stays open
 - a request to everybody is one to that address, which answers nothing
 - a write of another value with the same key, while one is open, is not the same request: it opens a transaction of its
@@ -36,6 +38,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from tests.oracle.frame import Address, Datagram, Frame, Unreachable, peel
+from tests.oracle.rules.copies import Copies
 from tests.oracle.rules.keys import node_order
 from tests.oracle.rules.telegram import HEADER_BYTES, IDENTITIES, Telegram, telegram
 from tests.oracle.rules.timing import nearest_rank
@@ -67,6 +70,7 @@ class Row:
     retransmissions: int = 0
     unexpected: int = 0
     undeliverable: int = 0
+    copies: int = 0
     latencies: list[int] = field(default_factory=list)
 
 
@@ -145,6 +149,10 @@ class Parameters:
         self.last: dict[Place, int] = {}
         self.holds: dict[tuple[Address, int, int], Holds] = defaultdict(Holds)
         self.writes: list[Write] = []
+        self.unseen: list[tuple[Place, int]] = []
+        self.asked_to_write: set[Place] = set()
+        self.given_up: set[Place] = set()
+        self.messages, self.quotes = Copies(), Copies()
 
     def observe(self, number: int, frame: Frame) -> None:
         waits = [(key, wait) for key, some in self.open.items() for wait in some]
@@ -152,6 +160,7 @@ class Parameters:
             if frame.ts_ns > wait.deadline:
                 self.open[place, service].remove(wait)
                 self.rows[place[0]].timeouts += 1
+                self.given_up.add(place)
                 if wait.write and not wait.unsure:
                     wait.write.outcome = "unanswered"
                 holds = self.holds[place[0][1], place[1], place[2]]
@@ -163,7 +172,7 @@ class Parameters:
                 self.find("NV701", place, wait.deadline, wait.frame)
         content = peel(frame)
         if isinstance(content, Unreachable):
-            self.came_back(content.quoted)
+            self.came_back(content.quoted, frame.ts_ns)
         seen = None if content is None or not hasattr(content, "payload") else telegram(number, frame.ts_ns, content)
         if seen is None or seen.header_cut or seen.fault:
             if seen is not None and seen.service == WRITE:
@@ -172,9 +181,15 @@ class Parameters:
         if seen.service in (READ, WRITE):
             pair = (seen.source, seen.destination, seen.port)
             self.asked[pair[:2]].append(seen.port)
+            if self.messages.again(content, seen.time):
+                self.rows[pair].copies += 1
+                return
             self.request((pair, seen.index, seen.subindex, seen.counter), seen)
         elif seen.service in REPLIES or seen.service in ERRORS or seen.service == BUSY:
             pair = (seen.destination, seen.source, self.port_of(content.source_port, seen))
+            if self.messages.again(content, seen.time):
+                self.rows[pair].copies += 1
+                return
             self.reply((pair, seen.index, seen.subindex, seen.counter), seen)
 
     def port_of(self, source_port: int, seen: Telegram) -> int:
@@ -187,15 +202,19 @@ class Parameters:
             return asked[-1]
         return LIST_PORT if LIST_PORT in (source_port, seen.port) else min(source_port, seen.port)
 
-    def came_back(self, quoted: Datagram) -> None:
+    def came_back(self, quoted: Datagram, time: int) -> None:
         """Count a message that says of a request that it went nowhere."""
         quote = quoted.payload[:10]
         if len(quote) == 10 and quote[:4] in IDENTITIES and int.from_bytes(quote[4:8], "little") in (READ, WRITE):
-            self.rows[quoted.source, quoted.destination, quoted.port].undeliverable += 1
+            self.rows[quoted.source, quoted.destination, quoted.port].undeliverable += not self.quotes.again(
+                quoted, time
+            )
 
     def request(self, place: Place, seen: Telegram) -> None:
         self.last[place] = seen.service
         value = value_of(seen) if seen.service == WRITE else None
+        if value is not None:
+            self.asked_to_write.add(place)
         waits = self.open[place, seen.service]
         for wait in waits:
             if wait.write and wait.write.new != value:
@@ -262,9 +281,12 @@ class Parameters:
         waits = self.open[place, REPLIES.get(service, self.last.get(place, READ))]
         if not waits:
             row.unexpected += 1
-            self.find("NV703", place, time, frame)
+            if service == WRITE_REPLY and place not in self.asked_to_write:
+                self.unseen.append((place, time))
+            self.find("NV703", place, time, frame, int(place in self.given_up))
             self.stray(place, seen)
             return
+        self.given_up.discard(place)
         wait = waits.pop(0)
         wait.unsure |= bool(waits)
         for other in waits:
@@ -355,6 +377,7 @@ def row_of(pair: Pair, row: Row) -> dict[str, Any]:
         "port": pair[2], "requests": row.requests,
         "replies": row.replies, "errors": row.errors, "busy": row.busy, "timeouts": row.timeouts,
         "retransmissions": row.retransmissions, "unexpected": row.unexpected, "undeliverable": row.undeliverable,
+        "copies": row.copies,
         "latency_ns": {
             "count": len(latencies), "p50": nearest_rank(latencies, 50) if latencies else None,
             "p99": nearest_rank(latencies, 99) if latencies else None, "max": latencies[-1] if latencies else None,

@@ -8,6 +8,8 @@ Readings, where the rules leave a choice:
   the Counter of its own stream is none
 - two of which each counts along with the other are one program that sends from two addresses
 - a node to which the project gives a list may count along
+- a host whose write is confirmed has written, though its request was not captured, where none was by which it asked to
+  write that parameter; when it asked is not known, and may have been in the minute before
 - of more than eight nodes, or hosts, of which the same is said, one finding tells
 
 Two devices with one address (NV963) are not judged here: ``tests/findings/test_security.py`` has them one by one.
@@ -121,12 +123,17 @@ class Security:
         if writers is None and not hours:
             return
         found: defaultdict[tuple[str, bool], Counter[Address]] = defaultdict(Counter)
-        for write in known.writes:
-            own = ip_address(write.requester)
-            nets = [ip_network(names.get(one, one)) for one in writers or ()]
+        nets = [ip_network(names.get(one, one)) for one in writers or ()]
+        asked = {(one.requester, one.partner, one.index, one.subindex) for one in known.writes}
+        seen = [(one.requester, one.partner, [one.time]) for one in known.writes]
+        for ((requester, partner, _), index, subindex, _), time in known.unseen:
+            if (str(requester), str(partner), index, subindex) not in asked:
+                seen.append((str(requester), str(partner), [time, time - MINUTE_NS]))
+        for writer, partner, times in seen:
+            own = ip_address(writer)
             stranger = writers is not None and not any(own in net for net in nets if net.version == own.version)
-            if stranger or (hours and not any(is_within(write.time, one) for one in hours)):
-                found[write.partner, stranger][own] += 1
+            if stranger or (hours and not any(is_within(time, one) for time in times for one in hours)):
+                found[partner, stranger][own] += 1
         for hosts in found.values():
             yield from apart("NV962", None, hosts)
 

@@ -60,6 +60,7 @@ PAIRS = (
     Measure(Column("came back", right=True, importance=9), lambda row: rare_cell(row["undeliverable"], Tone.ERROR)),
     Measure(Column("repeated", right=True, importance=4), lambda row: rare_cell(row["retransmissions"], Tone.WARNING)),
     Measure(Column("unexpected", right=True, importance=6), lambda row: rare_cell(row["unexpected"], Tone.WARNING)),
+    Measure(Column("copies", right=True, importance=3), lambda row: rare_cell(row["copies"])),
     Measure(Column("busy", right=True, importance=3), lambda row: rare_cell(row["busy"])),
     Measure(Column("refused", importance=9), _refused),
 )

@@ -17,7 +17,8 @@ def sdo_row(partner: str, port: int) -> dict[str, Any]:
     return {
         "requester": "10.0.0.20", "requester_name": None, "partner": partner, "partner_name": None,
         "port": port, "requests": 7, "replies": 6, "errors": {},
-        "busy": 0, "timeouts": 1, "retransmissions": 0, "unexpected": 0, "undeliverable": 1, "latency_ns": LATENCY,
+        "busy": 0, "timeouts": 1, "retransmissions": 0, "unexpected": 0, "undeliverable": 1, "copies": 0,
+        "latency_ns": LATENCY,
     }  # fmt: skip
 
 
