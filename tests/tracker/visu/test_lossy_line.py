@@ -133,9 +133,9 @@ def bodies_read(path: Path) -> tuple[Counter[bytes], int]:
 def bodies_by_tshark(path: Path, *, with_late: bool = True) -> Counter[bytes]:
     """Return the bodies that tshark puts together, as soon as they are whole.
 
-    Without the late ones, which are whole only with a segment some of whose bytes had been acknowledged before. Who
-    acknowledges what the capture lacks has got it: what is missing is told then, and not when it is sent once more,
-    since the acknowledgement was lost.
+    Without the late ones: while they came, something was sent once more that had been acknowledged. Who acknowledges
+    what the capture lacks has got it: that it is missing is told then, and stays so where it is sent once more, since
+    the acknowledgement was lost.
     """
     fields = "tcp.stream", "tcp.srcport", "tcp.seq", "tcp.ack", "http.file_data"
     words = (
@@ -145,13 +145,17 @@ def bodies_by_tshark(path: Path, *, with_late: bool = True) -> Counter[bytes]:
     lines = subprocess.run(words, capture_output=True, text=True, check=True, timeout=100).stdout.splitlines()
     bodies: Counter[bytes] = Counter()
     acknowledged: dict[tuple[str, bool], int] = {}
+    late: set[tuple[str, bool]] = set()
     for stream, port, sequence, acknowledges, data in (line.split("\t") for line in lines):
-        by_server = port == str(PORT)
-        if with_late or int(sequence) >= acknowledged.get((stream, not by_server), 0):
+        own, other = (stream, port == str(PORT)), (stream, port != str(PORT))
+        if int(sequence) < acknowledged.get(other, 0):
+            late.add(own)
+        if data and (with_late or own not in late):
             # Which of both it is depends on the version.
             bodies += Counter(one.encode() if one.startswith("|") else bytes.fromhex(one) for one in data.split())
-        known = acknowledged.get((stream, by_server), 0)
-        acknowledged[stream, by_server] = max(known, int(acknowledges or 0))
+        if data:
+            late.discard(own)
+        acknowledged[own] = max(acknowledged.get(own, 0), int(acknowledges or 0))
     return bodies
 
 
