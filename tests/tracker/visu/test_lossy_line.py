@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import random
+import re
 import shutil
 import subprocess
 from collections import Counter
@@ -29,6 +30,7 @@ pytestmark = [
 ]  # fmt: skip
 
 PORT, CONNECTIONS, EXCHANGES, LOST_PERCENT = 8080, 8, 10, 6
+_HEX = re.compile("(?:[0-9a-f]{2})+")
 
 SPEAK = """
 import json, random, socket, sys, threading
@@ -151,8 +153,8 @@ def bodies_by_tshark(path: Path, *, with_late: bool = True) -> Counter[bytes]:
         if int(sequence) < acknowledged.get(other, 0):
             late.add(own)
         if data and (with_late or own not in late):
-            # Which of both it is depends on the version.
-            bodies += Counter(one.encode() if one.startswith("|") else bytes.fromhex(one) for one in data.split())
+            # Which of both it is depends on the version; and what tshark makes up is any part of a body.
+            bodies += Counter(bytes.fromhex(one) if _HEX.fullmatch(one) else one.encode() for one in data.split())
         if data:
             late.discard(own)
         acknowledged[own] = max(acknowledged.get(own, 0), int(acknowledges or 0))
