@@ -116,9 +116,10 @@ class DataLog:
         holes = _holes(before_ns) + told.first_frame
         lost = self._lost_by_sources()
         once = self._without_copies(told, rows)
+        on_time, late = self._without_late(once)
         if any(map(len, self._standing.values())):
             self._latest.observe(told)
-        losses = {}
+        losses, breaks = {}, {}
         for session in self.sessions:
             if lost:
                 session.lose()
@@ -127,9 +128,10 @@ class DataLog:
             seen = self._seen.get(session, _NEVER), *told.packets.ts_ns[behind].tolist()
             unseen = [frame for frame, span in dropped if not _shows(span, seen)]
             self._seen[session] = max(seen)
-            losses[session] = [np.sort(np.concatenate([own, np.array(unseen, np.int64), holes])) for own in missing]
+            losses[session], breaks[session] = missing, np.append(np.array(unseen, np.int64), holes)
             self._tell_standing(session, once, told.first_frame, losses[session])
-        self._each(lambda session: session.take(told, once, losses[session]))
+            session.counted.late += sum(key in keys for key in late for keys in [frozenset().union(*session.needed)])
+        self._each(lambda session: session.take(told, on_time, losses[session], breaks[session]))
         if told.is_deaf:
             self._stops.forget()
             self._last_ns = self._passed_ns = _NEVER
@@ -151,7 +153,7 @@ class DataLog:
             frames, count = standing.lost(rows, first_frame, self._latest)
             session.counted.not_taken += count
             if len(frames):
-                losses[number] = np.sort(np.concatenate([losses[number], frames]))
+                losses[number] = np.append(losses[number], frames)
 
     def _hear(self, told: Told, rows: DefinedRows) -> None:
         self._came += np.bincount(rows.place, minlength=len(self._came))
@@ -183,6 +185,14 @@ class DataLog:
         again = np.isin(rows.frame, copies, assume_unique=True)
         self._copied += np.bincount(self._number[rows.place[again]], minlength=len(self._copied))
         return rows.take(np.flatnonzero(~again))
+
+    def _without_late(self, rows: DefinedRows) -> tuple[DefinedRows, list[ListKey]]:
+        """Return rows without those that came behind newer ones of their stream, and the lists of these."""
+        if not self._losses.overtaken:
+            return rows, []
+        late = np.isin(rows.frame, self._losses.late(self._judge.judged()))
+        keys = self._telegrams.keys
+        return rows.take(np.flatnonzero(~late)), [keys[number] for number in self._number[rows.place[late]].tolist()]
 
     def end(self) -> None:
         """Write all that is left, and close the files."""

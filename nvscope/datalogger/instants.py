@@ -120,6 +120,7 @@ class Cycles:
     ``apart_ns`` behind the one before; and where the clock was set back. ``is_open``: there may be further SubIndexes.
     ``sends_all``: all of them are sent each time, as of a list that is sent cyclically and not on a change.
     ``late`` are the frames of telegrams, of those taken last, that are of a cycle that was over: they are in none.
+    ``lost`` are the frames behind which these are missing.
     """
 
     def __init__(
@@ -132,7 +133,7 @@ class Cycles:
         self._sends_all = sends_all
         self._apart_ns = apart_ns
         self._senders: dict[int, SenderCycles] = {}
-        self.late = np.empty(0, np.int64)
+        self.late = self.lost = np.empty(0, np.int64)
         self._now_ns = _NEVER
 
     @property
@@ -150,7 +151,7 @@ class Cycles:
             if len(own):
                 yield Instants(rows.ts_ns[own], rows.frame[own])
             return
-        self.late = own[:0]
+        self.late = self.lost = own[:0]
         ts_ns, first = told.packets.ts_ns, 0
         while first < len(ts_ns):
             stop = first + self._until_set_back(ts_ns[first:])
@@ -196,6 +197,7 @@ class Cycles:
         """Cut the telegrams of each sender into cycles: the last frame of each that is over, and when it began."""
         found: list[tuple[I64, I64]] = []
         late: list[int] = []
+        lost: list[int] = []
         sender, counter = rows.sender[own], told.batch.counter[rows.frame[own] - told.first_frame]
         for number in np.flatnonzero(np.bincount(sender)).tolist():
             if number not in self._senders:
@@ -205,7 +207,9 @@ class Cycles:
             some = rows.take(own[mine])
             found.append(cycles.take(some.subindex, counter[mine], some.ts_ns, some.frame))
             late += cycles.late
+            lost += cycles.lost
         self.late = np.append(self.late, np.array(sorted(late), np.int64))
+        self.lost = np.append(self.lost, np.array(sorted(lost), np.int64))
         time_ns, frame = (np.concatenate([one[column] for one in found]) for column in (0, 1))
         order = np.argsort(frame, kind="stable")
         if len(order):

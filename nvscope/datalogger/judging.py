@@ -89,7 +89,7 @@ class WholeCapture:
         if self._known is None:
             losses, copies = Losses(self._keys), Copies(self._keys, self.least_ns)
             found = self._inquiry.analyze(causes=False, others=[losses, copies])
-            known = Judged.of(found.summary, self.least_ns, found.infos, losses.filled)
+            known = Judged.of(found.summary, self.least_ns, found.infos, losses.lacking)
             self._known = replace(known, copies=copies.found())
         return self._known
 

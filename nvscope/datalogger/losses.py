@@ -1,7 +1,11 @@
 """Losses: behind which frames values were lost, of the lists of a session.
 
-What a gap in a Counter means depends on what the sender counts, and on whether the missing telegram comes late: a whole
-capture tells, and is therefore read again once something may be missing. Live, what is known by then has to do.
+What a gap in a Counter means depends on what the sender counts: a whole capture tells, and is therefore read again once
+something may be missing. Live, what is known by then has to do.
+
+A telegram that comes late, behind newer ones of its stream, tells what was, and not what is: it is in no row, and lost
+for them. So the gap in front of the newer ones stays one. Where one Counter runs through all that a sender sends, a
+telegram may fill a gap in that and be behind nothing of its own stream: that one is no later than it should be.
 """
 
 from __future__ import annotations
@@ -38,29 +42,36 @@ _Stream = tuple[ListKey, int, str]
 class Judged(Struct, frozen=True):
     """What is known of senders: what the Counter of each stream counts, None where it is not believed.
 
-    ``intervals_ns`` are those of lists that are sent cyclically. ``filled`` are gaps that late telegrams have filled,
-    as (walk, frame). ``lost`` is when packets were lost while capturing. ``copies`` are the frames of telegrams that
-    came again, rising.
+    ``counting`` are the streams whose senders count on one by one: by those something can be late.
+    ``intervals_ns`` are those of lists that are sent cyclically. ``lacking`` are the lists that gaps in the Counters of
+    nodes are of, by frame, where that is known. ``lost`` is when packets were lost while capturing. ``copies`` are the
+    frames of telegrams that came again, rising.
     """
 
     scopes: Mapping[_Stream, Scope | None] = field(default_factory=dict)
+    counting: Collection[_Stream] = frozenset()
     intervals_ns: Mapping[ListKey, int] = field(default_factory=dict)
-    filled: frozenset[tuple[int, int]] = frozenset()
+    lacking: Mapping[int, Collection[ListKey]] = field(default_factory=dict)
     lost: tuple[LostSpan, ...] = ()
     copies: I64 = field(default_factory=lambda: np.empty(0, np.int64))
 
     @staticmethod
     def of(
         summary: Summary, defined_ns: Mapping[ListKey, int], infos: Iterable[SourceInfo] = (),
-        filled: Iterable[tuple[int, int]] = (),
+        lacking: Mapping[int, Collection[ListKey]] | None = None,
     ) -> Judged:  # fmt: skip
         """Return what a summary says; ``defined_ns`` are the intervals of definitions, 0 where a list has none."""
         scopes: dict[_Stream, Scope | None] = {}
+        known: dict[object, tuple[int, int]] = {}
         intervals: dict[ListKey, int] = {}
         for entry in summary.lists:
             for one in entry.streams:
                 believed = None if one.erratic or one.scope is None else Scope(one.scope)
-                scopes[entry.key, one.subindex, summary.addresses[one.node]] = believed
+                stream = entry.key, one.subindex, summary.addresses[one.node]
+                scopes[stream] = believed
+                skipped, came = known.get(_counted(stream, believed), (0, 0))
+                skipped += (one.figures["lost"] or 0) + (one.figures["overtaken"] or 0)
+                known[_counted(stream, believed)] = skipped, came + one.telegrams
         timed = [(entry.key, [one.intervals for one in entry.streams]) for entry in summary.lists]
         timed += [(entry.key, [one.intervals for one in entry.streams]) for entry in summary.can.lists]
         for key, own in timed:
@@ -70,16 +81,35 @@ class Judged(Struct, frozen=True):
                 measured = max(max(one.nominal or 0, one.p50 or 0) for one in own)
                 intervals[key] = max(measured, defined or 0)
         lost = tuple(span for info in infos for span in info.lost)
-        return Judged(scopes, intervals, frozenset(filled), lost)
+        counting = {
+            stream
+            for stream, scope in scopes.items()
+            if scope is not None and _counts_on(*known[_counted(stream, scope)])
+        }
+        return Judged(scopes, counting, intervals, lacking or {}, lost)
+
+
+def _counts_on(skipped: int, came: int) -> bool:
+    """Tell whether telegrams count on one by one: who skips more than one for two that come may count otherwise."""
+    return 2 * skipped <= came
+
+
+def _counted(stream: _Stream, scope: Scope | None) -> object:
+    """Return what has one Counter: a stream, or a sender."""
+    return stream if scope is None or scope == Scope.STREAM else stream[2]
 
 
 class _Gap(Struct):
-    """A gap in front of a frame and its ``counter``; of ``count`` telegrams, some may still be missing."""
+    """A gap in front of a frame and its ``counter``; of ``count`` telegrams, some may still be ``missing``.
+
+    ``late`` are the lists of those that came too late to be in a row.
+    """
 
     frame: int
     counter: int
     count: int
     missing: int
+    late: set[ListKey] = field(default_factory=set)
 
     def holds(self, counter: int) -> bool:
         """Tell whether it was this telegram, by its Counter, that was missing in it, among others."""
@@ -87,11 +117,13 @@ class _Gap(Struct):
 
 
 class Losses:
-    """Finds the gaps in the Counters of some lists, batch by batch.
+    """Finds the gaps in the Counters of some lists, batch by batch, and what comes late.
 
     ``gaps`` are those of the batch observed last, as (walk, frame behind which something is missing, stream, the lists
     that it may be of). Where one Counter runs through all that a sender sends, nobody knows which list it was: it may
-    be any that had come from there. ``filled`` are the gaps so far that late telegrams have filled.
+    be any that had come from there. ``lacking`` are the lists that such gaps are of, by frame, once all that was
+    missing has come: none where late telegrams have filled it. ``overtaken`` are the telegrams of the batch that are
+    behind newer ones of their stream, as (frame, stream, whether they were missing in the Counter of their node, too).
     """
 
     by_stream: ClassVar[bool] = True
@@ -101,25 +133,28 @@ class Losses:
         self._loss = Loss()
         self._streams_of = WantedStreams(keys)
         self._wanted = np.zeros(0, np.bool_)
-        self._open: dict[tuple[int, int], deque[_Gap]] = {}
+        self._open: dict[int, deque[_Gap]] = {}
+        """The last gaps in the Counter of each node."""
         self._streams: dict[int, _Stream] = {}
         self._begun: set[int] = set()
         """The wanted streams that came."""
         self._lists: dict[int, dict[ListKey, int]] = {}
         """The wanted lists of each node, with the first frame of each."""
         self.gaps: list[tuple[int, int, _Stream, tuple[ListKey, ...]]] = []
-        self.filled: set[tuple[int, int]] = set()
+        self.overtaken: list[tuple[int, _Stream, bool]] = []
+        self.lacking: dict[int, frozenset[ListKey]] = {}
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
-        self.gaps = []
+        self.gaps, self.overtaken = [], []
         rows = told.laid.data
         if len(rows):
             own, nodes = self._loss.observe(told, rows)
             self._wanted = self._streams_of.of(told)
             self._begin(told, rows)
-            self._note(told, rows, own, Scope.STREAM)
-            self._note(told, rows, nodes, Scope.NODE_TELEGRAM)
+            self._note_streams(told, rows, own)
+            late = own.at(Step.OVERTAKEN)
+            self._note_nodes(told, rows, nodes, late[self._wanted[rows.stream[late]]])
         for unheard in told.unheard:
             self._loss.resume(unheard)
 
@@ -130,10 +165,23 @@ class Losses:
             scope = judged.scopes.get(stream)
             if scope is None or min(scope, Scope.NODE_TELEGRAM) != walk:
                 continue
-            if (walk, frame) not in judged.filled and (walk, frame) not in self.filled:
-                for key in lists:
-                    found.setdefault(key, []).append(frame)
+            if walk != Scope.STREAM:
+                known = self.lacking.get(frame, judged.lacking.get(frame, lists))
+                lacking = tuple(key for key in lists if key in known)
+            else:
+                lacking = lists
+            for key in lacking:
+                found.setdefault(key, []).append(frame)
         return {key: np.array(frames, np.int64) for key, frames in found.items()}
+
+    def late(self, judged: Judged) -> I64:
+        """Return the frames of the batch, rising, that are late by a Counter that is believed: they are in no row."""
+        found = [
+            frame
+            for frame, stream, is_of_node in self.overtaken
+            if stream in judged.counting and (is_of_node or judged.scopes[stream] == Scope.STREAM)
+        ]
+        return np.array(sorted(found), np.int64)
 
     def _begin(self, told: Told, rows: DataRows) -> None:
         """Note since when senders have sent the lists that are wanted."""
@@ -150,47 +198,54 @@ class Losses:
     def _wanted_key(self, key: ListKey) -> ListKey:
         return key if key in self._keys else key.on_any_channel
 
-    def _note(self, told: Told, rows: DataRows, steps: Steps | NodeSteps, walk: int) -> None:
+    def _stream(self, told: Told, number: int) -> _Stream:
+        if number not in self._streams:
+            key = told.keys.stream_key(number)
+            self._streams[number] = key.list, key.subindex, key.sender
+        return self._streams[number]
+
+    def _note_streams(self, told: Told, rows: DataRows, steps: Steps) -> None:
+        gaps = steps.at(Step.GAP)
+        gaps = gaps[self._wanted[rows.stream[gaps]]]
+        frame = rows.packet[gaps] + told.first_frame
+        for number, own in zip(rows.stream[gaps].tolist(), frame.tolist(), strict=True):
+            stream = self._stream(told, number)
+            self.gaps.append((Scope.STREAM, own, stream, (self._wanted_key(stream[0]),)))
+
+    def _note_nodes(self, told: Told, rows: DataRows, steps: NodeSteps, overtaken: I64) -> None:
+        """Note gaps in the Counters of nodes, and what comes late; ``overtaken`` are the rows that are in streams."""
         gaps, late = steps.at(Step.GAP), steps.at(Step.OVERTAKEN)
-        counts = self._wanted
-        if walk != Scope.STREAM:
-            # A node's Counter runs through all that it sends: a late telegram of any list may fill a gap of these.
-            nodes = told.keys.node_of(np.arange(len(counts)))
-            senders = np.zeros(int(nodes.max(initial=-1)) + 1, np.bool_)
-            senders[nodes[counts]] = True
-            counts = senders[nodes]
+        # A node's Counter runs through all that it sends: a late telegram of any list may fill a gap of these.
+        nodes = told.keys.node_of(np.arange(len(self._wanted)))
+        senders = np.zeros(int(nodes.max(initial=-1)) + 1, np.bool_)
+        senders[nodes[self._wanted]] = True
+        counts = senders[nodes]
         gaps, late = gaps[counts[rows.stream[gaps]]], late[counts[rows.stream[late]]]
-        if not len(gaps) and not len(late):
+        if not len(gaps) and not len(late) and not len(overtaken):
             return
-        missing = steps.distance_at(gaps).astype(np.int64) - 1
-        place = np.concatenate([gaps, late])
-        frame, counter = rows.packet[place] + told.first_frame, rows.counter[place]
-        missing = np.concatenate([missing, np.zeros(len(late), np.int64)])
-        for row in np.argsort(frame, kind="stable").tolist():
-            number, own, count = int(rows.stream[place[row]]), int(frame[row]), int(missing[row])
-            if number not in self._streams:
-                key = told.keys.stream_key(number)
-                self._streams[number] = key.list, key.subindex, key.sender
-            # What is missing in the Counter of a node may come late in any of its streams.
-            of_node = walk != Scope.STREAM
-            node = int(told.keys.node_of(np.array([number]))[0]) if of_node else number
-            where = walk, node
+        missing = dict(zip(gaps.tolist(), (steps.distance_at(gaps).astype(np.int64) - 1).tolist(), strict=True))
+        is_late, is_overtaken = set(late.tolist()), set(overtaken.tolist())
+        place = np.array(sorted({*missing, *is_late, *is_overtaken}), np.int64)
+        for row in place[np.argsort(rows.packet[place], kind="stable")].tolist():
+            number, own, counter = int(rows.stream[row]), int(rows.packet[row]) + told.first_frame, rows.counter[row]
+            stream = self._stream(told, number)
+            node = int(told.keys.node_of(np.array([number]))[0])
             # Each gap misses one telegram at least, and none is waited for that is further behind than the window.
-            waiting = self._open.setdefault(where, deque(maxlen=WINDOW))
-            if count:
-                if of_node:
-                    lists = tuple(key for key, since in self._lists.get(node, {}).items() if since <= own)
-                else:
-                    lists = (self._wanted_key(self._streams[number][0]),)
-                if lists:
-                    self.gaps.append((walk, own, self._streams[number], lists))
-                waiting.append(_Gap(own, int(counter[row]), count, count))
-                continue
-            gap = next((one for one in reversed(waiting) if one.holds(int(counter[row]))), None)
-            if gap is not None:
+            waiting = self._open.setdefault(node, deque(maxlen=WINDOW))
+            gap = next((one for one in reversed(waiting) if one.holds(int(counter))), None)
+            if row in is_overtaken:
+                self.overtaken.append((own, stream, gap is not None))
+            if row in is_late and gap is not None:
                 gap.missing -= 1
+                if row in is_overtaken:
+                    gap.late.add(self._wanted_key(stream[0]))
                 if not gap.missing:
-                    self.filled.add((walk, gap.frame))
+                    self.lacking[gap.frame] = frozenset(gap.late)
+            if count := missing.get(row):
+                lists = tuple(key for key, since in self._lists.get(node, {}).items() if since <= own)
+                if lists:
+                    self.gaps.append((Scope.NODE_TELEGRAM, own, stream, lists))
+                waiting.append(_Gap(own, int(counter), count, count))
 
 
 class Drops:

@@ -7,10 +7,15 @@ so, Counters tell what SubIndexes and time do not::
     A1 B2 A2         B2 begins the next cycle
 
     A1 C1 B1 B2 C2   B is late as a whole, in the middle of C
+    A1 A2 B1 A2      A2 is sent once more
+
+    A1 …      A2     A goes on, however late: the cycle before it had another Counter
 
 Of senders that count over all that they send, nobody knows. Nor is a second Counter believed that says so before
 another whole cycle has come: the sender may count in another way since. One that is late is, of a sender whose cycles
 count on one by one; of one that does not, nobody knows which Counters there are to come.
+
+What is late is lost, as if it had not come: the next telegram of its SubIndex is behind that.
 """
 
 from __future__ import annotations
@@ -42,7 +47,8 @@ class SenderCycles:
     ``subindexes`` are those of a whole cycle, empty where nobody knows all; ``sends_all``: all of them are sent each
     time, and Counters tell something. What comes later than ``apart_ns`` behind
     the telegram before begins a cycle. ``open`` is the cycle that may go on; ``late`` are the frames of those telegrams
-    taken last whose cycle was over when they came.
+    taken last whose cycle was over when they came, ``lost`` of those behind which they are missing: the next ones of
+    their SubIndexes that are not late, or they themselves.
     """
 
     def __init__(self, subindexes: frozenset[int], apart_ns: int, *, sends_all: bool) -> None:
@@ -51,6 +57,7 @@ class SenderCycles:
         self._apart_ns = apart_ns
         self.open: Open | None = None
         self.late: list[int] = []
+        self.lost: list[int] = []
         self._is_sure = False
         self._newest = 0
         """The Counter that the last cycle began with."""
@@ -58,18 +65,25 @@ class SenderCycles:
         """The Counter that has told something since the last whole cycle."""
         self._torn: dict[int, frozenset[int]] = {}
         """The SubIndexes of the last cycles that were over and not whole, by Counter."""
+        self._had_late: set[int] = set()
+        """Those of them, by Counter, of which a telegram has been late."""
+        self._newest_of: dict[int, int] = {}
+        """The last Counter of each SubIndex that was not late."""
+        self._owing: set[int] = set()
+        """The SubIndexes the next telegrams of which are in ``lost``."""
         self._had = _Counters()
 
     def take(self, subindex: I64, counter: U16, time_ns: I64, frame: I64) -> tuple[I64, I64]:
         """Take telegrams that follow, and return when the cycles that are over began, and the last frame of each."""
-        self.late = []
+        self.late, self.lost = [], []
         cut = _Cut.of(self.open, subindex, counter, time_ns, frame, self._apart_ns)
         is_whole = cut.size == len(self._all)
         is_whole &= bool(self._all)
         if not self._sends_all or (not self._is_sure and not (is_whole & cut.is_one).any()):
             return self._taken(cut, is_whole)
         step = np.diff(np.append(self._newest if self._is_sure else cut.counter[0], cut.counter)).astype(np.int16)
-        if cut.is_one.all() and (step >= 0).all():
+        may_go_on = (step[1:] == 0) & ~is_whole[:-1]
+        if cut.is_one.all() and (step >= 0).all() and not may_go_on.any() and not self._owing:
             self._remember(cut, is_whole)
             return self._taken(cut, is_whole)
         over = [
@@ -100,14 +114,21 @@ class SenderCycles:
 
     def _remember(self, cut: _Cut, is_whole: Bool) -> None:
         """Remember what cycles say of which each has one Counter, none less than that before it."""
-        first = 0
+        # The cycle that was open had its Counter noted when it began.
+        first, noted = 0, int(self._is_sure and self.open is not None)
         if not self._is_sure:
-            first = int(np.argmax(is_whole))
-            self._is_sure, self._torn, self._had = True, {}, _Counters()
+            first = noted = int(np.argmax(is_whole))
+            self._is_sure, self._torn, self._had, self._newest_of = True, {}, _Counters(), {}
         if is_whole.any():
             self._doubted = None
         self._newest = int(cut.counter[-1])
-        for one in cut.counter[first:][-2 * WINDOW :].tolist():
+        newest: dict[int, int] = {}
+        for row in range(len(is_whole) - 1, max(first, len(is_whole) - WINDOW) - 1, -1):
+            newest = dict.fromkeys(cut.subindexes(row), int(cut.counter[row])) | newest
+            if is_whole[row]:
+                break
+        self._newest_of |= newest
+        for one in cut.counter[noted:][-2 * WINDOW :].tolist():
             self._had.take(one)
         torn = cut.counter[~is_whole].tolist()
         for row in np.flatnonzero(np.isin(cut.counter, [*self._torn, *torn])).tolist():
@@ -117,6 +138,7 @@ class SenderCycles:
 
     def _note_torn(self, counter: int, subindexes: frozenset[int]) -> None:
         self._torn.pop(counter, None)
+        self._had_late.discard(counter)
         self._torn[counter] = subindexes
         if len(self._torn) > WINDOW:
             del self._torn[next(iter(self._torn))]
@@ -125,16 +147,32 @@ class SenderCycles:
         """Take one telegram, and return the cycles that are over for it."""
         over, going = [], self.open
         is_believed = self._is_sure and self._doubted in (None, counter)
+        if going is not None and going.is_one and self._is_again(subindex, counter):
+            self.late.append(frame)
+            return []
         if self._is_late(subindex, counter, is_believed=is_believed):
             self._doubted = counter if self._doubted is None else self._doubted
             if counter in self._torn:
                 self._torn[counter] |= {subindex}
             else:
                 self._note_torn(counter, frozenset({subindex}))
+            if not 1 <= (self._newest_of.get(subindex, counter) - counter) % _WRAP <= WINDOW:
+                self._owing.add(subindex)
+            elif counter not in self._had_late:
+                # The next one of its SubIndex has come, and nothing told that this one was missing.
+                self.lost.append(frame)
+            self._had_late = {counter, *(self._had_late & self._torn.keys())}
             self.late.append(frame)
             return []
+        self._newest_of[subindex] = counter
+        if subindex in self._owing:
+            self._owing.discard(subindex)
+            self.lost.append(frame)
         if going is not None:
-            is_next = subindex in going.subindexes or time_ns - going.last_ns > self._apart_ns
+            is_next = subindex in going.subindexes
+            if not is_next and time_ns - going.last_ns > self._apart_ns:
+                goes_on = going.is_one and counter == going.counter and self._had.has_moved
+                is_next = not goes_on or not (is_believed or self._had.one_by_one)
             if not is_next and is_believed and 1 <= (counter - going.counter) % _WRAP <= WINDOW:
                 self._doubted, is_next = counter, True
             if is_next:
@@ -159,7 +197,14 @@ class SenderCycles:
             return False
         if counter in self._torn:
             return subindex not in self._torn[counter] and (is_believed or self._had.one_by_one)
-        return self.open is not None and self._had.one_by_one and self._had.passed_over(counter)
+        return self._had.one_by_one and self._had.passed_over(counter)
+
+    def _is_again(self, subindex: int, counter: int) -> bool:
+        """Return whether a telegram was there: it is sent once more, in the middle of a later cycle."""
+        if not self._is_sure or not 1 <= (self._newest - counter) % _WRAP <= WINDOW:
+            return False
+        was_there = subindex in self._torn[counter] if counter in self._torn else self._had.had(counter)
+        return was_there and self._had.has_moved and self._had.one_by_one
 
     def _end_whole(self, cycle: Open) -> None:
         self.open = None
@@ -167,6 +212,7 @@ class SenderCycles:
             if not self._is_sure:
                 self._torn, self._had = {}, _Counters()
                 self._had.take(cycle.counter)
+                self._newest_of = dict.fromkeys(cycle.subindexes, cycle.counter)
             self._newest, self._doubted = cycle.counter, None
         self._is_sure = cycle.is_one
 
@@ -179,10 +225,13 @@ class _Counters:
         self._reach = 0
         """How far back they are known."""
         self._had: set[int] = set()
+        self.has_moved = False
+        """Whether the last one is another than the one before, and counts on from that."""
 
     def take(self, counter: int) -> None:
         """Take the next one."""
         step = (counter - self._last) % _WRAP
+        self.has_moved = bool(self._had) and 1 <= step <= WINDOW
         if not self._had or step > WINDOW:
             self._had, self._reach, step = set(), 0, 0
         self._last, self._reach = counter, min(self._reach + step, WINDOW)
@@ -192,6 +241,10 @@ class _Counters:
     def one_by_one(self) -> bool:
         """Whether most of those there may be were there."""
         return 3 * len(self._had) >= 2 * (self._reach + 1)
+
+    def had(self, counter: int) -> bool:
+        """Return whether a cycle had a Counter."""
+        return counter in self._had
 
     def passed_over(self, counter: int) -> bool:
         """Return whether no cycle had a Counter that lies between those known."""

@@ -125,11 +125,16 @@ class SessionLog:
         self._since: list[int | None] = [None] * len(schedules)
         self._text_columns = [place for place, one in enumerate(logged) if one.content is Content.TEXT]
 
-    def take(self, told: Told, rows: DefinedRows, losses: Sequence[I64]) -> None:
-        """Take a batch; ``losses`` are rising frames for each schedule, behind which something is missing for it."""
-        late = self._turns.begin(told, rows)
-        if len(late):
-            losses = self._with_late(late, losses)
+    def take(self, told: Told, rows: DefinedRows, losses: Sequence[I64], breaks: I64) -> None:
+        """Take a batch; ``losses`` are frames for each schedule, behind which something is missing for it.
+
+        ``breaks`` are those behind which it is for all of them, whatever their telegrams say.
+        """
+        late, behind_late = self._turns.begin(told, rows)
+        self.counted.late += len(late)
+        if len(late) or len(behind_late):
+            losses = self._with_late(late, behind_late, losses)
+        losses = [np.sort(np.append(own, breaks)) for own in losses]
         losses = [self._behind_first(number, own) for number, own in enumerate(losses)]
         self._losses = [np.concatenate(both) for both in zip(self._losses, losses, strict=True)]
         for taken in self._turns.take():
@@ -148,14 +153,19 @@ class SessionLog:
         since = self._since[number]
         return losses[:0] if since is None else losses[losses > since]
 
-    def _with_late(self, late: DefinedRows, losses: Sequence[I64]) -> list[I64]:
-        """Return losses with those that telegrams are of which came when the row of their cycle was made."""
-        self.counted.late += len(late)
-        of_list = [self._list_of[place] for place in late.place.tolist()]
+    def _with_late(self, late: DefinedRows, behind: DefinedRows, losses: Sequence[I64]) -> list[I64]:
+        """Return losses where telegrams are missing that came when their row was made.
+
+        What is missing in front of these as well, is missing in front of those behind.
+        """
         return [
-            np.sort(np.append(own, late.frame[np.array([key in keys for key in of_list], np.bool_)]))
+            np.append(own[~np.isin(own, self._of(late, keys))], self._of(behind, keys))
             for own, keys in zip(losses, self.needed, strict=True)
         ]
+
+    def _of(self, rows: DefinedRows, keys: frozenset[ListKey]) -> I64:
+        """Return the frames of telegrams of some lists."""
+        return rows.frame[np.array([self._list_of[place] in keys for place in rows.place.tolist()], np.bool_)]
 
     @property
     def other_table(self) -> str:

@@ -61,19 +61,26 @@ class Turns:
         self._open: dict[int, Taken] = {}
         self._due_now: Callable[[], Iterator[Taken]]
 
-    def begin(self, told: Told, rows: DefinedRows) -> DefinedRows:
-        """Take a batch, and return those of its telegrams that came too late for a cycle: no value is theirs."""
+    def begin(self, told: Told, rows: DefinedRows) -> tuple[DefinedRows, DefinedRows]:
+        """Take a batch, and return those of its telegrams that came too late for a cycle: no value is theirs.
+
+        The second ones are those behind which something late is missing.
+        """
         only = self._schedules[0]
         if len(self._schedules) == 1 and isinstance(only, Interval):
             self._samples.begin(rows)
             self._due_now = lambda: self._sampled(only.take(told, rows))
-            return rows.take(slice(0, 0))
+            return rows.take(slice(0, 0)), rows.take(slice(0, 0))
         found = [(number, list(one.take(told, rows))) for number, one in enumerate(self._schedules)]
-        frames = [one.late for one in self._schedules if isinstance(one, Cycles)]
-        is_late = np.isin(rows.frame, np.concatenate(frames)) if any(map(len, frames)) else np.empty(0, np.bool_)
-        self._samples.begin(rows.take(np.flatnonzero(~is_late)) if len(is_late) else rows)
+        cycles = [one for one in self._schedules if isinstance(one, Cycles)]
         self._due_now = lambda: self._due(found, told.first_frame)
-        return rows.take(np.flatnonzero(is_late))
+        if not any(len(one.late) or len(one.lost) for one in cycles):
+            self._samples.begin(rows)
+            return rows.take(slice(0, 0)), rows.take(slice(0, 0))
+        is_late = np.isin(rows.frame, np.concatenate([one.late for one in cycles]))
+        is_behind = np.isin(rows.frame, np.concatenate([one.lost for one in cycles]))
+        self._samples.begin(rows.take(np.flatnonzero(~is_late)))
+        return rows.take(np.flatnonzero(is_late)), rows.take(np.flatnonzero(is_behind))
 
     def take(self) -> Iterator[Taken]:
         """Yield what is due with the batch that was begun."""

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 from tests.datalogger.oracle_copies import copies_in
 from tests.datalogger.oracle_cycles import CycleSender
-from tests.datalogger.oracle_losses import Packet
+from tests.datalogger.oracle_losses import Counters, Packet
 
 SECOND_NS = 10**9
 SET_BACK_NS = SECOND_NS
@@ -198,6 +198,7 @@ def known_values(
     # What is seen once more tells nothing: another sender may have said something else meanwhile.
     seen_twice = set().union(*(copies(packets, one) for one in lists.values()))
     seen_twice |= set().union(*(late(packets, lists[task]) for task in tasks_of(session)))
+    seen_twice |= Counters(packets).late()
     for at_packet, packet in enumerate(packets):
         now = dict(known[-1])
         if counts_for(packet, lists.get(packet.index)) and at_packet not in seen_twice:
@@ -250,13 +251,22 @@ def late(packets: Sequence[Packet], defined: DefinedList) -> set[int]:
     return _cycles(packets, defined)[1] if len(defined.telegrams) > 1 else set()
 
 
-def _cycles(packets: Sequence[Packet], defined: DefinedList) -> tuple[list[tuple[int, int]], set[int]]:
-    """Cut telegrams, whose SubIndexes come in any order, into cycles; return these, and what came too late for one."""
+def behind_late(packets: Sequence[Packet], defined: DefinedList) -> set[int]:
+    """Return the places of the telegrams in front of which these are missing."""
+    return _cycles(packets, defined)[2] if len(defined.telegrams) > 1 else set()
+
+
+def _cycles(packets: Sequence[Packet], defined: DefinedList) -> tuple[list[tuple[int, int]], set[int], set[int]]:
+    """Cut telegrams, whose SubIndexes come in any order, into cycles.
+
+    Return these, what came too late for one, and the telegrams in front of which that is missing.
+    """
     longest_ns = (defined.interval_ns or 2 * UNKNOWN_INTERVAL_NS) // 2
     senders: dict[str, CycleSender] = {}
     over: list[list[int]] = []
     too_late: set[int] = set()
-    seen_twice = copies(packets, defined)
+    behind: set[int] = set()
+    left_out = copies(packets, defined) | Counters(packets).late()
     now = packets[0].time_ns
     for place, packet in enumerate(packets):
         if packet.time_ns < now - SET_BACK_NS:
@@ -264,15 +274,23 @@ def _cycles(packets: Sequence[Packet], defined: DefinedList) -> tuple[list[tuple
             over += [one.going for one in senders.values() if one.going]
             senders.clear()
         now = max(now, packet.time_ns)
-        if packet.index != defined.index or not counts_for(packet, defined) or place in seen_twice:
+        if packet.index != defined.index or not counts_for(packet, defined) or place in left_out:
             continue
         sender = senders.setdefault(packet.node, CycleSender(sends_all=defined.interval_ns is not None))
-        if sender.is_late(packet):
+        if sender.is_again([packets[one] for one in sender.going], packet):
             too_late.add(place)
             continue
+        if sender.is_late(packet):
+            too_late.add(place)
+            if sender.miss(packet):
+                behind.add(place)
+            continue
+        if sender.is_behind_late(packet):
+            behind.add(place)
         own = [packets[one] for one in sender.going]
         again = packet.subindex in {one.subindex for one in own}
-        if own and (again or packet.time_ns - own[-1].time_ns > longest_ns or sender.is_next(own[0], packet)):
+        is_apart = bool(own) and packet.time_ns - own[-1].time_ns > longest_ns and not sender.goes_on(own, packet)
+        if own and (again or is_apart or sender.is_next(own[0], packet)):
             over.append(sender.going)
             sender.leave(own)
         if not sender.going:
@@ -282,7 +300,7 @@ def _cycles(packets: Sequence[Packet], defined: DefinedList) -> tuple[list[tuple
             over.append(sender.going)
             sender.complete([packets[one] for one in sender.going])
     over += [one.going for one in senders.values() if one.going]
-    return sorted(((one[0], one[-1]) for one in over), key=lambda cycle: cycle[1]), too_late
+    return sorted(((one[0], one[-1]) for one in over), key=lambda cycle: cycle[1]), too_late, behind
 
 
 def copies(packets: Sequence[Packet], defined: DefinedList) -> set[int]:

@@ -19,6 +19,7 @@ from tests.datalogger.oracle import (
     Sample,
     Session,
     Value,
+    behind_late,
     count_changes,
     counts_for,
     late,
@@ -53,6 +54,9 @@ class Recorder:
         lost = losses(packets, intervals, counting)
         for task in tasks_of(self.session):
             for place in late(packets, self.lists[task]):
+                # What is missing in front of it as well, is missing in front of the next one.
+                (lost.get(place) or set()).discard(task)
+            for place in behind_late(packets, self.lists[task]):
                 if (lists := lost.setdefault(place, set())) is not None:
                     lists.add(task)
         mark_losses(found, lost)

@@ -1,4 +1,7 @@
-"""Before which packets of a capture something was lost that lists of a session need: the rules, packet by packet."""
+"""Before which packets of a capture something was lost that lists of a session need: the rules, packet by packet.
+
+A telegram that is behind a newer one of its stream tells what was: it is in no row, and lost as if it had not come.
+"""
 
 from __future__ import annotations
 
@@ -108,6 +111,7 @@ class Stream:
     times: list[int] = field(default_factory=list)
     sequence: Sequenced = field(default_factory=Sequenced)
     lost: dict[str, int] = field(default_factory=lambda: dict.fromkeys(SCOPES, 0))
+    skipped: dict[str, int] = field(default_factory=lambda: dict.fromkeys(SCOPES, 0))
 
 
 @dataclass
@@ -120,8 +124,16 @@ class Node:
 
 @dataclass
 class Gap:
+    """So many telegrams are missing in front of a counter; ``late`` are the lists of those that came too late."""
+
     stream: tuple[str, int, int, int]
     missing: int
+    counter: int
+    count: int
+    late: set[int] = field(default_factory=set)
+
+    def holds(self, counter: int) -> bool:
+        return 1 <= (self.counter - counter) % 65536 <= self.count
 
 
 class Counters:
@@ -131,6 +143,8 @@ class Counters:
         self.streams: dict[tuple[str, int, int, int], Stream] = {}
         self.nodes: dict[str, Node] = {}
         self.gaps: dict[str, dict[int, Gap]] = {scope: {} for scope in SCOPES}
+        self.behind: dict[int, tuple[Stream, dict[str, bool]]] = {}
+        """The telegrams that are behind newer ones of their stream, and in which scopes they were missing."""
         last: dict[tuple[str, int, int, int], Packet] = {}
         for place, packet in enumerate(packets):
             if packet.is_data:
@@ -151,6 +165,9 @@ class Counters:
         if stream.varied:
             step, lost = stream.sequence.step(packet.counter, place, zero_is_regular=False, repeated=repeated)
         self.book("stream", stream, place, packet, step, lost)
+        if step == "overtaken":
+            missing = {scope: scope == "stream" or self.skipped(scope, packet) for scope in SCOPES}
+            self.behind[place] = stream, missing
         if step not in ("duplicate", "overtaken"):
             stream.times.append(packet.time_ns)
         before = node.previous
@@ -169,13 +186,32 @@ class Counters:
             node.changes["list"].append(sent == "regular")
         node.previous = packet
 
+    def skipped(self, scope: str, packet: Packet) -> bool:
+        """Tell whether a counter was missing in one of the last gaps of its node."""
+        of_node = [gap for gap in self.gaps[scope].values() if gap.stream[0] == packet.node]
+        return any(gap.holds(packet.counter) for gap in of_node[-BEHIND:])
+
     def book(self, scope: str, stream: Stream, place: int, packet: Packet, step: str, lost: int) -> None:
         if step == "gap":
             stream.lost[scope] += lost
-            self.gaps[scope][place] = Gap(packet.stream, lost)
+            stream.skipped[scope] += lost
+            self.gaps[scope][place] = Gap(packet.stream, lost, packet.counter, lost)
         elif step == "overtaken":
             stream.lost[scope] -= 1
-            self.gaps[scope][lost].missing -= 1
+            gap = self.gaps[scope][lost]
+            gap.missing -= 1
+            if place in self.behind:
+                gap.late.add(packet.index)
+
+    def late(self) -> set[int]:
+        """Return the places of the telegrams that are in no row, of senders that count on one by one."""
+        found = set()
+        for place, (stream, missing) in self.behind.items():
+            scope = self.scope(stream.node)
+            own = [stream] if scope == "stream" else [one for one in self.streams.values() if one.node == stream.node]
+            if missing[scope] and 2 * sum(one.skipped[scope] for one in own) <= sum(one.telegrams for one in own):
+                found.add(place)
+        return found
 
     def scope(self, name: str) -> str:
         """Return the way in which a node counts."""
@@ -219,11 +255,14 @@ def losses(
         scope = counters.scope(name)
         for place, gap in counters.gaps[scope].items():
             stream = counters.streams[gap.stream]
-            if stream.node != name or gap.missing <= 0:
+            if stream.node != name:
                 continue
             # Of what one Counter runs through, nobody knows which list lost something: any that had come from there.
             of_sender = [one.list[1] for one in counters.streams.values() if one.node == name and one.begins <= place]
             lists = {gap.stream[2]} if scope == "stream" else set(of_sender)
+            if scope != "stream" and gap.missing <= 0:
+                # All are known that were missing.
+                lists &= gap.late
             if not lists & set(intervals_ns):
                 continue
             if not stream.varied:
