@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -113,7 +113,7 @@ class Sample:
 
     ``names`` are the variables of its row; of cycles of one list among others, not all of them. ``lists`` are those
     without whose telegrams it is not what it should be: of its variables, and of its task. ``since`` is the place of
-    the first packet of all that told something of its names.
+    the first packet of all that told something of its names. ``of`` is the list and the sender of a cycle.
     """
 
     time_ns: int
@@ -126,6 +126,7 @@ class Sample:
     lossy: bool = False
     lists: frozenset[int] = frozenset()
     since: int = 0
+    of: tuple[int, str] | None = None
 
 
 def size_of(kind: str) -> int:
@@ -164,7 +165,9 @@ def samples(packets: Sequence[Packet], lists: Mapping[int, DefinedList], session
     found = []
     for task, names in by_task.items():
         for first, last in cycles(packets, lists[task]):
-            found.append(Sample(packets[first].time_ns, last + 1, frozenset(names), {}))
+            sample = Sample(packets[first].time_ns, last + 1, frozenset(names), {})
+            sample.of = task, packets[last].node
+            found.append(sample)
     found.sort(key=lambda one: one.seen)
     if sampled:
         for time_ns, seen in instants([packet.time_ns for packet in packets], session.sampling_ns):
@@ -174,11 +177,18 @@ def samples(packets: Sequence[Packet], lists: Mapping[int, DefinedList], session
         names: next((place for place, now in enumerate(known[1:]) if now.keys() & names), 0)
         for names in {one.names for one in found}
     }
+    # What another sender of the list says is of no cycle of this one.
+    of_sender: dict[tuple[int, str], list[dict[str, Value]]] = {}
     for one in found:
         one.lists = frozenset(session.variables[name][0] for name in one.names)
         one.lists |= {task for name, task in in_cycles.items() if name in one.names and task is not None}
         one.since = since[one.names]
-        one.values = {name: value for name, value in known[one.seen].items() if name in one.names}
+        if one.of and one.of not in of_sender:
+            task, node = one.of
+            others = [place for place, packet in enumerate(packets) if packet.index == task and packet.node != node]
+            of_sender[one.of] = known_values(packets, lists, session, set(others))
+        values = (of_sender[one.of] if one.of else known)[one.seen]
+        one.values = {name: value for name, value in values.items() if name in one.names}
     return [one for one in found if one.values]
 
 
@@ -188,9 +198,12 @@ def tasks_of(session: Session) -> set[int]:
 
 
 def known_values(
-    packets: Sequence[Packet], lists: Mapping[int, DefinedList], session: Session
+    packets: Sequence[Packet], lists: Mapping[int, DefinedList], session: Session, left_out: Collection[int] = ()
 ) -> list[dict[str, Value]]:
-    """Return what is known of the variables when no packet has come, after one, after two …"""
+    """Return what is known of the variables when no packet has come, after one, after two …
+
+    Of packets that are ``left_out`` nothing is.
+    """
     called: dict[tuple[int, str], list[str]] = {}
     for name, place in session.variables.items():
         called.setdefault(place, []).append(name)
@@ -201,7 +214,7 @@ def known_values(
     seen_twice |= Counters(packets).late()
     for at_packet, packet in enumerate(packets):
         now = dict(known[-1])
-        if counts_for(packet, lists.get(packet.index)) and at_packet not in seen_twice:
+        if counts_for(packet, lists.get(packet.index)) and at_packet not in seen_twice and at_packet not in left_out:
             at = 0
             for name, kind in lists[packet.index].telegrams[packet.subindex]:
                 for variable in called.get((packet.index, name), ()):
