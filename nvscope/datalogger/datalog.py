@@ -130,7 +130,7 @@ class DataLog:
             self._seen[session] = max(seen)
             losses[session], breaks[session] = missing, np.append(np.array(unseen, np.int64), holes)
             self._tell_standing(session, once, told.first_frame, losses[session])
-            session.counted.late += sum(key in keys for key in late for keys in [frozenset().union(*session.needed)])
+            session.counted.late += sum(any(key in needed for needed in session.needed) for key in late)
         self._each(lambda session: session.take(told, on_time, losses[session], breaks[session]))
         if told.is_deaf:
             self._stops.forget()
