@@ -303,7 +303,7 @@ def _cycles(packets: Sequence[Packet], defined: DefinedList) -> tuple[list[tuple
         own = [packets[one] for one in sender.going]
         again = packet.subindex in {one.subindex for one in own}
         is_apart = bool(own) and packet.time_ns - own[-1].time_ns > longest_ns and not sender.goes_on(own, packet)
-        if own and (again or is_apart or sender.is_next(own[0], packet)):
+        if own and (again or is_apart or sender.is_next(own, packet)):
             over.append(sender.going)
             sender.leave(own)
         if not sender.going:

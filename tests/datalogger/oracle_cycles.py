@@ -11,11 +11,16 @@ from tests.datalogger.oracle_losses import Packet
 
 @dataclass
 class CycleSender:
-    """What the Counters of a sender say of cycles, if its last whole one had the same in all telegrams."""
+    """What the Counters of a sender say of cycles, if its last whole one had the same in all telegrams.
+
+    ``counts_telegrams``: these differed as the SubIndexes do; ``rises``: the greatest SubIndex had a greater one.
+    """
 
     sends_all: bool
     going: list[int] = field(default_factory=list)
     counts_cycles: bool = False
+    counts_telegrams: bool = False
+    rises: bool = False
     begun: int = 0
     said: set[int] = field(default_factory=set)
     torn: dict[int, set[int]] = field(default_factory=dict)
@@ -71,7 +76,10 @@ class CycleSender:
             distances.add(far)
         return distances, far
 
-    def is_next(self, first: Packet, packet: Packet) -> bool:
+    def is_next(self, own: Sequence[Packet], packet: Packet) -> bool:
+        first, last = own[0], max(own, key=lambda one: one.subindex)
+        if self.rises and packet.subindex < last.subindex and 1 <= (packet.counter - last.counter) % 65_536 <= 64:
+            return True
         if not 1 <= (packet.counter - first.counter) % 65_536 <= 64 or not self.tells(packet.counter):
             return False
         self.said.add(packet.counter)
@@ -79,8 +87,10 @@ class CycleSender:
 
     def goes_on(self, own: Sequence[Packet], packet: Packet) -> bool:
         """Tell whether a telegram is of the same cycle, however late: the one before had another Counter."""
+        if self.counts_telegrams and {first_counter(one) for one in own} == {first_counter(packet)}:
+            return True
         is_same = {one.counter for one in own} == {packet.counter}
-        return is_same and self.has_moved() and (self.tells(packet.counter) or self.by_one())
+        return self.counts_cycles and is_same and self.has_moved() and (self.tells(packet.counter) or self.by_one())
 
     def is_again(self, own: Sequence[Packet], packet: Packet) -> bool:
         """Tell whether a telegram has been there, and is sent once more in the middle of a later cycle."""
@@ -125,8 +135,16 @@ class CycleSender:
         self.going = []
         is_one = len({one.counter for one in own}) == 1
         was_sure, self.counts_cycles = self.counts_cycles, is_one and self.sends_all
+        least, greatest = (pick(own, key=lambda one: one.subindex) for pick in (min, max))
+        self.rises = 1 <= (greatest.counter - least.counter) % 65_536 <= 64 and self.sends_all
+        self.counts_telegrams = len({first_counter(one) for one in own}) == 1 and self.sends_all
         if self.counts_cycles:
             self.said.clear()
             if not was_sure:
                 self.torn, self.begins = {}, [own[0].counter]
                 self.newest = {one.subindex: one.counter for one in own}
+
+
+def first_counter(packet: Packet) -> int:
+    """Return the Counter of the first SubIndex of a cycle of which each telegram is counted."""
+    return (packet.counter - packet.subindex) % 65_536
