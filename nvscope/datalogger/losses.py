@@ -5,7 +5,8 @@ something may be missing. Live, what is known by then has to do.
 
 A telegram that comes late, behind newer ones of its stream, tells what was, and not what is: it is in no row, and lost
 for them. So the gap in front of the newer ones stays one. Where one Counter runs through all that a sender sends, a
-telegram may fill a gap in that and be behind nothing of its own stream: that one is no later than it should be.
+telegram may fill a gap in that and be behind nothing of its own stream: that one is no later than it should be, unless
+cycles of its list are logged, and a later one has begun (``passed_cycles``).
 """
 
 from __future__ import annotations
@@ -17,9 +18,11 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from msgspec import Struct, field
+from msgspec.structs import replace
 
 from dissectors.batch import I64
 from nvscope.capture.source import LostSpan, SourceInfo
+from nvscope.datalogger.passed_cycles import PassedCycles
 from nvscope.datalogger.wanted import WantedStreams
 from nvscope.engine.rows import DataRows
 from nvscope.engine.told import Told
@@ -44,23 +47,27 @@ class Judged(Struct, frozen=True):
 
     ``counting`` are the streams whose senders count on one by one: by those something can be late.
     ``intervals_ns`` are those of lists that are sent cyclically. ``lacking`` are the lists that gaps in the Counters of
-    nodes are of, by frame, where that is known. ``lost`` is when packets were lost while capturing. ``copies`` are the
-    frames of telegrams that came again, rising.
+    nodes are of, by frame, where that is known; then ``cycles_lacking`` are those whose cycles alone lack something.
+    ``lost`` is when packets were lost while capturing. ``copies`` are the frames of telegrams that came again, rising.
     """
 
     scopes: Mapping[_Stream, Scope | None] = field(default_factory=dict)
     counting: Collection[_Stream] = frozenset()
     intervals_ns: Mapping[ListKey, int] = field(default_factory=dict)
     lacking: Mapping[int, Collection[ListKey]] = field(default_factory=dict)
+    cycles_lacking: Mapping[int, Collection[ListKey]] = field(default_factory=dict)
     lost: tuple[LostSpan, ...] = ()
     copies: I64 = field(default_factory=lambda: np.empty(0, np.int64))
 
     @staticmethod
     def of(
         summary: Summary, defined_ns: Mapping[ListKey, int], infos: Iterable[SourceInfo] = (),
-        lacking: Mapping[int, Collection[ListKey]] | None = None,
+        losses: Losses | None = None,
     ) -> Judged:  # fmt: skip
-        """Return what a summary says; ``defined_ns`` are the intervals of definitions, 0 where a list has none."""
+        """Return what a summary says; ``defined_ns`` are the intervals of definitions, 0 where a list has none.
+
+        ``losses`` are those of all that it is of.
+        """
         scopes: dict[_Stream, Scope | None] = {}
         known: dict[object, tuple[int, int]] = {}
         intervals: dict[ListKey, int] = {}
@@ -86,7 +93,10 @@ class Judged(Struct, frozen=True):
             for stream, scope in scopes.items()
             if scope is not None and _counts_on(*known[_counted(stream, scope)])
         }
-        return Judged(scopes, counting, intervals, lacking or {}, lost)
+        found = Judged(scopes, counting, intervals, lost=lost)
+        if losses is not None:
+            found = replace(found, lacking=losses.lacking, cycles_lacking=losses.cycles_lacking)
+        return found
 
 
 def _counts_on(skipped: int, came: int) -> bool:
@@ -102,7 +112,8 @@ def _counted(stream: _Stream, scope: Scope | None) -> object:
 class _Gap(Struct):
     """A gap in front of a frame and its ``counter``; of ``count`` telegrams, some may still be ``missing``.
 
-    ``late`` are the lists of those that came too late to be in a row.
+    ``late`` are the lists of those that came too late to be in a row, ``passed`` of those that did for a row of their
+    cycle.
     """
 
     frame: int
@@ -110,6 +121,7 @@ class _Gap(Struct):
     count: int
     missing: int
     late: set[ListKey] = field(default_factory=set)
+    passed: set[ListKey] = field(default_factory=set)
 
     def holds(self, counter: int) -> bool:
         """Tell whether it was this telegram, by its Counter, that was missing in it, among others."""
@@ -122,15 +134,19 @@ class Losses:
     ``gaps`` are those of the batch observed last, as (walk, frame behind which something is missing, stream, the lists
     that it may be of). Where one Counter runs through all that a sender sends, nobody knows which list it was: it may
     be any that had come from there. ``lacking`` are the lists that such gaps are of, by frame, once all that was
-    missing has come: none where late telegrams have filled it. ``overtaken`` are the telegrams of the batch that are
-    behind newer ones of their stream, as (frame, stream, whether they were missing in the Counter of their node, too).
+    missing has come: none where late telegrams have filled it; ``cycles_lacking`` are those whose cycles alone lack
+    something. ``overtaken`` are the telegrams of the batch that are behind newer ones of their stream, as (frame,
+    stream, whether they were missing in the Counter of their node, too); ``passed`` are others that came when a later
+    cycle of their list had begun, by the Counter of their node, as (frame, stream). ``parts`` are the SubIndexes of
+    lists that are sent whole.
     """
 
     by_stream: ClassVar[bool] = True
 
-    def __init__(self, keys: Collection[ListKey]) -> None:
+    def __init__(self, keys: Collection[ListKey], parts: Mapping[ListKey, Collection[int]]) -> None:
         self._keys = frozenset(keys)
         self._loss = Loss()
+        self._cycles = PassedCycles(parts)
         self._streams_of = WantedStreams(keys)
         self._wanted = np.zeros(0, np.bool_)
         self._open: dict[int, deque[_Gap]] = {}
@@ -142,11 +158,13 @@ class Losses:
         """The wanted lists of each node, with the first frame of each."""
         self.gaps: list[tuple[int, int, _Stream, tuple[ListKey, ...]]] = []
         self.overtaken: list[tuple[int, _Stream, bool]] = []
+        self.passed: list[tuple[int, _Stream]] = []
         self.lacking: dict[int, frozenset[ListKey]] = {}
+        self.cycles_lacking: dict[int, frozenset[ListKey]] = {}
 
     def observe(self, told: Told) -> None:
         """Take a batch, which follows those observed so far."""
-        self.gaps, self.overtaken = [], []
+        self.gaps, self.overtaken, self.passed = [], [], []
         rows = told.laid.data
         if len(rows):
             own, nodes = self._loss.observe(told, rows)
@@ -154,12 +172,17 @@ class Losses:
             self._begin(told, rows)
             self._note_streams(told, rows, own)
             late = own.at(Step.OVERTAKEN)
+            self._cycles.take(rows, own, told.first_frame)
             self._note_nodes(told, rows, nodes, late[self._wanted[rows.stream[late]]])
+            self._cycles.end()
         for unheard in told.unheard:
             self._loss.resume(unheard)
 
-    def behind(self, judged: Judged) -> Mapping[ListKey, I64]:
-        """Return the frames of the batch, by list, behind which telegrams are missing for good, as far as is known."""
+    def behind(self, judged: Judged, in_cycles: Collection[ListKey] = ()) -> Mapping[ListKey, I64]:
+        """Return the frames of the batch, by list, behind which telegrams are missing for good, as far as is known.
+
+        Of lists whose telegrams are logged ``in_cycles``, those are missing that come behind their cycle.
+        """
         found: dict[ListKey, list[int]] = {}
         for walk, frame, stream, lists in self.gaps:
             scope = judged.scopes.get(stream)
@@ -167,19 +190,31 @@ class Losses:
                 continue
             if walk != Scope.STREAM:
                 known = self.lacking.get(frame, judged.lacking.get(frame, lists))
-                lacking = tuple(key for key in lists if key in known)
+                cycles = self.cycles_lacking.get(frame, judged.cycles_lacking.get(frame, ()))
+                own = in_cycles if scope == Scope.NODE_TELEGRAM else ()
+                lacking = tuple(key for key in lists if key in known or (key in cycles and key in own))
             else:
                 lacking = lists
             for key in lacking:
                 found.setdefault(key, []).append(frame)
         return {key: np.array(frames, np.int64) for key, frames in found.items()}
 
-    def late(self, judged: Judged) -> I64:
-        """Return the frames of the batch, rising, that are late by a Counter that is believed: they are in no row."""
+    def late(self, judged: Judged, in_cycles: Collection[ListKey] = ()) -> I64:
+        """Return the frames of the batch, rising, that are late by a Counter that is believed: they are in no row.
+
+        Of lists whose telegrams are logged ``in_cycles``, those are that come behind their cycle.
+        """
         found = [
             frame
             for frame, stream, is_of_node in self.overtaken
             if stream in judged.counting and (is_of_node or judged.scopes[stream] == Scope.STREAM)
+        ]
+        found += [
+            frame
+            for frame, stream in self.passed
+            if stream in judged.counting
+            and judged.scopes[stream] == Scope.NODE_TELEGRAM
+            and self._wanted_key(stream[0]) in in_cycles
         ]
         return np.array(sorted(found), np.int64)
 
@@ -191,8 +226,10 @@ class Losses:
             if number in self._begun:
                 continue
             self._begun.add(number)
-            lists = self._lists.setdefault(int(told.keys.node_of(np.array([number]))[0]), {})
-            key = self._wanted_key(told.keys.stream_key(number).list)
+            node = int(told.keys.node_of(np.array([number]))[0])
+            lists, stream = self._lists.setdefault(node, {}), told.keys.stream_key(number)
+            key = self._wanted_key(stream.list)
+            self._cycles.begin(node, key, stream.subindex, number)
             lists[key] = min(lists.get(key, frame), frame)
 
     def _wanted_key(self, key: ListKey) -> ListKey:
@@ -237,10 +274,14 @@ class Losses:
                 self.overtaken.append((own, stream, gap is not None))
             if row in is_late and gap is not None:
                 gap.missing -= 1
+                key = self._wanted_key(stream[0])
                 if row in is_overtaken:
-                    gap.late.add(self._wanted_key(stream[0]))
+                    gap.late.add(key)
+                elif self._cycles.has_passed(row, gap.frame):
+                    gap.passed.add(key)
+                    self.passed.append((own, stream))
                 if not gap.missing:
-                    self.lacking[gap.frame] = frozenset(gap.late)
+                    self.lacking[gap.frame], self.cycles_lacking[gap.frame] = map(frozenset, (gap.late, gap.passed))
             if count := missing.get(row):
                 lists = tuple(key for key, since in self._lists.get(node, {}).items() if since <= own)
                 if lists:

@@ -82,8 +82,9 @@ class Counted(Struct):
 class SessionLog:
     """Logs the variables of one session.
 
-    ``keys`` are the lists of the places, by number; ``needed`` are those that each schedule needs, and ``sampled``
-    tells which of these take samples in an interval. Rows begin when a value is known.
+    ``keys`` are the lists of the places, by number; ``needed`` are those that each schedule needs, ``in_cycles`` those
+    whose cycles are rows, and ``sampled`` tells which schedules take samples in an interval. Rows begin when a value is
+    known.
     """
 
     def __init__(
@@ -96,6 +97,8 @@ class SessionLog:
         self.needed = [one.keys for one in schedules]
         self.counted = Counted()
         self._list_of = [keys[place.number] for place in places]
+        cycles = [one.instants.places for one in schedules if isinstance(one.instants, Cycles)]
+        self.in_cycles = frozenset(self._list_of[place] for own in cycles for place in own)
         self._texts = Texts()
         self._samples = Samples(logged, places, keys, self._texts)
         at_once = max(_CELLS_AT_ONCE // max(len(logged), 1), 1)

@@ -197,6 +197,12 @@ def tasks_of(session: Session) -> set[int]:
     return set(session.tasks.values()) if session.task is None else {session.task}
 
 
+def in_cycles(lists: Mapping[int, DefinedList], tasks: Iterable[int]) -> dict[tuple[int, int], int]:
+    """Return of how many telegrams the cycles of tasks are, of lists of several that are sent whole."""
+    own = [lists[task] for task in tasks if lists[task].interval_ns is not None]
+    return {(one.port, one.index): len(one.telegrams) for one in own if len(one.telegrams) > 1}
+
+
 def known_values(
     packets: Sequence[Packet], lists: Mapping[int, DefinedList], session: Session, left_out: Collection[int] = ()
 ) -> list[dict[str, Value]]:
@@ -211,7 +217,7 @@ def known_values(
     # What is seen once more tells nothing: another sender may have said something else meanwhile.
     seen_twice = set().union(*(copies(packets, one) for one in lists.values()))
     seen_twice |= set().union(*(late(packets, lists[task]) for task in tasks_of(session)))
-    seen_twice |= Counters(packets).late()
+    seen_twice |= Counters(packets, in_cycles(lists, tasks_of(session))).late()
     for at_packet, packet in enumerate(packets):
         now = dict(known[-1])
         if counts_for(packet, lists.get(packet.index)) and at_packet not in seen_twice and at_packet not in left_out:
@@ -279,7 +285,7 @@ def _cycles(packets: Sequence[Packet], defined: DefinedList) -> tuple[list[tuple
     over: list[list[int]] = []
     too_late: set[int] = set()
     behind: set[int] = set()
-    left_out = copies(packets, defined) | Counters(packets).late()
+    left_out = copies(packets, defined) | Counters(packets, in_cycles({defined.index: defined}, [defined.index])).late()
     now = packets[0].time_ns
     for place, packet in enumerate(packets):
         if packet.time_ns < now - SET_BACK_NS:

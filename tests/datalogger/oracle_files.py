@@ -22,6 +22,7 @@ from tests.datalogger.oracle import (
     behind_late,
     count_changes,
     counts_for,
+    in_cycles,
     late,
     mark_losses,
     ring,
@@ -51,7 +52,7 @@ class Recorder:
         needed = {index for sample in found for index in sample.lists}
         intervals = {index: self.lists[index].interval_ns for index in needed}
         counting = [counts_for(packet, self.lists.get(packet.index)) for packet in packets]
-        lost = losses(packets, intervals, counting)
+        lost = losses(packets, intervals, counting, in_cycles(self.lists, tasks_of(self.session)))
         for task in tasks_of(self.session):
             for place in late(packets, self.lists[task]):
                 # What is missing in front of it as well, is missing in front of the next one.

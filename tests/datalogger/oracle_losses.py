@@ -1,6 +1,8 @@
 """Before which packets of a capture something was lost that lists of a session need: the rules, packet by packet.
 
 A telegram that is behind a newer one of its stream tells what was: it is in no row, and lost as if it had not come.
+So is, where cycles are logged and one Counter runs through all telegrams, what comes when a later cycle of its list has
+begun.
 """
 
 from __future__ import annotations
@@ -124,22 +126,33 @@ class Node:
 
 @dataclass
 class Gap:
-    """So many telegrams are missing in front of a counter; ``late`` are the lists of those that came too late."""
+    """So many telegrams are missing in front of a counter; ``late`` are the lists of those that came too late.
+
+    ``passed`` are the lists of those that came too late for their cycle.
+    """
 
     stream: tuple[str, int, int, int]
     missing: int
     counter: int
     count: int
     late: set[int] = field(default_factory=set)
+    passed: set[int] = field(default_factory=set)
 
     def holds(self, counter: int) -> bool:
         return 1 <= (self.counter - counter) % 65536 <= self.count
 
 
 class Counters:
-    """What all data telegrams say by their counters, in each scope."""
+    """What all data telegrams say by their counters, in each scope.
 
-    def __init__(self, packets: Sequence[Packet]) -> None:
+    ``in_cycles`` are the lists whose cycles are logged, and are sent whole: how many telegrams one has.
+    """
+
+    def __init__(self, packets: Sequence[Packet], in_cycles: Mapping[tuple[int, int], int]) -> None:
+        self.in_cycles = in_cycles
+        self.came: dict[tuple[str, int, int], list[tuple[int, Packet]]] = {}
+        self.passed: dict[int, Stream] = {}
+        """The telegrams that came when a later cycle of their list had begun, if each telegram is counted."""
         self.streams: dict[tuple[str, int, int, int], Stream] = {}
         self.nodes: dict[str, Node] = {}
         self.gaps: dict[str, dict[int, Gap]] = {scope: {} for scope in SCOPES}
@@ -175,6 +188,10 @@ class Counters:
         same_stream = before is not None and before.stream == packet.stream
         step, lost = node.telegrams.step(packet.counter, place, zero_is_regular=False, repeated=repeated)
         self.book("node-telegram", stream, place, packet, step, lost)
+        if step == "overtaken" and place not in self.behind and self.is_passed(packet, lost):
+            self.passed[place] = stream
+            self.gaps["node-telegram"][lost].passed.add(packet.index)
+        self.came.setdefault(packet.stream[:3], []).append((place, packet))
         zero_is_regular = same_list and not same_stream
         sent, lost = node.sends.step(packet.counter, place, zero_is_regular=zero_is_regular, repeated=repeated)
         self.book("node-send", stream, place, packet, sent, lost)
@@ -185,6 +202,21 @@ class Counters:
         if before is not None and not same_list:
             node.changes["list"].append(sent == "regular")
         node.previous = packet
+
+    def is_passed(self, packet: Packet, gap: int) -> bool:
+        """Tell whether a later cycle of its list has begun, since the gap in which a telegram was missing.
+
+        Behind it there is at least the rest of its own cycle, and what is in front of the other one in that.
+        """
+        count = self.in_cycles.get(packet.stream[1:3], 0)
+        if packet.subindex >= count:
+            return False
+        return any(
+            place >= gap
+            and one.subindex < count
+            and count - packet.subindex + one.subindex <= (one.counter - packet.counter) % 65536 <= BEHIND
+            for place, one in self.came.get(packet.stream[:3], [])
+        )
 
     def skipped(self, scope: str, packet: Packet) -> bool:
         """Tell whether a counter was missing in one of the last gaps of its node."""
@@ -207,11 +239,18 @@ class Counters:
         """Return the places of the telegrams that are in no row, of senders that count on one by one."""
         found = set()
         for place, (stream, missing) in self.behind.items():
-            scope = self.scope(stream.node)
-            own = [stream] if scope == "stream" else [one for one in self.streams.values() if one.node == stream.node]
-            if missing[scope] and 2 * sum(one.skipped[scope] for one in own) <= sum(one.telegrams for one in own):
+            if missing[self.scope(stream.node)] and self.counts_on(stream):
+                found.add(place)
+        for place, stream in self.passed.items():
+            if self.scope(stream.node) == "node-telegram" and self.counts_on(stream):
                 found.add(place)
         return found
+
+    def counts_on(self, stream: Stream) -> bool:
+        """Tell whether what has one Counter with a stream skips no more than one telegram for two that come."""
+        scope = self.scope(stream.node)
+        own = [stream] if scope == "stream" else [one for one in self.streams.values() if one.node == stream.node]
+        return 2 * sum(one.skipped[scope] for one in own) <= sum(one.telegrams for one in own)
 
     def scope(self, name: str) -> str:
         """Return the way in which a node counts."""
@@ -234,7 +273,8 @@ class Counters:
 
 
 def losses(
-    packets: Sequence[Packet], intervals_ns: Mapping[int, int | None], counting: Sequence[bool]
+    packets: Sequence[Packet], intervals_ns: Mapping[int, int | None], counting: Sequence[bool],
+    in_cycles: Mapping[tuple[int, int], int],
 ) -> dict[int, set[int] | None]:  # fmt: skip
     """Return the places of the packets that tell of a loss, each with the lists that lost something, None for all.
 
@@ -243,7 +283,7 @@ def losses(
     ``counting`` are the packets that say what values are: a list that sends none of these is silent. Raises Doubt
     where the program's median, which is within one percent, decides.
     """
-    counters = Counters(packets)
+    counters = Counters(packets, in_cycles)
     found: dict[int, set[int] | None] = {place: None for place, packet in enumerate(packets) if packet.drops}
 
     def of_list(place: int, index: int) -> None:
@@ -262,7 +302,7 @@ def losses(
             lists = {gap.stream[2]} if scope == "stream" else set(of_sender)
             if scope != "stream" and gap.missing <= 0:
                 # All are known that were missing.
-                lists &= gap.late
+                lists &= gap.late | (gap.passed if scope == "node-telegram" else set())
             if not lists & set(intervals_ns):
                 continue
             if not stream.varied:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,11 +15,13 @@ from hypothesis import strategies as st
 from tests.datalogger.drawn_cycles import Cycles, Telegram, drawn_cycles
 from tests.datalogger.drawn_plants import START_NS
 from tests.datalogger.oracle import EPOCH_TICKS, UTC_KIND
+from tests.datalogger.oracle_files import Recorder
 from tests.datalogger.plant_faults import MS
-from tests.datalogger.recording import record_in_batches, rows_in
+from tests.datalogger.recording import files_of, record_in_batches, rows_in, told
 from tests.laws import examples
 from tests.program import run
 
+COUNTS = ["cycles", "telegrams", "all lists"]
 SEEDS = st.integers(0, 1_000_000)
 
 
@@ -40,20 +43,32 @@ def can_be_told(cycles: Cycles) -> bool:
     return True
 
 
-@given(SEEDS)
-@examples(400)
-def test_rows_are_those_that_are_true(seed: int) -> None:
-    cycles = drawn_cycles(seed)
+@given(SEEDS, st.sampled_from(COUNTS))
+@examples(600)
+def test_rows_are_those_that_are_true(seed: int, counts: str) -> None:
+    cycles = drawn_cycles(seed, counts)
     assume(can_be_told(cycles))
     with TemporaryDirectory() as name:
         expected = [(time_ns // 100 * 100, *others) for time_ns, *others in cycles.rows()]
         assert logged(Path(name), cycles) == expected, cycles
 
 
-@given(SEEDS, st.sampled_from([1, 2, 3, 7]))
-@examples(60)
-def test_any_cut_into_batches_gives_the_same_file(seed: int, packets: int) -> None:
-    cycles = drawn_cycles(seed)
+@given(SEEDS, st.sampled_from(COUNTS))
+@examples(100)
+def test_rows_are_those_of_the_rules(seed: int, counts: str) -> None:
+    """Also where it cannot be told what is true."""
+    plant = drawn_cycles(seed, counts).plant()
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        rows = Recorder(plant.session, plant.lists, folder).take(plant.packets)
+        record_in_batches(folder / "plant", plant.write(folder / "plant"), plant, 100_000)
+        assert told(files_of(folder / "plant" / "log.db")) == told(rows)
+
+
+@given(SEEDS, st.sampled_from(COUNTS), st.sampled_from([1, 2, 3, 7]))
+@examples(100)
+def test_any_cut_into_batches_gives_the_same_file(seed: int, counts: str, packets: int) -> None:
+    cycles = drawn_cycles(seed, counts)
     with TemporaryDirectory() as name:
         logged(Path(name) / "whole", cycles)
         logged(Path(name) / "parts", cycles, packets)
@@ -74,33 +89,76 @@ CASES = {
 
 
 @pytest.mark.parametrize("packets", [1, 2, 3, 7, 100_000])
+@pytest.mark.parametrize("counts", ["cycles", "telegrams"])
 @pytest.mark.parametrize("part", CASES.values(), ids=CASES)
-def test_a_loss_is_told_once_where_something_late_is_missing(tmp_path: Path, part: str, packets: int) -> None:
-    cycles = placed(part)
+def test_a_loss_is_told_once_where_something_late_is_missing(
+    tmp_path: Path, part: str, counts: str, packets: int
+) -> None:  # fmt: skip
+    cycles = placed(part, counts)
     rows = logged(tmp_path, cycles, packets)
     assert rows == cycles.rows()
     for before, behind in pairwise(rows):
         assert all(was <= now for was, now in zip(before[2], behind[2], strict=True))  # type: ignore[operator]
 
 
+@pytest.mark.parametrize("counts", ["cycles", "telegrams"])
 @pytest.mark.parametrize("part", CASES.values(), ids=CASES)
-def test_an_audit_finds_the_losses_and_nothing_else(tmp_path: Path, part: str) -> None:
-    cycles = placed(part)
+def test_an_audit_finds_the_losses_and_nothing_else(tmp_path: Path, part: str, counts: str) -> None:
+    cycles = placed(part, counts)
     rows = logged(tmp_path, cycles)
     done = run("audit", "log.db", "--json", cwd=tmp_path)
     found = {one["code"]: one["rows"] for one in json.loads(done.stdout)["findings"]}
     assert found == {"NV951": [place + 1 for place, row in enumerate(rows) if not row[1]]}
 
 
-def test_what_comes_later_than_half_an_interval_is_of_its_cycle_by_its_counter(tmp_path: Path) -> None:
-    telegrams = [
-        Telegram(cycle, part, START_NS + 20 * MS * cycle + part * MS + 13 * MS * (cycle == 5 and part == 2), 9 + cycle)
-        for cycle in range(12)
-        for part in range(3)
-    ]
-    cycles = Cycles(3, 20 * MS, telegrams, [])
-    assert logged(tmp_path, cycles) == cycles.rows()
+@pytest.mark.parametrize("packets", [1, 2, 3, 7, 100_000])
+@pytest.mark.parametrize("counts", ["cycles", "telegrams"])
+@pytest.mark.parametrize("late", [1, 2])
+def test_what_comes_later_than_half_an_interval_is_of_its_cycle_by_its_counter(
+    tmp_path: Path, late: int, counts: str, packets: int
+) -> None:  # fmt: skip
+    telegrams = []
+    for number in range(36):
+        cycle, part = divmod(number, 3)
+        time_ns = START_NS + 20 * MS * cycle + part * MS + 13 * MS * (cycle == 5 and part >= late)
+        telegrams.append(Telegram(cycle, part, time_ns, 9 + (cycle if counts == "cycles" else number), number=number))
+    cycles = Cycles(3, 20 * MS, telegrams, [], counts)
+    assert logged(tmp_path, cycles, packets) == cycles.rows()
     assert {row[1] for row in cycles.rows()} == {1}
+
+
+@pytest.mark.parametrize("packets", [1, 2, 3, 7, 100_000])
+def test_what_is_left_of_a_cycle_is_not_mixed_with_the_next_one_that_it_comes_shortly_before(
+    tmp_path: Path, packets: int
+) -> None:  # fmt: skip
+    telegrams = []
+    for number in range(36):
+        cycle, part = divmod(number, 3)
+        time_ns = START_NS + 20 * MS * cycle + part * MS + 17 * MS * (cycle == 5)
+        if cycle != 5 or part == 1:
+            telegrams.append(Telegram(cycle, part, time_ns, 9 + number, number=number))
+    cycles = Cycles(3, 20 * MS, telegrams, [], "telegrams")
+    rows = logged(tmp_path, cycles, packets)
+    assert rows == cycles.rows()
+    assert [row[1:] for row in rows[4:7]] == [(1, (4, 4, 4)), (0, (4, 5, 4)), (0, (6, 6, 6))]
+
+
+@pytest.mark.parametrize("packets", [1, 2, 3, 7, 100_000])
+def test_what_is_late_of_a_cycle_is_not_mixed_with_the_next_one_though_others_are_sent_between(
+    tmp_path: Path, packets: int
+) -> None:  # fmt: skip
+    telegrams, others = [], []
+    for number in range(36):
+        cycle, part = divmod(number, 3)
+        one = Telegram(cycle, part, START_NS + 20 * MS * cycle + part * MS, 9 + number, number=number)
+        if part == 1:
+            others.append(one)
+        else:
+            late_ns = 14 * MS if (cycle, part) == (5, 2) else 0
+            telegrams.append(replace(one, part=part // 2, time_ns=one.time_ns + late_ns))
+    rows = logged(tmp_path, Cycles(2, 20 * MS, telegrams, [], "all lists", others), packets)
+    # Nobody knows that it is not of a cycle of its own.
+    assert [row[1:] for row in rows[4:8]] == [(1, (4, 4)), (1, (5, 4)), (1, (5, 5)), (1, (6, 6))]
 
 
 @pytest.mark.parametrize(
@@ -112,7 +170,7 @@ def test_what_is_sent_once_more_is_in_no_later_row(tmp_path: Path, part: str, pa
     assert logged(tmp_path, cycles, packets) == cycles.rows()
 
 
-def placed(part: str) -> Cycles:
+def placed(part: str, counts: str = "cycles") -> Cycles:
     """Return cycles whose telegrams come in this order from the third on, as CYCLE.PART, with ``~`` once more.
 
     Each cycle has its time; what is late comes behind what is in front of it.
@@ -124,5 +182,7 @@ def placed(part: str) -> Cycles:
     telegrams, time_ns = [], START_NS
     for is_copy, cycle, number in order:
         time_ns = max(time_ns + MS, START_NS + 20 * MS * cycle)
-        telegrams.append(Telegram(cycle, number, time_ns, 100 + cycle, is_copy))
-    return Cycles(3, 20 * MS, telegrams, [part])
+        sent = 3 * cycle + number
+        counter = 100 + (cycle if counts == "cycles" else sent)
+        telegrams.append(Telegram(cycle, number, time_ns, counter, is_copy, sent))
+    return Cycles(3, 20 * MS, telegrams, [part], counts)
