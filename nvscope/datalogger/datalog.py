@@ -49,16 +49,20 @@ class DataLog:
     """Logs sessions whose variables are those of ``telegrams``.
 
     ``judge`` says what is known of senders; it is asked when it matters. What live sources lose, is lost in front of
-    the next row of each session.
+    the next row of each session. ``parts`` are the SubIndexes of lists of which all are sent in each cycle.
     """
 
     by_stream: ClassVar[bool] = True
 
-    def __init__(self, telegrams: DefinedTelegrams, sessions: Sequence[SessionLog], judge: Judge) -> None:
+    def __init__(
+        self, telegrams: DefinedTelegrams, sessions: Sequence[SessionLog], judge: Judge,
+        parts: Mapping[ListKey, Collection[int]],
+    ) -> None:  # fmt: skip
         self.sessions = sessions
         self._telegrams = telegrams
         self._judge = judge
-        self._losses = Losses(telegrams.keys)
+        self._losses = Losses(telegrams.keys, parts)
+        self._in_cycles = {session.in_cycles for session in sessions}
         self._stops = _Stops(telegrams, judge)
         self._captured = Drops(judge.lost)
         self._copied = np.zeros(len(telegrams.keys), np.int64)
@@ -109,27 +113,30 @@ class DataLog:
         rows = self._telegrams.rows
         self._hear(told, rows)
         dropped = self._captured.behind(told.packets.ts_ns, told.first_frame)
-        gaps = self._losses.behind(self._judge.judged()) if self._losses.gaps else {}
+        gaps = {own: self._gaps(own) for own in self._in_cycles}
         stopped = self._stops.behind(rows)
         before_ns = np.append(self._last_ns, told.packets.ts_ns)
         self._last_ns = int(before_ns[-1])
         holes = _holes(before_ns) + told.first_frame
         lost = self._lost_by_sources()
         once = self._without_copies(told, rows)
+        on_time = {own: self._without_late(once, own) for own in self._in_cycles}
         if any(map(len, self._standing.values())):
             self._latest.observe(told)
-        losses = {}
+        losses, breaks = {}, {}
         for session in self.sessions:
             if lost:
                 session.lose()
-            missing = [_of_lists(keys, gaps, stopped) for keys in session.needed]
+            missing = [_of_lists(keys, gaps[session.in_cycles], stopped) for keys in session.needed]
             behind = np.concatenate(missing) - told.first_frame
             seen = self._seen.get(session, _NEVER), *told.packets.ts_ns[behind].tolist()
             unseen = [frame for frame, span in dropped if not _shows(span, seen)]
             self._seen[session] = max(seen)
-            losses[session] = [np.sort(np.concatenate([own, np.array(unseen, np.int64), holes])) for own in missing]
+            losses[session], breaks[session] = missing, np.append(np.array(unseen, np.int64), holes)
             self._tell_standing(session, once, told.first_frame, losses[session])
-        self._each(lambda session: session.take(told, once, losses[session]))
+            late = on_time[session.in_cycles][1]
+            session.counted.late += sum(any(key in needed for needed in session.needed) for key in late)
+        self._each(lambda session: session.take(told, on_time[session.in_cycles][0], losses[session], breaks[session]))
         if told.is_deaf:
             self._stops.forget()
             self._last_ns = self._passed_ns = _NEVER
@@ -151,7 +158,7 @@ class DataLog:
             frames, count = standing.lost(rows, first_frame, self._latest)
             session.counted.not_taken += count
             if len(frames):
-                losses[number] = np.sort(np.concatenate([losses[number], frames]))
+                losses[number] = np.append(losses[number], frames)
 
     def _hear(self, told: Told, rows: DefinedRows) -> None:
         self._came += np.bincount(rows.place, minlength=len(self._came))
@@ -183,6 +190,21 @@ class DataLog:
         again = np.isin(rows.frame, copies, assume_unique=True)
         self._copied += np.bincount(self._number[rows.place[again]], minlength=len(self._copied))
         return rows.take(np.flatnonzero(~again))
+
+    def _gaps(self, in_cycles: Collection[ListKey]) -> Mapping[ListKey, I64]:
+        """Return the frames, by list, behind which telegrams are missing where those of some make cycles."""
+        return self._losses.behind(self._judge.judged(), in_cycles) if self._losses.gaps else {}
+
+    def _without_late(self, rows: DefinedRows, in_cycles: Collection[ListKey]) -> tuple[DefinedRows, list[ListKey]]:
+        """Return rows without those that came behind newer ones of their stream, and the lists of these.
+
+        Of lists that are logged ``in_cycles``, those are left out that came behind newer ones of their list.
+        """
+        if not self._losses.overtaken and not (self._losses.passed and in_cycles):
+            return rows, []
+        late = np.isin(rows.frame, self._losses.late(self._judge.judged(), in_cycles))
+        keys = self._telegrams.keys
+        return rows.take(np.flatnonzero(~late)), [keys[number] for number in self._number[rows.place[late]].tolist()]
 
     def end(self) -> None:
         """Write all that is left, and close the files."""

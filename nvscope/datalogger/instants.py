@@ -11,7 +11,7 @@ An instant stands behind all packets that had come by then. It is told by the nu
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 from msgspec import Struct
@@ -34,14 +34,23 @@ _MOST_SENDERS = 1_000
 
 
 class Instants(Struct, frozen=True):
-    """Moments, and the frames behind which they are; int64 (n,), frames rising."""
+    """Moments, and the frames behind which they are; int64 (n,), frames rising.
+
+    ``sender`` is who sent a cycle, in the numbers of ``DefinedRows.sender``, -1 where it is all the same.
+    """
 
     time_ns: I64
     frame: I64
+    sender: I64
 
-    def take(self, rows: slice) -> Instants:
-        """Return some of them, which follow each other."""
-        return Instants(self.time_ns[rows], self.frame[rows])
+    @staticmethod
+    def of_all(time_ns: I64, frame: I64) -> Instants:
+        """Return instants of whatever sender."""
+        return Instants(time_ns, frame, np.full(len(frame), -1))
+
+    def take(self, rows: I64 | slice) -> Instants:
+        """Return some of them."""
+        return Instants(self.time_ns[rows], self.frame[rows], self.sender[rows])
 
 
 class Interval:
@@ -109,7 +118,7 @@ class Interval:
             time_ns = self._next_ns + self._interval_ns * np.arange(count)
             frame = first_frame + np.searchsorted(now, time_ns, "right") - 1
             self._next_ns += self._interval_ns * count
-            yield Instants(time_ns, frame)
+            yield Instants.of_all(time_ns, frame)
 
 
 class Cycles:
@@ -120,6 +129,7 @@ class Cycles:
     ``apart_ns`` behind the one before; and where the clock was set back. ``is_open``: there may be further SubIndexes.
     ``sends_all``: all of them are sent each time, as of a list that is sent cyclically and not on a change.
     ``late`` are the frames of telegrams, of those taken last, that are of a cycle that was over: they are in none.
+    ``lost`` are the frames behind which these are missing.
     """
 
     def __init__(
@@ -132,13 +142,19 @@ class Cycles:
         self._sends_all = sends_all
         self._apart_ns = apart_ns
         self._senders: dict[int, SenderCycles] = {}
-        self.late = np.empty(0, np.int64)
+        self.late = self.lost = np.empty(0, np.int64)
         self._now_ns = _NEVER
 
     @property
-    def open_frames(self) -> list[int]:
-        """The last frames of cycles that may go on."""
-        return [one.open.frame for one in self._senders.values() if one.open]
+    def places(self) -> frozenset[int]:
+        """The places of the list, where its cycles are of several telegrams."""
+        is_one = len(self._all) < 2 and not self._is_open
+        return frozenset() if is_one else frozenset(self._places.tolist())
+
+    @property
+    def open_frames(self) -> dict[int, int]:
+        """The last frames of cycles that may go on, and who sent these."""
+        return {one.open.frame: number for number, one in self._senders.items() if one.open}
 
     def take(self, told: Told, rows: DefinedRows) -> Iterator[Instants]:
         """Yield the instants of the cycles that are over with a batch; within one of them, frames rise."""
@@ -148,9 +164,9 @@ class Cycles:
         )
         if len(self._all) < 2 and not self._is_open:
             if len(own):
-                yield Instants(rows.ts_ns[own], rows.frame[own])
+                yield Instants.of_all(rows.ts_ns[own], rows.frame[own])
             return
-        self.late = own[:0]
+        self.late = self.lost = own[:0]
         ts_ns, first = told.packets.ts_ns, 0
         while first < len(ts_ns):
             stop = first + self._until_set_back(ts_ns[first:])
@@ -164,7 +180,8 @@ class Cycles:
             self._now_ns = max(self._now_ns, told.until_ns)
         # Packets that are out of order are late by no more than that.
         latest_ns = self._now_ns - self._apart_ns - SET_BACK_NS
-        yield from self._closed([one for one in self._senders.values() if one.open and one.open.last_ns < latest_ns])
+        over = {number: one for number, one in self._senders.items() if one.open and one.open.last_ns < latest_ns}
+        yield from self._closed(over)
         if len(self._senders) > _MOST_SENDERS:
             self._senders = {number: one for number, one in self._senders.items() if one.open}
         if told.is_deaf:
@@ -172,15 +189,16 @@ class Cycles:
 
     def end(self) -> Iterator[Instants]:
         """Yield the instants of the cycles that are open."""
-        yield from self._closed(list(self._senders.values()))
+        yield from self._closed(self._senders)
         self._senders.clear()
         self._now_ns = _NEVER
 
-    def _closed(self, senders: Sequence[SenderCycles]) -> Iterator[Instants]:
+    def _closed(self, senders: Mapping[int, SenderCycles]) -> Iterator[Instants]:
         """Yield the instants of the open cycles of some senders."""
-        over = sorted((one for sender in senders if (one := sender.end())), key=lambda one: one.frame)
+        over = [(one.frame, one.begin_ns, number) for number, sender in senders.items() if (one := sender.end())]
         if over:
-            yield Instants(np.array([one.begin_ns for one in over]), np.array([one.frame for one in over]))
+            frame, begin_ns, number = np.array(sorted(over), np.int64).T
+            yield Instants(begin_ns, frame, number)
 
     def _until_set_back(self, ts_ns: I64) -> int:
         """Return how many of some packets come before the clock is set back, and take their time."""
@@ -194,8 +212,9 @@ class Cycles:
 
     def _cut(self, told: Told, rows: DefinedRows, own: I64) -> Iterator[Instants]:
         """Cut the telegrams of each sender into cycles: the last frame of each that is over, and when it began."""
-        found: list[tuple[I64, I64]] = []
+        found: list[tuple[I64, I64, I64]] = []
         late: list[int] = []
+        lost: list[int] = []
         sender, counter = rows.sender[own], told.batch.counter[rows.frame[own] - told.first_frame]
         for number in np.flatnonzero(np.bincount(sender)).tolist():
             if number not in self._senders:
@@ -203,10 +222,12 @@ class Cycles:
                 self._senders[number] = SenderCycles(subindexes, self._apart_ns, sends_all=self._sends_all)
             cycles, mine = self._senders[number], np.flatnonzero(sender == number)
             some = rows.take(own[mine])
-            found.append(cycles.take(some.subindex, counter[mine], some.ts_ns, some.frame))
+            begin_ns, last = cycles.take(some.subindex, counter[mine], some.ts_ns, some.frame)
+            found.append((begin_ns, last, np.full(len(last), number)))
             late += cycles.late
+            lost += cycles.lost
         self.late = np.append(self.late, np.array(sorted(late), np.int64))
-        time_ns, frame = (np.concatenate([one[column] for one in found]) for column in (0, 1))
-        order = np.argsort(frame, kind="stable")
-        if len(order):
-            yield Instants(time_ns[order], frame[order])
+        self.lost = np.append(self.lost, np.array(sorted(lost), np.int64))
+        instants = Instants(*(np.concatenate(columns) for columns in zip(*found, strict=True)))
+        if len(instants.frame):
+            yield instants.take(np.argsort(instants.frame, kind="stable"))

@@ -17,6 +17,7 @@ from dissectors.batch import I64
 from nvscope.capture.source import LostSpan, Source, SourceInfo
 from nvscope.datalogger.copies import Copies, may_be_copies
 from nvscope.datalogger.losses import Judged, Losses
+from nvscope.datalogger.passed_cycles import sent_whole
 from nvscope.datalogger.wanted import WantedStreams
 from nvscope.engine.told import Told
 from nvscope.list_key import ListKey
@@ -87,9 +88,10 @@ class WholeCapture:
 
     def judged(self) -> Judged:
         if self._known is None:
-            losses, copies = Losses(self._keys), Copies(self._keys, self.least_ns)
+            losses = Losses(self._keys, sent_whole(self._inquiry.defined_layouts(), self._keys))
+            copies = Copies(self._keys, self.least_ns)
             found = self._inquiry.analyze(causes=False, others=[losses, copies])
-            known = Judged.of(found.summary, self.least_ns, found.infos, losses.filled)
+            known = Judged.of(found.summary, self.least_ns, found.infos, losses)
             self._known = replace(known, copies=copies.found())
         return self._known
 

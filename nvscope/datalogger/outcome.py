@@ -43,7 +43,10 @@ def outcome(log: SessionLog, heard: Heard) -> Iterator[str]:
         )
     if counted.late:
         came = count_of(counted.late, "telegram")
-        yield f"{name}: {came} came when the next cycle had begun, too late for a row; the next row tells of it."
+        yield (
+            f"{name}: {came} came behind newer ones, too late for a row; the first row behind what is missing for that "
+            "tells of it."
+        )
     if counted.not_written:
         yield f"{name}: {count_of(counted.not_written, 'row')} not written: another program held the database."
     yield from (f"{name}: {told}." for told in _copies(log, heard))

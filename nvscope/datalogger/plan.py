@@ -21,6 +21,7 @@ from nvscope.datalogger.existing import unlike_logger
 from nvscope.datalogger.instants import Cycles, Interval
 from nvscope.datalogger.judging import Judge
 from nvscope.datalogger.logged import Logged, Resolved, list_of_task, near_name, resolve, task_list
+from nvscope.datalogger.passed_cycles import sent_whole
 from nvscope.datalogger.session_log import Schedule, SessionLog
 from nvscope.datalogger.set_aside import SetAside
 from nvscope.definition.layouts import Layouts
@@ -289,7 +290,7 @@ def data_log(
         for log in logs:
             log.end()
         raise
-    return DataLog(telegrams, logs, judge)
+    return DataLog(telegrams, logs, judge, sent_whole(layouts, telegrams.keys))
 
 
 def _schedules(planned: Planned, telegrams: DefinedTelegrams, judge: Judge) -> list[Schedule]:

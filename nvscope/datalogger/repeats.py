@@ -13,6 +13,9 @@ than half an interval behind the cycle before them. So it does not matter how la
 the last new telegram, a copy comes sooner than a quarter of an interval, or as late as others did. What cannot be
 proven is a cycle: a row too many is better than one that is lost.
 
+What repeats a telegram and is behind others of it by its Counter, too, is from the past: it is a copy, whenever it
+comes.
+
 The interval is that of new telegrams, one directly behind the other. Where there are few such, most have been repeated,
 or values are slow: then it is that of all new telegrams if these have been repeated in a way in which no sender sends
 cycles (``_are_copied``), else that of all telegrams. An irregular stream has none: there a copy comes at once, or each
@@ -27,6 +30,8 @@ import numpy as np
 from msgspec import Struct
 
 from dissectors.batch import I64, U16, U64, Bool
+from nvscope.tracker.sequence import walk
+from nvscope.tracker.steps import LATE_FROM, Step
 
 RECENT = 64
 RECENT_NS = 1_000_000_000
@@ -102,7 +107,7 @@ class Seen(Struct, frozen=True, dict=True):
     def copies(self) -> Bool:
         """Return which telegrams are copies."""
         repeats = self.before >= 0
-        found: Bool = repeats & (self._behind_ns < self._limit_ns)
+        found: Bool = repeats & ((self._behind_ns < self._limit_ns) | self._is_past)
         if found.sum() == repeats.sum():
             return found
         interval_ns = self._interval_ns
@@ -154,6 +159,20 @@ class Seen(Struct, frozen=True, dict=True):
     def _behind_ns(self) -> I64:
         """How far each repeat is behind what it repeats."""
         found: I64 = np.abs(self.time_ns - self.time_ns[self.before])
+        return found
+
+    @cached_property
+    def _is_past(self) -> Bool:
+        """Which telegrams have a Counter that is shortly behind the newest one, and was there before."""
+        steps: U16 = self.counter[1:] - self.counter[:-1]
+        goes_back = bool((steps >= LATE_FROM).any())
+        if not goes_back or self._comes_round:
+            return np.zeros(len(self), np.bool_)
+        nothing = np.zeros(1, np.int64)
+        walked = walk(
+            self.counter, nothing, nothing.astype(np.uint16), nothing.astype(np.uint64), np.ones(1, np.bool_)
+        ).step  # fmt: skip
+        found: Bool = (self.before >= 0) & ((walked == Step.LATE) | (walked == Step.OVERTAKEN))
         return found
 
     def _evenly(self, repeats: int, off: int) -> Bool:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
-from msgspec import Struct
+from msgspec import Struct, field
 
 from dissectors.batch import I64, U8, Bool
 from nvscope.datalogger.logged import Content, Logged, declared_type
@@ -14,6 +15,9 @@ from nvscope.definition.variables import Elementary, ScalarKind, String, scalar_
 from nvscope.expression.typed_columns import Numbers
 from nvscope.list_key import ListKey
 from nvscope.view.rows.defined import DefinedRows, Place
+
+_MOST_SENDERS = 1_000
+"""Of more senders of a list, the last ones are remembered."""
 
 _NANS = {size: np.array([np.nan], f"f{size}").view(f"i{size}")[0] for size in (4, 8)}
 
@@ -36,12 +40,17 @@ class _Source(Struct, frozen=True):
 
 
 class _Group(Struct):
-    """Columns that come from the same places: the last telegram of any of these says what they are."""
+    """Columns that come from the same places: the last telegram of any of these says what they are.
+
+    ``last`` is that of all, which was of a ``sender``, ``by_sender`` that of each where there are several.
+    """
 
     places: dict[int, list[_Source]]
     columns: I64
     last: Numbers
     known: bool = False
+    sender: int = -1
+    by_sender: dict[int, Numbers] = field(default_factory=dict)
 
 
 class Samples:
@@ -57,6 +66,8 @@ class Samples:
         self._rows: DefinedRows
         self._own: list[I64] = []
         self._frames: list[I64] = []
+        self._only: list[int | None] = []
+        """Who has sent all telegrams of a group, up to those of the batch; None where these are several."""
         self._is_text = np.array([one.content is Content.TEXT for one in logged], np.bool_)
 
     def begin(self, rows: DefinedRows) -> None:
@@ -68,6 +79,7 @@ class Samples:
             own = [by_place[place] for place in group.places if place in by_place]
             self._own.append(np.sort(np.concatenate(own)) if len(own) > 1 else own[0] if own else np.empty(0, np.int64))
         self._frames = [rows.frame[own] for own in self._own]
+        self._only = [self._only_sender(group, own) for group, own in zip(self._groups, self._own, strict=True)]
 
     def first_frame(self, columns: Bool) -> int | None:
         """Return the first frame of the batch that tells something of some columns, None without any."""
@@ -75,18 +87,23 @@ class Samples:
         first = [int(frames[0]) for group, frames in groups if len(frames) and columns[group.columns].any()]
         return min(first, default=None)
 
-    def at(self, frame: I64) -> tuple[Numbers, Bool | None]:
+    def at(self, frame: I64, senders: Mapping[int, I64] = MappingProxyType({})) -> tuple[Numbers, Bool | None]:
         """Return the values behind rising frames, (n, v), and which of them are known; None where all are.
 
-        A frame in front of those of the batch stands for what was before.
+        A frame in front of those of the batch stands for what was before. ``senders`` say by place, and for each frame,
+        whose telegrams tell it, -1: anyone's.
         """
         shape = len(frame), self._width
         cells: Numbers = np.zeros(shape, self.dtype)
         known = np.zeros(shape, np.bool_)
-        for group, own, frames in zip(self._groups, self._own, self._frames, strict=True):
-            at = np.searchsorted(frames, frame, "right") - 1
-            values = self._values(group, own, at)
-            is_known = (at >= 0) | group.known
+        for group, own, frames, only in zip(self._groups, self._own, self._frames, self._only, strict=True):
+            asked = next((senders[place] for place in group.places if place in senders), None)
+            if asked is not None and (only is None or (asked != only).any()):
+                values, is_known = self._of_senders(group, own, frame, asked)
+            else:
+                at = np.searchsorted(frames, frame, "right") - 1
+                values = self._values(group, own, at, group.last)
+                is_known = (at >= 0) | group.known
             if len(group.columns) == self._width and is_known.all():
                 # Most sessions are of one telegram.
                 return values, None
@@ -96,30 +113,69 @@ class Samples:
 
     def end(self) -> None:
         """Let the last telegrams of the batch say what holds in front of the next one."""
-        for group, own in zip(self._groups, self._own, strict=True):
-            if len(own):
-                group.last = self._values(group, own, np.array([len(own) - 1]))[0]
-                group.known = True
+        for group, own, only in zip(self._groups, self._own, self._only, strict=True):
+            if not len(own):
+                continue
+            if only is None:
+                self._end_of_senders(group, own)
+            group.last = self._values(group, own, np.array([len(own) - 1]), group.last)[0]
+            group.known, group.sender = True, int(self._rows.sender[own[-1]])
+
+    def _end_of_senders(self, group: _Group, own: I64) -> None:
+        """Let the last telegrams of each sender of the batch say what holds in front of its next one."""
+        if group.known and not group.by_sender:
+            group.by_sender[group.sender] = group.last
+        for sender in np.unique(self._rows.sender[own]).tolist():
+            mine = own[self._rows.sender[own] == sender]
+            group.by_sender.pop(sender, None)
+            group.by_sender[sender] = self._values(group, mine, np.array([len(mine) - 1]), group.last)[0]
+        for sender in list(group.by_sender)[:-_MOST_SENDERS]:
+            del group.by_sender[sender]
+
+    def _only_sender(self, group: _Group, own: I64) -> int | None:
+        if not len(own):
+            return None if group.by_sender else group.sender
+        senders = self._rows.sender[own]
+        only = group.sender if group.known else int(senders[0])
+        return None if group.by_sender or (senders != only).any() else only
+
+    def _of_senders(self, group: _Group, own: I64, frame: I64, asked: I64) -> tuple[Numbers, Bool]:
+        """Return the values behind rising frames as some senders told them, and which of them did."""
+        values: Numbers = np.zeros((len(frame), len(group.columns)), self.dtype)
+        known = np.zeros(len(frame), np.bool_)
+        for sender in np.unique(asked).tolist():
+            rows = np.flatnonzero(asked == sender)
+            mine, last, was_known = own, group.last, group.known
+            if sender >= 0:
+                mine = own[self._rows.sender[own] == sender]
+                was_known = sender in group.by_sender or (group.known and group.sender == sender)
+                last = group.by_sender.get(sender, group.last)
+            at = np.searchsorted(self._rows.frame[mine], frame[rows], "right") - 1
+            values[rows] = self._values(group, mine, at, last)
+            known[rows] = (at >= 0) | was_known
+        return values, known
 
     def text_cells(self) -> list[Numbers]:
         """Return the numbers of texts that are kept, to be changed in place."""
         kept = []
         for group in self._groups:
-            kept += [group.last[place : place + 1] for place in np.flatnonzero(self._is_text[group.columns]).tolist()]
+            lasts = [group.last, *group.by_sender.values()]
+            texts = np.flatnonzero(self._is_text[group.columns]).tolist()
+            kept += [last[place : place + 1] for last in lasts for place in texts]
         return kept
 
-    def _values(self, group: _Group, row: I64, at: I64) -> Numbers:
-        """Return the values behind the telegrams at some places of ``row``, -1 for those before; (n, columns)."""
+    def _values(self, group: _Group, row: I64, at: I64, last: Numbers) -> Numbers:
+        """Return the values behind the telegrams at some places of ``row``, -1 for ``last``; (n, columns)."""
         before = int(np.searchsorted(at, 0))
         if before == len(at):
-            return np.repeat(group.last[np.newaxis], len(at), axis=0)
+            return np.repeat(last[np.newaxis], len(at), axis=0)
         # A telegram that several samples are of is read once.
         often = len(at) - before > at[-1] - at[before]
         picked = row[at[before] : at[-1] + 1] if often else row[at[before:]]
         values = self._read(group, picked)
         if (often and len(picked) < len(at) - before) or (often and (np.diff(at[before:]) != 1).any()):
             values = values[at[before:] - at[before]]
-        return np.concatenate([np.repeat(group.last[np.newaxis], before, axis=0), values]) if before else values
+        return np.concatenate([np.repeat(last[np.newaxis], before, axis=0), values]) if before else values
 
     def _read(self, group: _Group, picked: I64) -> Numbers:
         """Return the values in some telegrams, (n, columns)."""

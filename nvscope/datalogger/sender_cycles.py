@@ -7,10 +7,20 @@ so, Counters tell what SubIndexes and time do not::
     A1 B2 A2         B2 begins the next cycle
 
     A1 C1 B1 B2 C2   B is late as a whole, in the middle of C
+    A1 A2 B1 A2      A2 is sent once more
 
-Of senders that count over all that they send, nobody knows. Nor is a second Counter believed that says so before
-another whole cycle has come: the sender may count in another way since. One that is late is, of a sender whose cycles
+    A1 …      A2     A goes on, however late: the cycle before it had another Counter
+
+Senders that count each telegram give those of a cycle Counters that differ as their SubIndexes do. Where the last
+whole cycle had it so, what differs so from an open one is of that, however late. Where Counters rose at least, since
+others were sent between, what has a greater one than a greater SubIndex begins the next cycle. What is late of such
+senders does not come here (``passed_cycles``).
+
+A second Counter is not believed that says of cycles that have one Counter what is late, or next, before another
+whole one has come: the sender may count in another way since. One that is late is, of a sender whose cycles
 count on one by one; of one that does not, nobody knows which Counters there are to come.
+
+What is late is lost, as if it had not come: the next telegram of its SubIndex is behind that.
 """
 
 from __future__ import annotations
@@ -26,14 +36,42 @@ _WRAP = 1 << 16
 
 
 class Open(NamedTuple):
-    """A cycle that may go on: when it began, its last telegram, and the Counter of its first, ``is_one``: of all."""
+    """A cycle that may go on: when it began, its last telegram, and its Counters by SubIndex, as they came."""
 
     begin_ns: int
     frame: int
     last_ns: int
-    subindexes: frozenset[int]
-    counter: int
-    is_one: bool
+    counters: dict[int, int]
+
+    @property
+    def counter(self) -> int:
+        """That of the first telegram."""
+        return next(iter(self.counters.values()))
+
+    @property
+    def is_one(self) -> bool:
+        """Whether that is the Counter of all."""
+        return len(set(self.counters.values())) == 1
+
+    @property
+    def base(self) -> int | None:
+        """The Counter that SubIndex 0 has where each telegram is counted, None where that is not one."""
+        bases = {_base(subindex, counter) for subindex, counter in self.counters.items()}
+        return bases.pop() if len(bases) == 1 else None
+
+    def is_in_front_of(self, subindex: int, counter: int) -> bool:
+        """Return whether a telegram has a greater Counter than a greater SubIndex."""
+        last = max(self.counters)
+        return subindex < last and 1 <= (counter - self.counters[last]) % _WRAP <= WINDOW
+
+    @property
+    def rises(self) -> bool:
+        """Whether the greatest SubIndex has a greater Counter than the least."""
+        return 1 <= (self.counters[max(self.counters)] - self.counters[min(self.counters)]) % _WRAP <= WINDOW
+
+
+def _base(subindex: int, counter: int) -> int:
+    return (counter - subindex) % _WRAP
 
 
 class SenderCycles:
@@ -42,7 +80,8 @@ class SenderCycles:
     ``subindexes`` are those of a whole cycle, empty where nobody knows all; ``sends_all``: all of them are sent each
     time, and Counters tell something. What comes later than ``apart_ns`` behind
     the telegram before begins a cycle. ``open`` is the cycle that may go on; ``late`` are the frames of those telegrams
-    taken last whose cycle was over when they came.
+    taken last whose cycle was over when they came, ``lost`` of those behind which they are missing: the next ones of
+    their SubIndexes that are not late, or they themselves.
     """
 
     def __init__(self, subindexes: frozenset[int], apart_ns: int, *, sends_all: bool) -> None:
@@ -51,72 +90,106 @@ class SenderCycles:
         self._apart_ns = apart_ns
         self.open: Open | None = None
         self.late: list[int] = []
+        self.lost: list[int] = []
         self._is_sure = False
+        """Whether all telegrams of the last whole cycle had one Counter."""
+        self._are_counted = self._rises = False
+        """Whether each of them was counted; whether Counters rose with SubIndexes at all."""
         self._newest = 0
         """The Counter that the last cycle began with."""
         self._doubted: int | None = None
         """The Counter that has told something since the last whole cycle."""
         self._torn: dict[int, frozenset[int]] = {}
         """The SubIndexes of the last cycles that were over and not whole, by Counter."""
+        self._had_late: set[int] = set()
+        """Those of them, by Counter, of which a telegram has been late."""
+        self._newest_of: dict[int, int] = {}
+        """The last Counter of each SubIndex that was not late."""
+        self._owing: set[int] = set()
+        """The SubIndexes the next telegrams of which are in ``lost``."""
         self._had = _Counters()
 
     def take(self, subindex: I64, counter: U16, time_ns: I64, frame: I64) -> tuple[I64, I64]:
         """Take telegrams that follow, and return when the cycles that are over began, and the last frame of each."""
-        self.late = []
+        self.late, self.lost = [], []
         cut = _Cut.of(self.open, subindex, counter, time_ns, frame, self._apart_ns)
         is_whole = cut.size == len(self._all)
         is_whole &= bool(self._all)
-        if not self._sends_all or (not self._is_sure and not (is_whole & cut.is_one).any()):
+        if not self._sends_all:
+            return self._taken(cut, is_whole)
+        counts_nothing = not self._is_sure and not (is_whole & cut.is_one).any() and not self._owing
+        if self._may_say_more(cut, is_whole):
+            return self._one_by_one(subindex, counter, time_ns, frame)
+        if counts_nothing:
             return self._taken(cut, is_whole)
         step = np.diff(np.append(self._newest if self._is_sure else cut.counter[0], cut.counter)).astype(np.int16)
-        if cut.is_one.all() and (step >= 0).all():
+        may_go_on = (step[1:] == 0) & ~is_whole[:-1]
+        if cut.is_one.all() and (step >= 0).all() and not may_go_on.any() and not self._owing:
             self._remember(cut, is_whole)
             return self._taken(cut, is_whole)
-        over = [
-            one
-            for row in zip(subindex.tolist(), counter.tolist(), time_ns.tolist(), frame.tolist(), strict=True)
-            for one in self._one(*row)
-        ]
+        return self._one_by_one(subindex, counter, time_ns, frame)
+
+    def _may_say_more(self, cut: _Cut, is_whole: Bool) -> bool:
+        """Return whether Counters of each telegram may say something else than SubIndexes and time."""
+        goes_on = (cut.base[1:] == cut.base[:-1]) & cut.is_counted[:-1] & ~is_whole[:-1]
+        if goes_on.any() and (self._are_counted or (is_whole & cut.is_counted).any()):
+            return True
+        falls = cut.subindex[1:] < cut.subindex[:-1]
+        falls[cut.start[1:] - 1] = False
+        place = np.flatnonzero(falls)
+        return bool(len(place)) and not cut.is_one[np.searchsorted(cut.start, place, "right") - 1].all()
+
+    def _one_by_one(self, subindex: I64, counter: U16, time_ns: I64, frame: I64) -> tuple[I64, I64]:
+        """Take telegrams one after the other."""
+        columns = (one.tolist() for one in (subindex, counter, time_ns, frame))
+        over = [one for row in zip(*columns, strict=True) for one in self._one(*row)]
         return np.array([one.begin_ns for one in over], np.int64), np.array([one.frame for one in over], np.int64)
 
     def end(self) -> Open | None:
         """Return the cycle that was open; it is over."""
         over, self.open = self.open, None
         if over is not None and self._is_sure:
-            self._note_torn(over.counter, over.subindexes)
+            self._note_torn(over.counter, frozenset(over.counters))
         return over
 
     def _taken(self, cut: _Cut, is_whole: Bool) -> tuple[I64, I64]:
         """Return the cycles of a cut; the last one may be open."""
         begin_ns, last = cut.begin_ns, cut.frame
         self.open = None
+        if self._sends_all and is_whole.any():
+            self._see_whole(cut.cycle(int(np.flatnonzero(is_whole)[-1])))
         if not is_whole[-1]:
-            self.open = Open(
-                int(begin_ns[-1]), int(last[-1]), cut.last_ns, cut.subindexes(-1), int(cut.counter[-1]),
-                bool(cut.is_one[-1]),
-            )  # fmt: skip
+            self.open = cut.cycle(-1)
             begin_ns, last = begin_ns[:-1], last[:-1]
         return begin_ns, last
 
     def _remember(self, cut: _Cut, is_whole: Bool) -> None:
         """Remember what cycles say of which each has one Counter, none less than that before it."""
-        first = 0
+        # The cycle that was open had its Counter noted when it began.
+        first, noted = 0, int(self._is_sure and self.open is not None)
         if not self._is_sure:
-            first = int(np.argmax(is_whole))
-            self._is_sure, self._torn, self._had = True, {}, _Counters()
+            first = noted = int(np.argmax(is_whole))
+            self._is_sure, self._torn, self._had, self._newest_of = True, {}, _Counters(), {}
         if is_whole.any():
             self._doubted = None
         self._newest = int(cut.counter[-1])
-        for one in cut.counter[first:][-2 * WINDOW :].tolist():
+        newest: dict[int, int] = {}
+        for row in range(len(is_whole) - 1, max(first, len(is_whole) - WINDOW) - 1, -1):
+            newest = cut.cycle(row).counters | newest
+            if is_whole[row]:
+                break
+        self._newest_of |= newest
+        for one in cut.counter[noted:][-2 * WINDOW :].tolist():
             self._had.take(one)
         torn = cut.counter[~is_whole].tolist()
         for row in np.flatnonzero(np.isin(cut.counter, [*self._torn, *torn])).tolist():
             self._torn.pop(int(cut.counter[row]), None)
             if first <= row < len(is_whole) - 1 and not is_whole[row]:
-                self._note_torn(int(cut.counter[row]), cut.subindexes(row))
+                self._note_torn(int(cut.counter[row]), frozenset(cut.cycle(row).counters))
 
     def _note_torn(self, counter: int, subindexes: frozenset[int]) -> None:
         self._torn.pop(counter, None)
+        self._had_late.discard(counter)
         self._torn[counter] = subindexes
         if len(self._torn) > WINDOW:
             del self._torn[next(iter(self._torn))]
@@ -125,16 +198,34 @@ class SenderCycles:
         """Take one telegram, and return the cycles that are over for it."""
         over, going = [], self.open
         is_believed = self._is_sure and self._doubted in (None, counter)
+        if going is not None and going.is_one and self._is_again(subindex, counter):
+            self.late.append(frame)
+            return []
         if self._is_late(subindex, counter, is_believed=is_believed):
             self._doubted = counter if self._doubted is None else self._doubted
             if counter in self._torn:
                 self._torn[counter] |= {subindex}
             else:
                 self._note_torn(counter, frozenset({subindex}))
+            if not 1 <= (self._newest_of.get(subindex, counter) - counter) % _WRAP <= WINDOW:
+                self._owing.add(subindex)
+            elif counter not in self._had_late:
+                # The next one of its SubIndex has come, and nothing told that this one was missing.
+                self.lost.append(frame)
+            self._had_late = {counter, *(self._had_late & self._torn.keys())}
             self.late.append(frame)
             return []
+        self._newest_of[subindex] = counter
+        if subindex in self._owing:
+            self._owing.discard(subindex)
+            self.lost.append(frame)
         if going is not None:
-            is_next = subindex in going.subindexes or time_ns - going.last_ns > self._apart_ns
+            is_next = subindex in going.counters
+            if not is_next and time_ns - going.last_ns > self._apart_ns:
+                goes_on = self._is_sure and going.is_one and counter == going.counter and self._had.has_moved
+                is_next = not goes_on or not (is_believed or self._had.one_by_one)
+                is_next &= not self._are_counted or _base(subindex, counter) != going.base
+            is_next = is_next or (self._rises and going.is_in_front_of(subindex, counter))
             if not is_next and is_believed and 1 <= (counter - going.counter) % _WRAP <= WINDOW:
                 self._doubted, is_next = counter, True
             if is_next:
@@ -143,12 +234,10 @@ class SenderCycles:
             self._torn.pop(counter, None)
             self._newest = counter
             self._had.take(counter)
-            self.open = Open(time_ns, frame, time_ns, frozenset({subindex}), counter, is_one=True)
+            self.open = Open(time_ns, frame, time_ns, {subindex: counter})
         else:
-            is_one = self.open.is_one and self.open.counter == counter
-            subindexes = self.open.subindexes | {subindex}
-            self.open = Open(self.open.begin_ns, frame, time_ns, subindexes, self.open.counter, is_one)
-        if self._all and self.open.subindexes == self._all:
+            self.open = Open(self.open.begin_ns, frame, time_ns, self.open.counters | {subindex: counter})
+        if self._all and self.open.counters.keys() == self._all:
             over.append(self.open)
             self._end_whole(self.open)
         return over
@@ -159,14 +248,27 @@ class SenderCycles:
             return False
         if counter in self._torn:
             return subindex not in self._torn[counter] and (is_believed or self._had.one_by_one)
-        return self.open is not None and self._had.one_by_one and self._had.passed_over(counter)
+        return self._had.one_by_one and self._had.passed_over(counter)
+
+    def _is_again(self, subindex: int, counter: int) -> bool:
+        """Return whether a telegram was there: it is sent once more, in the middle of a later cycle."""
+        if not self._is_sure or not 1 <= (self._newest - counter) % _WRAP <= WINDOW:
+            return False
+        was_there = subindex in self._torn[counter] if counter in self._torn else self._had.had(counter)
+        return was_there and self._had.has_moved and self._had.one_by_one
+
+    def _see_whole(self, cycle: Open) -> None:
+        self._are_counted, self._rises = cycle.base is not None, cycle.rises
 
     def _end_whole(self, cycle: Open) -> None:
         self.open = None
+        if self._sends_all:
+            self._see_whole(cycle)
         if cycle.is_one:
             if not self._is_sure:
                 self._torn, self._had = {}, _Counters()
                 self._had.take(cycle.counter)
+                self._newest_of = dict(cycle.counters)
             self._newest, self._doubted = cycle.counter, None
         self._is_sure = cycle.is_one
 
@@ -179,10 +281,13 @@ class _Counters:
         self._reach = 0
         """How far back they are known."""
         self._had: set[int] = set()
+        self.has_moved = False
+        """Whether the last one is another than the one before, and counts on from that."""
 
     def take(self, counter: int) -> None:
         """Take the next one."""
         step = (counter - self._last) % _WRAP
+        self.has_moved = bool(self._had) and 1 <= step <= WINDOW
         if not self._had or step > WINDOW:
             self._had, self._reach, step = set(), 0, 0
         self._last, self._reach = counter, min(self._reach + step, WINDOW)
@@ -193,6 +298,10 @@ class _Counters:
         """Whether most of those there may be were there."""
         return 3 * len(self._had) >= 2 * (self._reach + 1)
 
+    def had(self, counter: int) -> bool:
+        """Return whether a cycle had a Counter."""
+        return counter in self._had
+
     def passed_over(self, counter: int) -> bool:
         """Return whether no cycle had a Counter that lies between those known."""
         return counter not in self._had and (self._last - counter) % _WRAP <= self._reach
@@ -201,7 +310,8 @@ class _Counters:
 class _Cut(NamedTuple):
     """Cycles as SubIndexes and time tell them, of which the last may be open; a column a cycle.
 
-    ``counter`` is that of the first telegram, ``is_one`` whether it is that of all; ``frame`` is that of the last one.
+    ``counter`` is that of the first telegram, ``is_one`` whether it is that of all; ``base`` and ``is_counted`` say the
+    same of the Counter that SubIndex 0 has where each telegram is counted. ``frame`` is that of the last one.
     """
 
     begin_ns: I64
@@ -209,33 +319,41 @@ class _Cut(NamedTuple):
     size: I64
     counter: U16
     is_one: Bool
+    base: U16
+    is_counted: Bool
     last_ns: int
     start: I64
     subindex: I64
+    counters: U16
 
     @staticmethod
     def of(going: Open | None, subindex: I64, counter: U16, time_ns: I64, frame: I64, apart_ns: int) -> _Cut:
         """Cut telegrams that follow an open cycle."""
-        begin_ns, is_one = int(time_ns[0]), True
+        begin_ns = int(time_ns[0])
         if going is not None:
-            begin_ns, is_one, known = going.begin_ns, going.is_one, np.array(sorted(going.subindexes))
-            subindex, frame = np.append(known, subindex), np.append(np.full(len(known), going.frame), frame)
-            time_ns = np.append(np.full(len(known), going.last_ns), time_ns)
-            counter = np.append(np.full(len(known), going.counter, np.uint16), counter)
+            begin_ns, known = going.begin_ns, len(going.counters)
+            subindex, frame = np.append(list(going.counters), subindex), np.append(np.full(known, going.frame), frame)
+            time_ns = np.append(np.full(known, going.last_ns), time_ns)
+            counter = np.append(np.array([*going.counters.values()], np.uint16), counter)
         start = _starts(subindex, time_ns[1:] - time_ns[:-1] > apart_ns)
-        stop = np.append(start[1:], len(frame))
+        size = np.diff(np.append(start, len(frame)))
         begin = time_ns[start].copy()
         begin[0] = begin_ns
-        same = np.logical_and.reduceat(counter == np.repeat(counter[start], stop - start), start)
-        same[0] &= is_one
-        last = stop - 1
-        return _Cut(begin, frame[last], stop - start, counter[start], same, int(time_ns[-1]), start, subindex)
+        base: U16 = counter - subindex.astype(np.uint16)
+        is_one, is_counted = (
+            np.logical_and.reduceat(own == np.repeat(own[start], size), start) for own in (counter, base)
+        )
+        last_ns, last = int(time_ns[-1]), frame[start + size - 1]
+        return _Cut(
+            begin, last, size, counter[start], is_one, base[start], is_counted, last_ns, start, subindex, counter
+        )  # fmt: skip
 
-    def subindexes(self, cycle: int) -> frozenset[int]:
-        """Return the SubIndexes of a cycle."""
-        bounds = np.append(self.start, len(self.subindex))
-        cycle %= len(self.start)
-        return frozenset(self.subindex[bounds[cycle] : bounds[cycle + 1]].tolist())
+    def cycle(self, number: int) -> Open:
+        """Return one of the cycles, which may be open if it is the last one."""
+        number %= len(self.start)
+        own = slice(self.start[number], self.start[number] + self.size[number])
+        counters = dict(zip(self.subindex[own].tolist(), self.counters[own].tolist(), strict=True))
+        return Open(int(self.begin_ns[number]), int(self.frame[number]), self.last_ns, counters)
 
 
 def _starts(subindex: I64, is_late: Bool) -> I64:

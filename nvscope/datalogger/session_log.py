@@ -82,8 +82,9 @@ class Counted(Struct):
 class SessionLog:
     """Logs the variables of one session.
 
-    ``keys`` are the lists of the places, by number; ``needed`` are those that each schedule needs, and ``sampled``
-    tells which of these take samples in an interval. Rows begin when a value is known.
+    ``keys`` are the lists of the places, by number; ``needed`` are those that each schedule needs, ``in_cycles`` those
+    whose cycles are rows, and ``sampled`` tells which schedules take samples in an interval. Rows begin when a value is
+    known.
     """
 
     def __init__(
@@ -96,6 +97,8 @@ class SessionLog:
         self.needed = [one.keys for one in schedules]
         self.counted = Counted()
         self._list_of = [keys[place.number] for place in places]
+        cycles = [one.instants.places for one in schedules if isinstance(one.instants, Cycles)]
+        self.in_cycles = frozenset(self._list_of[place] for own in cycles for place in own)
         self._texts = Texts()
         self._samples = Samples(logged, places, keys, self._texts)
         at_once = max(_CELLS_AT_ONCE // max(len(logged), 1), 1)
@@ -125,11 +128,16 @@ class SessionLog:
         self._since: list[int | None] = [None] * len(schedules)
         self._text_columns = [place for place, one in enumerate(logged) if one.content is Content.TEXT]
 
-    def take(self, told: Told, rows: DefinedRows, losses: Sequence[I64]) -> None:
-        """Take a batch; ``losses`` are rising frames for each schedule, behind which something is missing for it."""
-        late = self._turns.begin(told, rows)
-        if len(late):
-            losses = self._with_late(late, losses)
+    def take(self, told: Told, rows: DefinedRows, losses: Sequence[I64], breaks: I64) -> None:
+        """Take a batch; ``losses`` are frames for each schedule, behind which something is missing for it.
+
+        ``breaks`` are those behind which it is for all of them, whatever their telegrams say.
+        """
+        late, behind_late = self._turns.begin(told, rows)
+        self.counted.late += len(late)
+        if len(late) or len(behind_late):
+            losses = self._with_late(late, behind_late, losses)
+        losses = [np.sort(np.append(own, breaks)) for own in losses]
         losses = [self._behind_first(number, own) for number, own in enumerate(losses)]
         self._losses = [np.concatenate(both) for both in zip(self._losses, losses, strict=True)]
         for taken in self._turns.take():
@@ -148,14 +156,19 @@ class SessionLog:
         since = self._since[number]
         return losses[:0] if since is None else losses[losses > since]
 
-    def _with_late(self, late: DefinedRows, losses: Sequence[I64]) -> list[I64]:
-        """Return losses with those that telegrams are of which came when the row of their cycle was made."""
-        self.counted.late += len(late)
-        of_list = [self._list_of[place] for place in late.place.tolist()]
+    def _with_late(self, late: DefinedRows, behind: DefinedRows, losses: Sequence[I64]) -> list[I64]:
+        """Return losses where telegrams are missing that came when their row was made.
+
+        What is missing in front of these as well, is missing in front of those behind.
+        """
         return [
-            np.sort(np.append(own, late.frame[np.array([key in keys for key in of_list], np.bool_)]))
+            np.append(own[~np.isin(own, self._of(late, keys))], self._of(behind, keys))
             for own, keys in zip(losses, self.needed, strict=True)
         ]
+
+    def _of(self, rows: DefinedRows, keys: frozenset[ListKey]) -> I64:
+        """Return the frames of telegrams of some lists."""
+        return rows.frame[np.array([self._list_of[place] in keys for place in rows.place.tolist()], np.bool_)]
 
     @property
     def other_table(self) -> str:

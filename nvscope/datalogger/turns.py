@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 from msgspec import Struct
@@ -57,23 +57,31 @@ class Turns:
         self._schedules = schedules
         self._samples = samples
         self._at_once = at_once
+        self._places = [one.places if isinstance(one, Cycles) else frozenset[int]() for one in schedules]
         self._held: Taken | None = None
         self._open: dict[int, Taken] = {}
         self._due_now: Callable[[], Iterator[Taken]]
 
-    def begin(self, told: Told, rows: DefinedRows) -> DefinedRows:
-        """Take a batch, and return those of its telegrams that came too late for a cycle: no value is theirs."""
+    def begin(self, told: Told, rows: DefinedRows) -> tuple[DefinedRows, DefinedRows]:
+        """Take a batch, and return those of its telegrams that came too late for a cycle: no value is theirs.
+
+        The second ones are those behind which something late is missing.
+        """
         only = self._schedules[0]
         if len(self._schedules) == 1 and isinstance(only, Interval):
             self._samples.begin(rows)
             self._due_now = lambda: self._sampled(only.take(told, rows))
-            return rows.take(slice(0, 0))
+            return rows.take(slice(0, 0)), rows.take(slice(0, 0))
         found = [(number, list(one.take(told, rows))) for number, one in enumerate(self._schedules)]
-        frames = [one.late for one in self._schedules if isinstance(one, Cycles)]
-        is_late = np.isin(rows.frame, np.concatenate(frames)) if any(map(len, frames)) else np.empty(0, np.bool_)
-        self._samples.begin(rows.take(np.flatnonzero(~is_late)) if len(is_late) else rows)
+        cycles = [one for one in self._schedules if isinstance(one, Cycles)]
         self._due_now = lambda: self._due(found, told.first_frame)
-        return rows.take(np.flatnonzero(is_late))
+        if not any(len(one.late) or len(one.lost) for one in cycles):
+            self._samples.begin(rows)
+            return rows.take(slice(0, 0)), rows.take(slice(0, 0))
+        is_late = np.isin(rows.frame, np.concatenate([one.late for one in cycles]))
+        is_behind = np.isin(rows.frame, np.concatenate([one.lost for one in cycles]))
+        self._samples.begin(rows.take(np.flatnonzero(~is_late)))
+        return rows.take(np.flatnonzero(is_late)), rows.take(np.flatnonzero(is_behind))
 
     def take(self) -> Iterator[Taken]:
         """Yield what is due with the batch that was begun."""
@@ -95,15 +103,19 @@ class Turns:
     def _due(self, found: Sequence[tuple[int, Sequence[Instants]]], first_frame: int) -> Iterator[Taken]:
         """Yield what no cycle that may go on stands in front of; ``first_frame`` is that of the batch."""
         none = np.empty(0, np.int64)
-        time_ns = np.concatenate([none, *(one.time_ns for _, own in found for one in own)])
-        frame = np.concatenate([none, *(one.frame for _, own in found for one in own)])
+        time_ns, frame, sender = (
+            np.concatenate([none, *(getattr(one, name) for _, own in found for one in own)])
+            for name in ("time_ns", "frame", "sender")
+        )
         schedule = np.repeat([number for number, _ in found], [sum(len(one.frame) for one in own) for _, own in found])
         order = np.lexsort((schedule, time_ns, frame))
-        instants, schedule = Instants(time_ns[order], frame[order]), schedule[order]
+        instants, schedule = Instants(time_ns, frame, sender).take(order), schedule[order]
         # What holds behind a telegram of an earlier batch was looked up when that was there.
         before = int(np.searchsorted(instants.frame, first_frame))
         early = [self._of_earlier(one) for one in self._looked_up(instants.take(slice(before)), schedule[:before])]
-        waits = sorted({frame for one in self._schedules if isinstance(one, Cycles) for frame in one.open_frames})
+        cycles = [(number, one) for number, one in enumerate(self._schedules) if isinstance(one, Cycles)]
+        waiting_for = {frame: (number, sender) for number, one in cycles for frame, sender in one.open_frames.items()}
+        waits = sorted(waiting_for)
         until = waits[0] if waits else _LATEST
         held = [] if self._held is None else [self._held]
         waiting = []
@@ -119,9 +131,10 @@ class Turns:
         waiting = [one for one in waiting if len(one.frame)]
         self._held = Taken.joined(waiting) if waiting else None
         fresh = np.array([frame for frame in waits if frame not in self._open], np.int64)
+        number, sender = np.array([waiting_for[one] for one in fresh.tolist()], np.int64).reshape(-1, 2).T
         looked_up = {
             int(one.frame[row]): one.take(slice(row, row + 1))
-            for one in self._looked_up(Instants(fresh, fresh), np.zeros(len(fresh), np.int64))
+            for one in self._looked_up(Instants(fresh, fresh, sender), number)
             for row in range(len(one.frame))
         }
         self._open = {frame: self._open.get(frame) or looked_up[frame] for frame in waits}
@@ -130,8 +143,17 @@ class Turns:
         """Yield the values at instants, as far as this batch tells them."""
         for part in range(0, len(instants.frame), self._at_once):
             rows = slice(part, part + self._at_once)
-            cells, known = self._samples.at(instants.frame[rows])
+            own = instants.take(rows)
+            cells, known = self._samples.at(own.frame, self._senders(own, schedule[rows]))
             yield Taken(instants.time_ns[rows], instants.frame[rows], schedule[rows], cells, known)
+
+    def _senders(self, instants: Instants, schedule: I64) -> Mapping[int, I64]:
+        """Return by place whose telegrams say what it is at instants, where that is not all the same."""
+        return {
+            place: np.where(schedule == number, instants.sender, -1)
+            for number, places in enumerate(self._places)
+            for place in places
+        }
 
     def _of_earlier(self, taken: Taken) -> Taken:
         """Put the values behind telegrams of earlier batches in their place."""

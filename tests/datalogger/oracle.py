@@ -16,13 +16,13 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from tests.datalogger.oracle_copies import copies_in
 from tests.datalogger.oracle_cycles import CycleSender
-from tests.datalogger.oracle_losses import Packet
+from tests.datalogger.oracle_losses import Counters, Packet
 
 SECOND_NS = 10**9
 SET_BACK_NS = SECOND_NS
@@ -113,7 +113,7 @@ class Sample:
 
     ``names`` are the variables of its row; of cycles of one list among others, not all of them. ``lists`` are those
     without whose telegrams it is not what it should be: of its variables, and of its task. ``since`` is the place of
-    the first packet of all that told something of its names.
+    the first packet of all that told something of its names. ``of`` is the list and the sender of a cycle.
     """
 
     time_ns: int
@@ -126,6 +126,7 @@ class Sample:
     lossy: bool = False
     lists: frozenset[int] = frozenset()
     since: int = 0
+    of: tuple[int, str] | None = None
 
 
 def size_of(kind: str) -> int:
@@ -164,7 +165,9 @@ def samples(packets: Sequence[Packet], lists: Mapping[int, DefinedList], session
     found = []
     for task, names in by_task.items():
         for first, last in cycles(packets, lists[task]):
-            found.append(Sample(packets[first].time_ns, last + 1, frozenset(names), {}))
+            sample = Sample(packets[first].time_ns, last + 1, frozenset(names), {})
+            sample.of = task, packets[last].node
+            found.append(sample)
     found.sort(key=lambda one: one.seen)
     if sampled:
         for time_ns, seen in instants([packet.time_ns for packet in packets], session.sampling_ns):
@@ -174,11 +177,18 @@ def samples(packets: Sequence[Packet], lists: Mapping[int, DefinedList], session
         names: next((place for place, now in enumerate(known[1:]) if now.keys() & names), 0)
         for names in {one.names for one in found}
     }
+    # What another sender of the list says is of no cycle of this one.
+    of_sender: dict[tuple[int, str], list[dict[str, Value]]] = {}
     for one in found:
         one.lists = frozenset(session.variables[name][0] for name in one.names)
         one.lists |= {task for name, task in in_cycles.items() if name in one.names and task is not None}
         one.since = since[one.names]
-        one.values = {name: value for name, value in known[one.seen].items() if name in one.names}
+        if one.of and one.of not in of_sender:
+            task, node = one.of
+            others = [place for place, packet in enumerate(packets) if packet.index == task and packet.node != node]
+            of_sender[one.of] = known_values(packets, lists, session, set(others))
+        values = (of_sender[one.of] if one.of else known)[one.seen]
+        one.values = {name: value for name, value in values.items() if name in one.names}
     return [one for one in found if one.values]
 
 
@@ -187,10 +197,19 @@ def tasks_of(session: Session) -> set[int]:
     return set(session.tasks.values()) if session.task is None else {session.task}
 
 
+def in_cycles(lists: Mapping[int, DefinedList], tasks: Iterable[int]) -> dict[tuple[int, int], int]:
+    """Return of how many telegrams the cycles of tasks are, of lists of several that are sent whole."""
+    own = [lists[task] for task in tasks if lists[task].interval_ns is not None]
+    return {(one.port, one.index): len(one.telegrams) for one in own if len(one.telegrams) > 1}
+
+
 def known_values(
-    packets: Sequence[Packet], lists: Mapping[int, DefinedList], session: Session
+    packets: Sequence[Packet], lists: Mapping[int, DefinedList], session: Session, left_out: Collection[int] = ()
 ) -> list[dict[str, Value]]:
-    """Return what is known of the variables when no packet has come, after one, after two …"""
+    """Return what is known of the variables when no packet has come, after one, after two …
+
+    Of packets that are ``left_out`` nothing is.
+    """
     called: dict[tuple[int, str], list[str]] = {}
     for name, place in session.variables.items():
         called.setdefault(place, []).append(name)
@@ -198,9 +217,10 @@ def known_values(
     # What is seen once more tells nothing: another sender may have said something else meanwhile.
     seen_twice = set().union(*(copies(packets, one) for one in lists.values()))
     seen_twice |= set().union(*(late(packets, lists[task]) for task in tasks_of(session)))
+    seen_twice |= Counters(packets, in_cycles(lists, tasks_of(session))).late()
     for at_packet, packet in enumerate(packets):
         now = dict(known[-1])
-        if counts_for(packet, lists.get(packet.index)) and at_packet not in seen_twice:
+        if counts_for(packet, lists.get(packet.index)) and at_packet not in seen_twice and at_packet not in left_out:
             at = 0
             for name, kind in lists[packet.index].telegrams[packet.subindex]:
                 for variable in called.get((packet.index, name), ()):
@@ -250,13 +270,22 @@ def late(packets: Sequence[Packet], defined: DefinedList) -> set[int]:
     return _cycles(packets, defined)[1] if len(defined.telegrams) > 1 else set()
 
 
-def _cycles(packets: Sequence[Packet], defined: DefinedList) -> tuple[list[tuple[int, int]], set[int]]:
-    """Cut telegrams, whose SubIndexes come in any order, into cycles; return these, and what came too late for one."""
+def behind_late(packets: Sequence[Packet], defined: DefinedList) -> set[int]:
+    """Return the places of the telegrams in front of which these are missing."""
+    return _cycles(packets, defined)[2] if len(defined.telegrams) > 1 else set()
+
+
+def _cycles(packets: Sequence[Packet], defined: DefinedList) -> tuple[list[tuple[int, int]], set[int], set[int]]:
+    """Cut telegrams, whose SubIndexes come in any order, into cycles.
+
+    Return these, what came too late for one, and the telegrams in front of which that is missing.
+    """
     longest_ns = (defined.interval_ns or 2 * UNKNOWN_INTERVAL_NS) // 2
     senders: dict[str, CycleSender] = {}
     over: list[list[int]] = []
     too_late: set[int] = set()
-    seen_twice = copies(packets, defined)
+    behind: set[int] = set()
+    left_out = copies(packets, defined) | Counters(packets, in_cycles({defined.index: defined}, [defined.index])).late()
     now = packets[0].time_ns
     for place, packet in enumerate(packets):
         if packet.time_ns < now - SET_BACK_NS:
@@ -264,15 +293,23 @@ def _cycles(packets: Sequence[Packet], defined: DefinedList) -> tuple[list[tuple
             over += [one.going for one in senders.values() if one.going]
             senders.clear()
         now = max(now, packet.time_ns)
-        if packet.index != defined.index or not counts_for(packet, defined) or place in seen_twice:
+        if packet.index != defined.index or not counts_for(packet, defined) or place in left_out:
             continue
         sender = senders.setdefault(packet.node, CycleSender(sends_all=defined.interval_ns is not None))
-        if sender.is_late(packet):
+        if sender.is_again([packets[one] for one in sender.going], packet):
             too_late.add(place)
             continue
+        if sender.is_late(packet):
+            too_late.add(place)
+            if sender.miss(packet):
+                behind.add(place)
+            continue
+        if sender.is_behind_late(packet):
+            behind.add(place)
         own = [packets[one] for one in sender.going]
         again = packet.subindex in {one.subindex for one in own}
-        if own and (again or packet.time_ns - own[-1].time_ns > longest_ns or sender.is_next(own[0], packet)):
+        is_apart = bool(own) and packet.time_ns - own[-1].time_ns > longest_ns and not sender.goes_on(own, packet)
+        if own and (again or is_apart or sender.is_next(own, packet)):
             over.append(sender.going)
             sender.leave(own)
         if not sender.going:
@@ -282,7 +319,7 @@ def _cycles(packets: Sequence[Packet], defined: DefinedList) -> tuple[list[tuple
             over.append(sender.going)
             sender.complete([packets[one] for one in sender.going])
     over += [one.going for one in senders.values() if one.going]
-    return sorted(((one[0], one[-1]) for one in over), key=lambda cycle: cycle[1]), too_late
+    return sorted(((one[0], one[-1]) for one in over), key=lambda cycle: cycle[1]), too_late, behind
 
 
 def copies(packets: Sequence[Packet], defined: DefinedList) -> set[int]:

@@ -5,7 +5,8 @@ others are *new*. Of a Counter that comes round within these, only the one direc
 there is room for as many cycles as intervals, less one, or less what a Counter counts on that moves with the intervals.
 Where more repeats come, by more than a quarter, those are copies that come sooner than half an interval behind the
 cycle before them. Behind the last new one, a copy comes sooner than a quarter of an interval, or as late as copies
-usually do. What comes at once is a copy anyway.
+usually do. What comes at once is a copy anyway, and so is a repeat whose Counter is behind the newest one by no more
+than 64: it tells what was. A sender that begins anew, with 0 or 1, or further back, has no newer one.
 
 What a list is sent at, its stream tells (``interval``). Where there is no interval, a copy comes at once; or each
 telegram has one, equally late; or its Counter is known to move whatever the values do.
@@ -17,7 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from tests.datalogger.oracle_losses import Packet
+from tests.datalogger.oracle_losses import Packet, Sequenced
 
 MS = 1_000_000
 SECOND_NS = 1000 * MS
@@ -48,12 +49,13 @@ def copies_in(stream: Sequence[Packet], defined_ns: int | None) -> set[int]:
         spans.append(Span(place, []))
     if not repeated:
         return set()
+    past = set() if comes_round(stream, recent(stream)) else behind_newest(stream) & repeated.keys()
     late = {place: abs(times[place] - times[original]) for place, original in repeated.items()}
     at_once = soon(times, defined_ns)
     interval_ns = interval(stream, spans, defined_ns)
     if interval_ns is None:
-        return without_interval(stream, spans, repeated, late, at_once, defined_ns)
-    found = {place for place in repeated if late[place] < at_once}
+        return without_interval(stream, spans, repeated, late, at_once, defined_ns, past)
+    found = {place for place in repeated if late[place] < at_once} | past
     rooms = room(stream, spans, interval_ns)
     for span in spans[:-1]:
         assert span.end is not None
@@ -86,6 +88,16 @@ def originals(stream: Sequence[Packet]) -> dict[int, int]:
     if comes_round(stream, found):
         return {place: before for place, before in found.items() if place - before == 1}
     return found
+
+
+def behind_newest(stream: Sequence[Packet]) -> set[int]:
+    """Return the places of those whose Counter is behind the newest one; what begins anew is the newest."""
+    sequence = Sequenced()
+    steps = [
+        sequence.step(packet.counter, place, zero_is_regular=False, repeated=False)[0]
+        for place, packet in enumerate(stream)
+    ]
+    return {place for place, step in enumerate(steps) if step in ("duplicate", "overtaken")}
 
 
 def recent(stream: Sequence[Packet]) -> dict[int, int]:
@@ -219,9 +231,9 @@ def room(stream: Sequence[Packet], spans: Sequence[Span], interval_ns: int) -> d
 
 def without_interval(
     stream: Sequence[Packet], spans: Sequence[Span], repeated: dict[int, int], late: dict[int, int], at_once: int,
-    defined_ns: int | None,
+    defined_ns: int | None, past: set[int],
 ) -> set[int]:  # fmt: skip
-    found = {place for place, late_ns in late.items() if late_ns < at_once}
+    found = {place for place, late_ns in late.items() if late_ns < at_once} | past
     closed = [span for span in spans if span.end is not None]
     if counts_by_itself(stream, closed):
         for span in closed:

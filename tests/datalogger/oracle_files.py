@@ -19,8 +19,10 @@ from tests.datalogger.oracle import (
     Sample,
     Session,
     Value,
+    behind_late,
     count_changes,
     counts_for,
+    in_cycles,
     late,
     mark_losses,
     ring,
@@ -50,9 +52,12 @@ class Recorder:
         needed = {index for sample in found for index in sample.lists}
         intervals = {index: self.lists[index].interval_ns for index in needed}
         counting = [counts_for(packet, self.lists.get(packet.index)) for packet in packets]
-        lost = losses(packets, intervals, counting)
+        lost = losses(packets, intervals, counting, in_cycles(self.lists, tasks_of(self.session)))
         for task in tasks_of(self.session):
             for place in late(packets, self.lists[task]):
+                # What is missing in front of it as well, is missing in front of the next one.
+                (lost.get(place) or set()).discard(task)
+            for place in behind_late(packets, self.lists[task]):
                 if (lists := lost.setdefault(place, set())) is not None:
                     lists.add(task)
         mark_losses(found, lost)

@@ -1,4 +1,9 @@
-"""Before which packets of a capture something was lost that lists of a session need: the rules, packet by packet."""
+"""Before which packets of a capture something was lost that lists of a session need: the rules, packet by packet.
+
+A telegram that is behind a newer one of its stream tells what was: it is in no row, and lost as if it had not come.
+So is, where cycles are logged and one Counter runs through all telegrams, what comes when a later cycle of its list has
+begun.
+"""
 
 from __future__ import annotations
 
@@ -108,6 +113,7 @@ class Stream:
     times: list[int] = field(default_factory=list)
     sequence: Sequenced = field(default_factory=Sequenced)
     lost: dict[str, int] = field(default_factory=lambda: dict.fromkeys(SCOPES, 0))
+    skipped: dict[str, int] = field(default_factory=lambda: dict.fromkeys(SCOPES, 0))
 
 
 @dataclass
@@ -120,17 +126,38 @@ class Node:
 
 @dataclass
 class Gap:
+    """So many telegrams are missing in front of a counter; ``late`` are the lists of those that came too late.
+
+    ``passed`` are the lists of those that came too late for their cycle.
+    """
+
     stream: tuple[str, int, int, int]
     missing: int
+    counter: int
+    count: int
+    late: set[int] = field(default_factory=set)
+    passed: set[int] = field(default_factory=set)
+
+    def holds(self, counter: int) -> bool:
+        return 1 <= (self.counter - counter) % 65536 <= self.count
 
 
 class Counters:
-    """What all data telegrams say by their counters, in each scope."""
+    """What all data telegrams say by their counters, in each scope.
 
-    def __init__(self, packets: Sequence[Packet]) -> None:
+    ``in_cycles`` are the lists whose cycles are logged, and are sent whole: how many telegrams one has.
+    """
+
+    def __init__(self, packets: Sequence[Packet], in_cycles: Mapping[tuple[int, int], int]) -> None:
+        self.in_cycles = in_cycles
+        self.came: dict[tuple[str, int, int], list[tuple[int, Packet]]] = {}
+        self.passed: dict[int, Stream] = {}
+        """The telegrams that came when a later cycle of their list had begun, if each telegram is counted."""
         self.streams: dict[tuple[str, int, int, int], Stream] = {}
         self.nodes: dict[str, Node] = {}
         self.gaps: dict[str, dict[int, Gap]] = {scope: {} for scope in SCOPES}
+        self.behind: dict[int, tuple[Stream, dict[str, bool]]] = {}
+        """The telegrams that are behind newer ones of their stream, and in which scopes they were missing."""
         last: dict[tuple[str, int, int, int], Packet] = {}
         for place, packet in enumerate(packets):
             if packet.is_data:
@@ -151,6 +178,9 @@ class Counters:
         if stream.varied:
             step, lost = stream.sequence.step(packet.counter, place, zero_is_regular=False, repeated=repeated)
         self.book("stream", stream, place, packet, step, lost)
+        if step == "overtaken":
+            missing = {scope: scope == "stream" or self.skipped(scope, packet) for scope in SCOPES}
+            self.behind[place] = stream, missing
         if step not in ("duplicate", "overtaken"):
             stream.times.append(packet.time_ns)
         before = node.previous
@@ -158,6 +188,10 @@ class Counters:
         same_stream = before is not None and before.stream == packet.stream
         step, lost = node.telegrams.step(packet.counter, place, zero_is_regular=False, repeated=repeated)
         self.book("node-telegram", stream, place, packet, step, lost)
+        if step == "overtaken" and place not in self.behind and self.is_passed(packet, lost):
+            self.passed[place] = stream
+            self.gaps["node-telegram"][lost].passed.add(packet.index)
+        self.came.setdefault(packet.stream[:3], []).append((place, packet))
         zero_is_regular = same_list and not same_stream
         sent, lost = node.sends.step(packet.counter, place, zero_is_regular=zero_is_regular, repeated=repeated)
         self.book("node-send", stream, place, packet, sent, lost)
@@ -169,13 +203,54 @@ class Counters:
             node.changes["list"].append(sent == "regular")
         node.previous = packet
 
+    def is_passed(self, packet: Packet, gap: int) -> bool:
+        """Tell whether a later cycle of its list has begun, since the gap in which a telegram was missing.
+
+        Behind it there is at least the rest of its own cycle, and what is in front of the other one in that.
+        """
+        count = self.in_cycles.get(packet.stream[1:3], 0)
+        if packet.subindex >= count:
+            return False
+        return any(
+            place >= gap
+            and one.subindex < count
+            and count - packet.subindex + one.subindex <= (one.counter - packet.counter) % 65536 <= BEHIND
+            for place, one in self.came.get(packet.stream[:3], [])
+        )
+
+    def skipped(self, scope: str, packet: Packet) -> bool:
+        """Tell whether a counter was missing in one of the last gaps of its node."""
+        of_node = [gap for gap in self.gaps[scope].values() if gap.stream[0] == packet.node]
+        return any(gap.holds(packet.counter) for gap in of_node[-BEHIND:])
+
     def book(self, scope: str, stream: Stream, place: int, packet: Packet, step: str, lost: int) -> None:
         if step == "gap":
             stream.lost[scope] += lost
-            self.gaps[scope][place] = Gap(packet.stream, lost)
+            stream.skipped[scope] += lost
+            self.gaps[scope][place] = Gap(packet.stream, lost, packet.counter, lost)
         elif step == "overtaken":
             stream.lost[scope] -= 1
-            self.gaps[scope][lost].missing -= 1
+            gap = self.gaps[scope][lost]
+            gap.missing -= 1
+            if place in self.behind:
+                gap.late.add(packet.index)
+
+    def late(self) -> set[int]:
+        """Return the places of the telegrams that are in no row, of senders that count on one by one."""
+        found = set()
+        for place, (stream, missing) in self.behind.items():
+            if missing[self.scope(stream.node)] and self.counts_on(stream):
+                found.add(place)
+        for place, stream in self.passed.items():
+            if self.scope(stream.node) == "node-telegram" and self.counts_on(stream):
+                found.add(place)
+        return found
+
+    def counts_on(self, stream: Stream) -> bool:
+        """Tell whether what has one Counter with a stream skips no more than one telegram for two that come."""
+        scope = self.scope(stream.node)
+        own = [stream] if scope == "stream" else [one for one in self.streams.values() if one.node == stream.node]
+        return 2 * sum(one.skipped[scope] for one in own) <= sum(one.telegrams for one in own)
 
     def scope(self, name: str) -> str:
         """Return the way in which a node counts."""
@@ -198,7 +273,8 @@ class Counters:
 
 
 def losses(
-    packets: Sequence[Packet], intervals_ns: Mapping[int, int | None], counting: Sequence[bool]
+    packets: Sequence[Packet], intervals_ns: Mapping[int, int | None], counting: Sequence[bool],
+    in_cycles: Mapping[tuple[int, int], int],
 ) -> dict[int, set[int] | None]:  # fmt: skip
     """Return the places of the packets that tell of a loss, each with the lists that lost something, None for all.
 
@@ -207,7 +283,7 @@ def losses(
     ``counting`` are the packets that say what values are: a list that sends none of these is silent. Raises Doubt
     where the program's median, which is within one percent, decides.
     """
-    counters = Counters(packets)
+    counters = Counters(packets, in_cycles)
     found: dict[int, set[int] | None] = {place: None for place, packet in enumerate(packets) if packet.drops}
 
     def of_list(place: int, index: int) -> None:
@@ -219,11 +295,14 @@ def losses(
         scope = counters.scope(name)
         for place, gap in counters.gaps[scope].items():
             stream = counters.streams[gap.stream]
-            if stream.node != name or gap.missing <= 0:
+            if stream.node != name:
                 continue
             # Of what one Counter runs through, nobody knows which list lost something: any that had come from there.
             of_sender = [one.list[1] for one in counters.streams.values() if one.node == name and one.begins <= place]
             lists = {gap.stream[2]} if scope == "stream" else set(of_sender)
+            if scope != "stream" and gap.missing <= 0:
+                # All are known that were missing.
+                lists &= gap.late | (gap.passed if scope == "node-telegram" else set())
             if not lists & set(intervals_ns):
                 continue
             if not stream.varied:
