@@ -21,6 +21,9 @@ whole one has come: the sender may count in another way since. One that is late 
 count on one by one; of one that does not, nobody knows which Counters there are to come.
 
 What is late is lost, as if it had not come: the next telegram of its SubIndex is behind that.
+
+Of a list that is sent on a change or an event, telegrams may be sent alone, at any time. There, Counters tell no more
+than what is next: nothing is late, and nothing goes on for longer.
 """
 
 from __future__ import annotations
@@ -33,6 +36,8 @@ from dissectors.batch import I64, U16, Bool
 from nvscope.tracker.steps import WINDOW
 
 _WRAP = 1 << 16
+_MOST_SAID = {True: 1, False: 4}
+"""So many Counters are believed before another whole cycle has come, by whether time tells cycles apart, too."""
 
 
 class Open(NamedTuple):
@@ -78,7 +83,7 @@ class SenderCycles:
     """Cuts the telegrams of one sender into cycles.
 
     ``subindexes`` are those of a whole cycle, empty where nobody knows all; ``sends_all``: all of them are sent each
-    time, and Counters tell something. What comes later than ``apart_ns`` behind
+    time, so that Counters tell what is late. What comes later than ``apart_ns`` behind
     the telegram before begins a cycle. ``open`` is the cycle that may go on; ``late`` are the frames of those telegrams
     taken last whose cycle was over when they came, ``lost`` of those behind which they are missing: the next ones of
     their SubIndexes that are not late, or they themselves.
@@ -97,8 +102,9 @@ class SenderCycles:
         """Whether each of them was counted; whether Counters rose with SubIndexes at all."""
         self._newest = 0
         """The Counter that the last cycle began with."""
-        self._doubted: int | None = None
-        """The Counter that has told something since the last whole cycle."""
+        self._said: set[int] = set()
+        """The Counters that have told something since the last whole cycle."""
+        self._most_said = _MOST_SAID[sends_all]
         self._torn: dict[int, frozenset[int]] = {}
         """The SubIndexes of the last cycles that were over and not whole, by Counter."""
         self._had_late: set[int] = set()
@@ -115,13 +121,13 @@ class SenderCycles:
         cut = _Cut.of(self.open, subindex, counter, time_ns, frame, self._apart_ns)
         is_whole = cut.size == len(self._all)
         is_whole &= bool(self._all)
-        if not self._sends_all:
-            return self._taken(cut, is_whole)
         counts_nothing = not self._is_sure and not (is_whole & cut.is_one).any() and not self._owing
         if self._may_say_more(cut, is_whole):
             return self._one_by_one(subindex, counter, time_ns, frame)
-        if counts_nothing:
+        if counts_nothing or (not self._sends_all and cut.is_one.all()):
             return self._taken(cut, is_whole)
+        if not self._sends_all:
+            return self._one_by_one(subindex, counter, time_ns, frame)
         step = np.diff(np.append(self._newest if self._is_sure else cut.counter[0], cut.counter)).astype(np.int16)
         may_go_on = (step[1:] == 0) & ~is_whole[:-1]
         if cut.is_one.all() and (step >= 0).all() and not may_go_on.any() and not self._owing:
@@ -132,7 +138,7 @@ class SenderCycles:
     def _may_say_more(self, cut: _Cut, is_whole: Bool) -> bool:
         """Return whether Counters of each telegram may say something else than SubIndexes and time."""
         goes_on = (cut.base[1:] == cut.base[:-1]) & cut.is_counted[:-1] & ~is_whole[:-1]
-        if goes_on.any() and (self._are_counted or (is_whole & cut.is_counted).any()):
+        if self._sends_all and goes_on.any() and (self._are_counted or (is_whole & cut.is_counted).any()):
             return True
         falls = cut.subindex[1:] < cut.subindex[:-1]
         falls[cut.start[1:] - 1] = False
@@ -156,8 +162,12 @@ class SenderCycles:
         """Return the cycles of a cut; the last one may be open."""
         begin_ns, last = cut.begin_ns, cut.frame
         self.open = None
-        if self._sends_all and is_whole.any():
-            self._see_whole(cut.cycle(int(np.flatnonzero(is_whole)[-1])))
+        if is_whole.any():
+            whole = cut.cycle(int(np.flatnonzero(is_whole)[-1]))
+            self._see_whole(whole)
+            if not self._sends_all:
+                self._is_sure = whole.is_one
+                self._said = set() if whole.is_one else self._said
         if not is_whole[-1]:
             self.open = cut.cycle(-1)
             begin_ns, last = begin_ns[:-1], last[:-1]
@@ -171,7 +181,7 @@ class SenderCycles:
             first = noted = int(np.argmax(is_whole))
             self._is_sure, self._torn, self._had, self._newest_of = True, {}, _Counters(), {}
         if is_whole.any():
-            self._doubted = None
+            self._said = set()
         self._newest = int(cut.counter[-1])
         newest: dict[int, int] = {}
         for row in range(len(is_whole) - 1, max(first, len(is_whole) - WINDOW) - 1, -1):
@@ -197,12 +207,12 @@ class SenderCycles:
     def _one(self, subindex: int, counter: int, time_ns: int, frame: int) -> list[Open]:
         """Take one telegram, and return the cycles that are over for it."""
         over, going = [], self.open
-        is_believed = self._is_sure and self._doubted in (None, counter)
+        is_believed = self._is_sure and (counter in self._said or len(self._said) < self._most_said)
         if going is not None and going.is_one and self._is_again(subindex, counter):
             self.late.append(frame)
             return []
         if self._is_late(subindex, counter, is_believed=is_believed):
-            self._doubted = counter if self._doubted is None else self._doubted
+            self._said = self._said or {counter}
             if counter in self._torn:
                 self._torn[counter] |= {subindex}
             else:
@@ -222,12 +232,10 @@ class SenderCycles:
         if going is not None:
             is_next = subindex in going.counters
             if not is_next and time_ns - going.last_ns > self._apart_ns:
-                goes_on = self._is_sure and going.is_one and counter == going.counter and self._had.has_moved
-                is_next = not goes_on or not (is_believed or self._had.one_by_one)
-                is_next &= not self._are_counted or _base(subindex, counter) != going.base
+                is_next = not self._sends_all or not self._goes_on(going, subindex, counter, is_believed=is_believed)
             is_next = is_next or (self._rises and going.is_in_front_of(subindex, counter))
             if not is_next and is_believed and 1 <= (counter - going.counter) % _WRAP <= WINDOW:
-                self._doubted, is_next = counter, True
+                self._said, is_next = self._said | {counter}, True
             if is_next:
                 over += [one for one in [self.end()] if one]
         if self.open is None:
@@ -242,9 +250,20 @@ class SenderCycles:
             self._end_whole(self.open)
         return over
 
+    def _goes_on(self, going: Open, subindex: int, counter: int, *, is_believed: bool) -> bool:
+        """Return whether a telegram is of the open cycle, however late: the one before had another Counter."""
+        if self._are_counted and _base(subindex, counter) == going.base:
+            return True
+        is_same = self._is_sure and going.is_one and counter == going.counter and self._had.has_moved
+        return is_same and (is_believed or self._had.one_by_one)
+
+    def _is_behind(self, counter: int) -> bool:
+        """Return whether a Counter is known to be of a cycle before the one that began last."""
+        return self._sends_all and self._is_sure and 1 <= (self._newest - counter) % _WRAP <= WINDOW
+
     def _is_late(self, subindex: int, counter: int, *, is_believed: bool) -> bool:
         """Return whether a telegram is of a cycle that was over, or had none, in the middle of another."""
-        if not self._is_sure or not 1 <= (self._newest - counter) % _WRAP <= WINDOW:
+        if not self._is_behind(counter):
             return False
         if counter in self._torn:
             return subindex not in self._torn[counter] and (is_believed or self._had.one_by_one)
@@ -252,7 +271,7 @@ class SenderCycles:
 
     def _is_again(self, subindex: int, counter: int) -> bool:
         """Return whether a telegram was there: it is sent once more, in the middle of a later cycle."""
-        if not self._is_sure or not 1 <= (self._newest - counter) % _WRAP <= WINDOW:
+        if not self._is_behind(counter):
             return False
         was_there = subindex in self._torn[counter] if counter in self._torn else self._had.had(counter)
         return was_there and self._had.has_moved and self._had.one_by_one
@@ -262,14 +281,13 @@ class SenderCycles:
 
     def _end_whole(self, cycle: Open) -> None:
         self.open = None
-        if self._sends_all:
-            self._see_whole(cycle)
+        self._see_whole(cycle)
         if cycle.is_one:
             if not self._is_sure:
                 self._torn, self._had = {}, _Counters()
                 self._had.take(cycle.counter)
                 self._newest_of = dict(cycle.counters)
-            self._newest, self._doubted = cycle.counter, None
+            self._newest, self._said = cycle.counter, set()
         self._is_sure = cycle.is_one
 
 

@@ -38,8 +38,9 @@ class Telegram:
 class Cycles:
     """Telegrams as they come, of a list of so many ``parts``.
 
-    ``counts`` is what the Counter does: "cycles", "telegrams", or these of "all lists". ``others`` are telegrams of
-    another list of the sender, which all come in time.
+    ``interval_ns`` is that of its definition, 0 where that has none. ``counts`` is what the Counter does: "cycles",
+    "telegrams", or these of "all lists". ``others`` are telegrams of another list of the sender, which all come in
+    time.
     """
 
     parts: int
@@ -51,13 +52,13 @@ class Cycles:
 
     def __repr__(self) -> str:
         came = " ".join(f"{'~' if one.is_copy else ''}{one.cycle}.{one.part}" for one in self.telegrams)
-        told = f"{self.parts} parts every {self.interval_ns // MS} ms, {self.counts} counted"
+        told = f"{self.parts} parts every {self.interval_ns // MS or '?'} ms, {self.counts} counted"
         return f"{told}: {', '.join(self.happened)}: {came}"
 
     def plant(self) -> Plant:
         """Return a session with a row for each cycle; values are the numbers of these."""
         fields = tuple((f"nPart{part}", "DINT") for part in range(self.parts))
-        axis = DefinedList("axis", 7, fields, self.interval_ns, packed=False)
+        axis = DefinedList("axis", 7, fields, self.interval_ns or None, packed=False)
         packets = [
             Packet(one.time_ns, NODE, 7, one.part, 1, one.counter, one.cycle.to_bytes(4, "little"))
             for one in self.telegrams

@@ -13,6 +13,7 @@ from tests.datalogger.oracle_losses import Packet
 class CycleSender:
     """What the Counters of a sender say of cycles, if its last whole one had the same in all telegrams.
 
+    Unless it ``sends_all`` telegrams each time, they tell what is next, and neither what is late nor what goes on.
     ``counts_telegrams``: these differed as the SubIndexes do; ``rises``: the greatest SubIndex had a greater one.
     """
 
@@ -32,7 +33,7 @@ class CycleSender:
     def is_late(self, packet: Packet) -> bool:
         there = self.torn.get(packet.counter)
         behind = (self.begun - packet.counter) % 65_536
-        if not self.counts_cycles or not 1 <= behind <= 64:
+        if not self.sends_all or not self.counts_cycles or not 1 <= behind <= 64:
             return False
         distances, far = self.behind_newest()
         by_one = self.by_one()
@@ -87,6 +88,8 @@ class CycleSender:
 
     def goes_on(self, own: Sequence[Packet], packet: Packet) -> bool:
         """Tell whether a telegram is of the same cycle, however late: the one before had another Counter."""
+        if not self.sends_all:
+            return False
         if self.counts_telegrams and {first_counter(one) for one in own} == {first_counter(packet)}:
             return True
         is_same = {one.counter for one in own} == {packet.counter}
@@ -95,7 +98,8 @@ class CycleSender:
     def is_again(self, own: Sequence[Packet], packet: Packet) -> bool:
         """Tell whether a telegram has been there, and is sent once more in the middle of a later cycle."""
         behind = (self.begun - packet.counter) % 65_536
-        if not self.counts_cycles or not 1 <= behind <= 64 or len({one.counter for one in own}) != 1:
+        is_one = len({one.counter for one in own}) == 1
+        if not self.sends_all or not self.counts_cycles or not 1 <= behind <= 64 or not is_one:
             return False
         there = self.torn.get(packet.counter)
         was_there = behind in self.behind_newest()[0] if there is None else packet.subindex in there
@@ -111,8 +115,8 @@ class CycleSender:
         return 3 * len(distances) >= 2 * (far + 1)
 
     def tells(self, counter: int) -> bool:
-        """Since the last whole cycle, one Counter alone may say that something is out of order."""
-        return self.counts_cycles and self.said <= {counter}
+        """Since the last whole cycle, one Counter may say that something is out of order, else four what is next."""
+        return self.counts_cycles and len(self.said | {counter}) <= (1 if self.sends_all else 4)
 
     def begin(self, packet: Packet) -> None:
         if self.begins and (packet.counter - self.begins[-1]) % 65_536 > 64:
@@ -134,10 +138,10 @@ class CycleSender:
     def complete(self, own: Sequence[Packet]) -> None:
         self.going = []
         is_one = len({one.counter for one in own}) == 1
-        was_sure, self.counts_cycles = self.counts_cycles, is_one and self.sends_all
+        was_sure, self.counts_cycles = self.counts_cycles, is_one
         least, greatest = (pick(own, key=lambda one: one.subindex) for pick in (min, max))
-        self.rises = 1 <= (greatest.counter - least.counter) % 65_536 <= 64 and self.sends_all
-        self.counts_telegrams = len({first_counter(one) for one in own}) == 1 and self.sends_all
+        self.rises = 1 <= (greatest.counter - least.counter) % 65_536 <= 64
+        self.counts_telegrams = len({first_counter(one) for one in own}) == 1
         if self.counts_cycles:
             self.said.clear()
             if not was_sure:
