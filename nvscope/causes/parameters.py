@@ -286,6 +286,10 @@ def _name(case: Case, address: str) -> str:
 
 def _nodes(case: Case, own: I64, partner: str) -> list[int]:
     """Return the numbers of who was asked, and of who asked."""
-    asking = sorted({int(node) for node in case.symptoms.node[own] if node >= 0})
     node = _number(case, partner)
-    return list(dict.fromkeys([*([] if node is None else [node]), *asking]))
+    return list(dict.fromkeys([*([] if node is None else [node]), *asking_nodes(case, own)]))
+
+
+def asking_nodes(case: Case, own: I64 | Bool) -> list[int]:
+    """Return the numbers of who asked, rising, as far as these are nodes."""
+    return [node for node in distinct(case.symptoms.node[own]).tolist() if node >= 0]

@@ -9,6 +9,7 @@ import numpy as np
 from dissectors.batch import Bool
 from nvscope.causes.case import Case, Draft, Explained
 from nvscope.causes.incomplete import CAPTURE_INCOMPLETE
+from nvscope.causes.parameters import asking_nodes
 from nvscope.engine.runs import distinct
 from nvscope.enumeration import first_few
 from nvscope.findings.kind import Severity
@@ -58,7 +59,7 @@ def _without_requests(case: Case, ends: list[tuple[str, str]], own: Bool) -> Dra
     return Draft(
         CAPTURE_INCOMPLETE, f"The capture has {replies} of {partners} to {requesters}, and no whole request to them",
         NEXT_WITHOUT_REQUESTS, ["of the Parameter Manager: what was asked for, and the values that are written"],
-        nodes=_nodes(case, own), since_ns=int(times.min()), until_ns=case.end_of(times),
+        nodes=asking_nodes(case, own), since_ns=int(times.min()), until_ns=case.end_of(times),
     )  # fmt: skip
 
 
@@ -70,11 +71,6 @@ def _at_the_begin(case: Case, own: Bool) -> Draft:
     return Draft(
         CAPTURE_INCOMPLETE, f"The capture begins between {what}", NEXT_AT_THE_BEGIN,
         ["within the timeout of its first frame, what was asked for before may be answered"],
-        nodes=_nodes(case, own), since_ns=int(times.min()), until_ns=int(times.max()),
+        nodes=asking_nodes(case, own), since_ns=int(times.min()), until_ns=int(times.max()),
         at_most=Severity.NOTE,
     )  # fmt: skip
-
-
-def _nodes(case: Case, own: Bool) -> list[int]:
-    found: list[int] = distinct(case.symptoms.node[own]).tolist()
-    return [node for node in found if node >= 0]

@@ -29,8 +29,8 @@ SET_BACK_NS = 1_000_000_000
 
 MOST_AT_ONCE = 1 << 14
 _NEVER = -(1 << 63)
-_MOST_SENDERS = 1_000
-"""Of more senders of a list, nothing is remembered but cycles that may go on."""
+MOST_SENDERS = 1_000
+"""Of more senders of a list, nothing is remembered but cycles that may go on, and the values of the last ones."""
 
 
 class Instants(Struct, frozen=True):
@@ -182,7 +182,7 @@ class Cycles:
         latest_ns = self._now_ns - self._apart_ns - SET_BACK_NS
         over = {number: one for number, one in self._senders.items() if one.open and one.open.last_ns < latest_ns}
         yield from self._closed(over)
-        if len(self._senders) > _MOST_SENDERS:
+        if len(self._senders) > MOST_SENDERS:
             self._senders = {number: one for number, one in self._senders.items() if one.open}
         if told.is_deaf:
             yield from self.end()

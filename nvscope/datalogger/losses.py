@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from msgspec import Struct, field
-from msgspec.structs import replace
 
 from dissectors.batch import I64
 from nvscope.capture.source import LostSpan, SourceInfo
@@ -93,10 +92,8 @@ class Judged(Struct, frozen=True):
             for stream, scope in scopes.items()
             if scope is not None and _counts_on(*known[_counted(stream, scope)])
         }
-        found = Judged(scopes, counting, intervals, lost=lost)
-        if losses is not None:
-            found = replace(found, lacking=losses.lacking, cycles_lacking=losses.cycles_lacking)
-        return found
+        lacking, cycles_lacking = ({}, {}) if losses is None else (losses.lacking, losses.cycles_lacking)
+        return Judged(scopes, counting, intervals, lacking, cycles_lacking, lost)
 
 
 def _counts_on(skipped: int, came: int) -> bool:

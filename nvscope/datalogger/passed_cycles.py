@@ -33,9 +33,7 @@ def sent_whole(layouts: Layouts, keys: Collection[ListKey]) -> dict[ListKey, tup
     for key in keys:
         definitions = layouts.candidates_of(key)
         subindexes = {tuple(sorted({one.subindex for one in telegrams})) for telegrams in definitions}
-        lists = [one.list for telegrams in definitions for one in telegrams]
-        # On a change, or an event, a telegram may be sent alone.
-        is_whole = all(one.cyclic and not one.on_change and not one.on_event for one in lists)
+        is_whole = all(one.list.is_sent_whole for telegrams in definitions for one in telegrams)
         if is_whole and len(subindexes) == 1 and len(only := subindexes.pop()) > 1:
             found[key] = only
     return found

@@ -316,7 +316,5 @@ def _cycles(key: ListKey, telegrams: DefinedTelegrams, judge: Judge) -> Cycles:
     if len(subindexes) > 1 or is_open:
         interval_ns = judge.least_ns.get(key) or interval_of(key, judge.judged().intervals_ns)
         apart_ns = interval_ns // 2 if interval_ns else _APART_NS
-    # On a change, or an event, a telegram may be sent alone.
-    lists = [telegrams.places[place].layout.list for place in own]
-    sends_all = all(one.cyclic and not one.on_change and not one.on_event for one in lists)
+    sends_all = all(telegrams.places[place].layout.list.is_sent_whole for place in own)
     return Cycles(sorted(own), subindexes, apart_ns, is_open=is_open, sends_all=sends_all)

@@ -9,15 +9,14 @@ import numpy as np
 from msgspec import Struct, field
 
 from dissectors.batch import I64, U8, Bool
+from nvscope.datalogger.instants import MOST_SENDERS
 from nvscope.datalogger.logged import Content, Logged, declared_type
 from nvscope.datalogger.texts import Texts
 from nvscope.definition.variables import Elementary, ScalarKind, String, scalar_of
+from nvscope.engine.runs import distinct
 from nvscope.expression.typed_columns import Numbers
 from nvscope.list_key import ListKey
 from nvscope.view.rows.defined import DefinedRows, Place
-
-_MOST_SENDERS = 1_000
-"""Of more senders of a list, the last ones are remembered."""
 
 _NANS = {size: np.array([np.nan], f"f{size}").view(f"i{size}")[0] for size in (4, 8)}
 
@@ -125,11 +124,11 @@ class Samples:
         """Let the last telegrams of each sender of the batch say what holds in front of its next one."""
         if group.known and not group.by_sender:
             group.by_sender[group.sender] = group.last
-        for sender in np.unique(self._rows.sender[own]).tolist():
+        for sender in distinct(self._rows.sender[own]).tolist():
             mine = own[self._rows.sender[own] == sender]
             group.by_sender.pop(sender, None)
             group.by_sender[sender] = self._values(group, mine, np.array([len(mine) - 1]), group.last)[0]
-        for sender in list(group.by_sender)[:-_MOST_SENDERS]:
+        for sender in list(group.by_sender)[:-MOST_SENDERS]:
             del group.by_sender[sender]
 
     def _only_sender(self, group: _Group, own: I64) -> int | None:
@@ -143,7 +142,7 @@ class Samples:
         """Return the values behind rising frames as some senders told them, and which of them did."""
         values: Numbers = np.zeros((len(frame), len(group.columns)), self.dtype)
         known = np.zeros(len(frame), np.bool_)
-        for sender in np.unique(asked).tolist():
+        for sender in distinct(asked).tolist():
             rows = np.flatnonzero(asked == sender)
             mine, last, was_known = own, group.last, group.known
             if sender >= 0:

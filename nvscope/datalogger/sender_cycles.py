@@ -124,10 +124,11 @@ class SenderCycles:
         counts_nothing = not self._is_sure and not (is_whole & cut.is_one).any() and not self._owing
         if self._may_say_more(cut, is_whole):
             return self._one_by_one(subindex, counter, time_ns, frame)
-        if counts_nothing or (not self._sends_all and cut.is_one.all()):
+        if counts_nothing:
             return self._taken(cut, is_whole)
         if not self._sends_all:
-            return self._one_by_one(subindex, counter, time_ns, frame)
+            says_nothing = cut.is_one.all()
+            return self._taken(cut, is_whole) if says_nothing else self._one_by_one(subindex, counter, time_ns, frame)
         step = np.diff(np.append(self._newest if self._is_sure else cut.counter[0], cut.counter)).astype(np.int16)
         may_go_on = (step[1:] == 0) & ~is_whole[:-1]
         if cut.is_one.all() and (step >= 0).all() and not may_go_on.any() and not self._owing:

@@ -80,6 +80,11 @@ class ListDefinition(Struct, frozen=True):
         return self.protocol.upper() == "CAN"
 
     @property
+    def is_sent_whole(self) -> bool:
+        """Whether all its telegrams are sent each time: on a change, or an event, one may be sent alone."""
+        return self.cyclic and not self.on_change and not self.on_event
+
+    @property
     def key(self) -> ListKey | None:
         """What it is told by on the wire; None of a list without identifier, or over something else."""
         if self.list_id is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 
 import pytest
@@ -26,6 +27,17 @@ def cycle(number: int, sender: int, at_ns: int) -> list[Packet]:
     ]
 
 
+def cycles_at_once(count: int, without: Collection[tuple[int, int, int]] = ()) -> list[Packet]:
+    """Return so many cycles of both senders, without some telegrams, by number, sender and SubIndex."""
+    return [
+        packet
+        for number in range(count)
+        for sender in (1, 2)
+        for packet in cycle(number, sender, START_NS + 20 * MS * number + sender * MS // 3)
+        if (number, sender, packet.subindex) not in without
+    ]
+
+
 def logged(folder: Path, packets: list[Packet], size: int) -> list[tuple[object, ...]]:
     plant = Plant([AXIS, PRESS], sorted(packets, key=lambda one: one.time_ns), SESSION, "axis")
     record_in_batches(folder, plant.write(folder), plant, size)
@@ -34,12 +46,7 @@ def logged(folder: Path, packets: list[Packet], size: int) -> list[tuple[object,
 
 @pytest.mark.parametrize("size", [1, 2, 3, 7, 100_000])
 def test_cycles_of_two_senders_that_come_at_once_are_not_mixed(tmp_path: Path, size: int) -> None:
-    packets = [
-        packet
-        for number in range(30)
-        for sender in (1, 2)
-        for packet in cycle(number, sender, START_NS + 20 * MS * number + sender * MS // 3)
-    ]
+    packets = cycles_at_once(30)
     packets += [Packet(START_NS + 40 * MS * one, "10.0.0.3", 8, 0, 1, one, bytes([one, 0, 0, 0])) for one in range(15)]
     expected = [
         (1000 * sender + number, 1000 * sender + number, number // 2, str(1000 * sender + number))
@@ -51,13 +58,7 @@ def test_cycles_of_two_senders_that_come_at_once_are_not_mixed(tmp_path: Path, s
 
 @pytest.mark.parametrize("size", [1, 2, 3, 7, 100_000])
 def test_what_a_cycle_lacks_is_that_of_its_sender_before(tmp_path: Path, size: int) -> None:
-    packets = [
-        packet
-        for number in range(12)
-        for sender in (1, 2)
-        for packet in cycle(number, sender, START_NS + 20 * MS * number + sender * MS // 3)
-        if (number, sender, packet.subindex) not in ((0, 2, 1), (6, 1, 1))
-    ]
+    packets = cycles_at_once(12, without=((0, 2, 1), (6, 1, 1)))
     rows = logged(tmp_path, packets, size)
     # Nobody knows yet what the second sender's is.
     assert sorted(rows[:2], key=lambda row: str(row[0])) == [(1000, 1000, None, "1000"), (2000, None, None, "2000")]

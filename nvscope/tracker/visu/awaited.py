@@ -8,7 +8,7 @@ from typing import NamedTuple
 from nvscope.tracker.visu.asking import Ask
 from nvscope.tracker.visu.http_forms import Form
 from nvscope.tracker.visu.messages import Kind
-from nvscope.tracker.visu.reach import NOWHERE, UNKNOWN, Reach, distance
+from nvscope.tracker.visu.reach import NOWHERE, UNKNOWN, Reach, is_had
 
 
 class Waiting(NamedTuple):
@@ -37,8 +37,7 @@ def asked_behind(waiting: Iterable[Waiting], behind: int) -> list[Waiting]:
     """
     every = list(waiting)
     had = (one.reach.acknowledged for one in every)
-    later = (place for place, one in enumerate(had) if UNKNOWN not in (one, behind) and distance(one, behind) >= 0)
-    place = next(later, len(every))
+    place = next((place for place, one in enumerate(had) if is_had(behind, one)), len(every))
     return [one._replace(is_behind=True) for one in every[place:]] if place <= 1 else []
 
 

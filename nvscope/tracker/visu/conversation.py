@@ -24,7 +24,7 @@ from nvscope.tracker.visu.going_on import Closed
 from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.limits import MOST_WAITING
 from nvscope.tracker.visu.messages import UNMEASURED_NS, Kind
-from nvscope.tracker.visu.reach import NOWHERE, UNKNOWN, Reach, distance
+from nvscope.tracker.visu.reach import NOWHERE, UNKNOWN, Reach, distance, is_had
 from nvscope.tracker.visu.turns import Turns
 from nvscope.tracker.visu.unseen_requests import Answered, UnseenRequests
 
@@ -269,7 +269,7 @@ class Conversation(Struct):
         first = self.waiting[0]
         had, told, body_at = first.reach.acknowledged, reach.acknowledged, first.reach.body_at
         lacks_head = distance(told, body_at) < 0
-        has_all = UNKNOWN not in (had, reach.behind) and distance(reach.behind, had) <= 0
+        has_all = is_had(reach.behind, had)
         # The client had all of it before it asked, if acknowledgements are real; an early one before all was asked.
         if has_all and not first.is_early and (first.is_behind or lacks_head or self.acknowledges):
             return False

@@ -9,7 +9,7 @@ from msgspec import Struct, field
 
 from nvscope.tracker.visu.awaited import Early
 from nvscope.tracker.visu.limits import MOST_EARLY
-from nvscope.tracker.visu.reach import UNKNOWN, Reach, distance
+from nvscope.tracker.visu.reach import UNKNOWN, Reach, distance, is_had
 
 
 class EarlyReplies(Struct):
@@ -64,8 +64,7 @@ class EarlyReplies(Struct):
         while self.kept:
             one = self.kept[0].reach
             ahead = distance(one.acknowledged, reach.body_at)
-            had_all = UNKNOWN not in (one.behind, reach.acknowledged) and distance(one.behind, reach.acknowledged) <= 0
-            lacks_head = knows_head and ahead < 0 and (acknowledges or had_all)
+            lacks_head = knows_head and ahead < 0 and (acknowledges or is_had(one.behind, reach.acknowledged))
             if not lacks_head if self.kept[0].has_begun else ahead >= 0 and reach.body_at != UNKNOWN:
                 return True
             self.kept.popleft()

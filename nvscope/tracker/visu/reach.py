@@ -70,6 +70,11 @@ def distance(sequence: int, known: int) -> int:
     return 0 if UNKNOWN in (sequence, known) else (sequence - known + HALF) % WRAP - HALF
 
 
+def is_had(behind: int, had: int) -> bool:
+    """Tell whether a message that ends there is known to be had by a receiver that has so much."""
+    return UNKNOWN not in (behind, had) and distance(behind, had) <= 0
+
+
 def are_had(behind: I64, had: I64) -> Bool:
     """Tell which messages their receiver had all of when it had so much; ``behind`` is where they end."""
     ahead = behind - had
