@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Protocol, Self
 
 import numpy as np
@@ -28,14 +28,37 @@ class Part(Protocol):
         ...
 
 
+class Prepared(Protocol):
+    """What a follower has prepared of a batch, as a value that may be handed over to another process."""
+
+    def apart(self, packets: PacketBatch) -> tuple[Self, int, Iterator[bytes]]:
+        """Return it without the bytes that it needs of packets and streams, how many these are, and them in turn."""
+        ...
+
+    def with_bytes(self, data: memoryview) -> Self:
+        """Return it with the bytes that were taken from it, which are valid as long as the batch is."""
+        ...
+
+
 class Follower(Protocol):
-    """Reads a protocol over TCP whose messages span segments: it keeps what it needs from one batch to the next."""
+    """Reads a protocol over TCP whose messages span segments: it keeps what it needs from one batch to the next.
 
-    def follow(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> Part:
-        """Return what is whole with the segments of a batch, which follows those before.
+    Its work has two parts, each with a state of its own. They may be done by two processes, one of which is ahead.
+    """
 
-        ``first_frame`` is the number of the first packet in the capture. What has become whole is of the frame with
-        which that is known.
+    def prepare(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> Prepared | None:
+        """Return what can be known of a batch without what its messages say; None where there is nothing.
+
+        The batch follows those before; ``first_frame`` is the number of its first packet in the capture.
+        """
+        ...
+
+    def follow(
+        self, packets: PacketBatch, segments: SegmentBatch, first_frame: int, prepared: Prepared | None
+    ) -> Part:  # fmt: skip
+        """Return what is whole with the segments of a batch, of which this was prepared.
+
+        What has become whole is of the frame with which that is known.
         """
         ...
 
@@ -63,19 +86,24 @@ class Dissector(Struct, frozen=True):
     begin: Callable[[], Follower] | None = None
     own_link: int | None = None
 
+    def own_segments(self, segments: SegmentBatch) -> SegmentBatch:
+        """Return those of its ports."""
+        return segments.take(self.claims.claim_tcp(segments.source_port, segments.destination_port))
+
     def part_of(
         self, packets: PacketBatch, datagrams: DatagramBatch, segments: SegmentBatch, first_frame: int = 1,
-        follower: Follower | None = None,
+        follower: Follower | None = None, prepared: Prepared | None = None,
     ) -> Part:  # fmt: skip
         """Return what it finds in datagrams and segments of which some are of its ports.
 
-        Raises ValueError for a dissector that does not keep what ``Part.row`` promises.
+        ``prepared`` is what the follower has prepared of its own segments. Raises ValueError for a dissector that does
+        not keep what ``Part.row`` promises.
         """
         claims = self.claims
         datagrams = datagrams.take(claims.claim_udp(datagrams.source_port, datagrams.destination_port))
-        segments = segments.take(claims.claim_tcp(segments.source_port, segments.destination_port))
+        segments = self.own_segments(segments)
         if follower is not None:
-            part = follower.follow(packets, segments, first_frame)
+            part = follower.follow(packets, segments, first_frame, prepared)
         else:
             assert self.dissect is not None
             part = self.dissect(packets, datagrams, segments)

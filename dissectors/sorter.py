@@ -98,8 +98,13 @@ class Sorter:
     ) -> None:
         self._ports = ports
         self._pdos = pdos or PdoRules()
-        self._claims = claims
+        self.claims = claims
         self._renew()
+
+    @property
+    def varieties(self) -> Varieties:
+        """Those by which packets are told now."""
+        return self._varieties
 
     def _renew(self) -> None:
         self._varieties = Varieties()
@@ -139,7 +144,7 @@ class Sorter:
             variety, counter = np.zeros(len(packets), np.int64), np.zeros(len(packets), np.uint16)
             if packets.single_link == LinkType.CAN_SOCKETCAN:
                 rest = np.empty(0, np.int64)
-        dissection = dissect(packets, self._ports, rest, self._claims)
+        dissection = dissect(packets, self._ports, rest, self.claims)
         telegrams = dissection.telegrams
         if len(telegrams):
             row = telegrams.datagram.row
@@ -191,9 +196,9 @@ class Sorter:
 
         Those are told by their headers alone.
         """
-        claimed = are_claimed(head, self._claims) if self._claims else np.zeros(len(rest), np.bool_)
+        claimed = are_claimed(head, self.claims) if self.claims else np.zeros(len(rest), np.bool_)
         segments = NO_SEGMENTS
-        if self._claims.tcp:
+        if self.claims.tcp:
             segments, own = take_segments(packets, rest, head, claimed)
             if own.any():
                 others = ~own
@@ -203,9 +208,9 @@ class Sorter:
     def _claimed(self, dissection: Dissection, variety: I64) -> DatagramBatch:
         """Return the datagrams of claimed ports that are no telegrams."""
         datagrams = dissection.peeled.udp
-        if not self._claims.udp:
+        if not self.claims.udp:
             return NO_DATAGRAMS
-        wanted = self._claims.claim_udp(datagrams.source_port, datagrams.destination_port)
+        wanted = self.claims.claim_udp(datagrams.source_port, datagrams.destination_port)
         return datagrams.take(wanted & (variety[datagrams.row] == NO_TELEGRAM))
 
     def _recognise(self, packets: PacketBatch) -> tuple[I64, U16]:
@@ -262,7 +267,7 @@ class Sorter:
         head = heads_of(packets, first)
         plain = is_plain(head)
         # What somebody asks for, and is no telegram, has to be taken apart each time.
-        learned = np.where(plain & ~are_claimed(head, self._claims), NO_TELEGRAM, _PECULIAR)
+        learned = np.where(plain & ~are_claimed(head, self.claims), NO_TELEGRAM, _PECULIAR)
         telegrams = dissect(packets, None, first).telegrams
         place = np.searchsorted(first, telegrams.datagram.row)
         own = np.flatnonzero(plain[place])

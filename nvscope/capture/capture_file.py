@@ -17,7 +17,7 @@ from nvscope.capture.content import STDIN, Content, ContentSizes
 from nvscope.capture.datalogger.names import closed_files, told_of_closed
 from nvscope.capture.pieces import READ_ONLY, Stopped
 from nvscope.capture.reader import Place, Progress, Reader, ReadingSizes, WindowReader, reader_of
-from nvscope.capture.source import Attachment, SourceInfo
+from nvscope.capture.source import AheadWork, Attachment, SourceInfo
 from nvscope.capture.stoppable import StoppableBatches
 from nvscope.capture.time_span import TimeSpan
 from nvscope.errors import NvscopeError, UnreadableInput
@@ -73,6 +73,7 @@ class CaptureFile:
         # Weak, so that who forgets a reading closes its file, without waiting for the collector of cycles.
         self._running: ReferenceType[StoppableBatches] | None = None
         self._once: StoppableBatches | None = None
+        self._work: AheadWork | None = None
         opened = self._open()
         self.size_bytes = opened.content.size_bytes
         self._format_name = opened.format_name
@@ -124,8 +125,13 @@ class CaptureFile:
         opened = self._opened
         return opened.position if opened else self._position
 
+    def work_ahead(self, work: AheadWork) -> None:
+        """Let work be done by a process that reads ahead, if there will be one, when the file is iterated next."""
+        self._work = work
+
     def __iter__(self) -> Iterator[PacketBatch]:
-        return self.read(1, TimeSpan())
+        work, self._work = self._work, None
+        return self._batches_read(1, TimeSpan(), work)
 
     def between(self, start_ns: int | None, end_ns: int | None) -> Between:
         """Return the packets whose time lies between two, both included, None for no bound."""
@@ -159,21 +165,25 @@ class CaptureFile:
 
     def read(self, share: int, span: TimeSpan) -> Iterator[PacketBatch]:
         """Return the packets as ``nvscope.capture.between.Spanned.read`` says; those of a pipe only once."""
+        return self._batches_read(share, span, None)
+
+    def _batches_read(self, share: int, span: TimeSpan, work: AheadWork | None) -> Iterator[PacketBatch]:
         if self._once is not None:
             return self._once
-        batches = StoppableBatches(self._read(share, span))
+        batches = StoppableBatches(self._read(share, span, work=work))
         self._running = ref(batches)
         if self._stopped:
             batches.stop()
         return batches
 
     def _read(
-        self, share: int = 1, span: TimeSpan | None = None, opened: _Opened | None = None
-    ) -> Generator[PacketBatch, None, None]:
+        self, share: int = 1, span: TimeSpan | None = None, opened: _Opened | None = None,
+        work: AheadWork | None = None,
+    ) -> Generator[PacketBatch, None, None]:  # fmt: skip
         self._opened = opened = opened or self._open(share, span or TimeSpan())
         self._progress, self._channels = opened.reader.progress, opened.reader.channels
         try:
-            for batch in self._batches(opened.reader, share):
+            for batch in self._batches(opened.reader, share, work):
                 if len(batch):
                     progress = self._progress
                     progress.start_ns = int(batch.ts_ns[0]) if progress.start_ns is None else progress.start_ns
@@ -187,7 +197,7 @@ class CaptureFile:
             self._end(opened)
 
     @staticmethod
-    def _batches(reader: Reader, share: int) -> Iterator[PacketBatch]:
+    def _batches(reader: Reader, share: int, work: AheadWork | None) -> Iterator[PacketBatch]:
         """Return the batches of a reader; a large file that is read alone is read ahead."""
         size = reader.content.size_bytes
         if share > 1 or not isinstance(reader, WindowReader) or not reader.copies_ahead:
@@ -196,7 +206,7 @@ class CaptureFile:
             return reader.batches()
         from nvscope.capture.read_ahead import batches_of  # noqa: PLC0415  # not for small files
 
-        return batches_of(reader)
+        return batches_of(reader, work)
 
     def _end(self, opened: _Opened) -> None:
         """Close a file, and say why it ended where it did; also repeatedly."""

@@ -21,13 +21,15 @@ from nvscope.capture.source import Attachment, LostSpan, Truncation
 class ReadingSizes(Struct, frozen=True):
     """How a reader cuts its work; any choice gives the same packets. ``lanes`` 0: as many as are fast.
 
-    Of files with ``ahead_bytes`` and more to read, a second process reads ahead where it can (``read_ahead``).
+    Of files with ``ahead_bytes`` and more to read, a second process reads ahead where it can (``read_ahead``), and
+    hands over what it finds in slots of ``slot_bytes``.
     """
 
     batch_packets: int = 131_072
     stride_bytes: int = 2 << 20
     lanes: int = 0
     ahead_bytes: int = 128 << 20
+    slot_bytes: int = 64 << 20
 
 
 class Place(Struct, frozen=True):

@@ -23,7 +23,7 @@ MAX_SNAP_BYTES = 16 << 20
 
 # The walk visits a stretch all over: small enough to stay in the cache, large enough for many lanes.
 _FIRST_STRIDE_BYTES = 64 << 10
-_SMALL_RECORD_BYTES = 768
+_SMALL_RECORD_BYTES = 256
 
 
 class Taken(Struct, frozen=True):

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from types import MappingProxyType, TracebackType
-from typing import NamedTuple, Protocol, Self, runtime_checkable
+from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
 
 from msgspec import Struct
 
@@ -165,6 +165,46 @@ class Source(Protocol):
 
         What is iterated after that has no packets.
         """
+        ...
+
+
+class Done(NamedTuple):
+    """What was done with packets, as it is handed over: ``value`` can be pickled; ``data`` are bytes, as they are."""
+
+    value: Any
+    data: Iterable[bytes] = ()
+
+
+class AheadWork(Protocol):
+    """What can be done with packets where they are read, by a process that is ahead of this one.
+
+    Of each object there are two then, which were the same when that process was made.
+    """
+
+    def is_worth_it(self, first: PacketBatch) -> bool:
+        """Tell whether it is to be done at all, by the packets with which the source begins."""
+        ...
+
+    def work(self, packets: PacketBatch) -> Iterator[Done]:
+        """Yield what is done with packets that follow those before, in parts; the columns of values may be kept."""
+        ...
+
+    def take(self, done: Any, data: memoryview) -> PacketBatch:
+        """Return the packets of one such part, in turn; ``data`` is valid until the next one is asked for."""
+        ...
+
+    @property
+    def stand_ins(self) -> Sequence[object]:
+        """Objects of which each process has its own: in what is handed over, one stands for the other."""
+        ...
+
+
+@runtime_checkable
+class WorksAhead(Source, Protocol):
+    """A source that may have something done with its packets where they are read."""
+
+    def work_ahead(self, work: AheadWork) -> None:
+        """Let it be done, where that is worth it, when the source is iterated next: it takes the place of packets."""
         ...
 
 

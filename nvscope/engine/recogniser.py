@@ -8,20 +8,17 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
-from dissectors.batch import PacketBatch
+from dissectors.batch import End, PacketBatch
 from dissectors.claims import Claims
 from dissectors.sorter import SortedPackets, Sorter
 from nvscope.engine.keys import FrameKind, Keys
 from nvscope.engine.limit import ELSEWHERE
 from nvscope.engine.parameters import ParameterRows
+from nvscope.engine.preparation import Preparation, PreparedBatch, PreparedPackets
 from nvscope.engine.reading import Reading
 from nvscope.engine.rows import StreamMemory
 from nvscope.engine.told import Laid, Told
 from nvscope.engine.watch import Watch
-
-MAX_BATCH = 1 << 17
-_FOLLOWED = 1 << 15
-"""Of connections, whose bytes are put together, less at a time: it stays near the processor."""
 
 
 class Before(Struct, frozen=True):
@@ -47,21 +44,20 @@ class Recogniser:
     ) -> None:
         self._reading = replace(reading, pdos=replace(reading.pdos, names=channels))
         claims = Claims.of(dissector.claims for dissector in reading.dissectors)
-        self._sorter = Sorter(reading.ports, self._reading.pdos, claims)
+        sorter = Sorter(reading.ports, self._reading.pdos, claims)
         self._keys = Keys(self._reading.pdos, reading.max_streams) if by_stream else None
         self._memory = StreamMemory()
         self._watch = Watch()
         self._followers = {one.name: one.begin() for one in reading.dissectors if one.begin is not None}
-        self._frames = 0
+        self.preparation = Preparation(sorter, reading.dissectors, self._followers)
         self._has_begun = False
-        # Whether most packets are segments; of those that come first, that is not known yet.
-        self._follows = True
         self._start_ns = self._last_ns = 0
 
     def go_on_behind(self, before: Before) -> None:
         """Take what is told next for frames that follow these, whatever was told so far."""
         self._has_begun = True
-        self._frames, self._start_ns, self._last_ns = before.frames, before.start_ns, before.last_ns
+        self.preparation.frames = before.frames
+        self._start_ns, self._last_ns = before.start_ns, before.last_ns
 
     def tell(self, packets: PacketBatch) -> Iterator[Told]:
         """Yield what is to be told of the packets that follow those before, a limited number of them at a time.
@@ -69,40 +65,41 @@ class Recogniser:
         Of a batch that says nothing at all, nothing is told; of one without packets, that time has passed, or that
         a source has ended.
         """
+        if isinstance(packets, PreparedPackets) and packets.prepared is not None:
+            yield from self._tell(packets.prepared)
+            return
         if packets.ends and len(packets):
-            yield from self._tell(PacketBatch.ended(*packets.ends))
+            yield from self.tell(PacketBatch.ended(*packets.ends))
             packets = replace(packets, ends=())
-        start = 0
-        while start < len(packets) or not start:
-            most = _FOLLOWED if self._follows else MAX_BATCH
-            last = start + most >= len(packets)
-            yield from self._tell(packets[start : start + most], packets.until_ns if last else None)
-            start += most
+        behind = self.preparation.frames + len(packets) + 1
+        for part in self.preparation.prepare(packets):
+            is_last = part.first_frame + len(part.sorted) == behind
+            yield from self._tell(part, packets.ends, packets.until_ns if is_last else None)
 
-    def _tell(self, packets: PacketBatch, until_ns: int | None = None) -> Iterator[Told]:
-        unheard = [one for end in packets.ends for one in self._watch.end(end, self._keys)]
+    def _tell(
+        self, prepared: PreparedBatch, ends: Sequence[End] = (), until_ns: int | None = None
+    ) -> Iterator[Told]:  # fmt: skip
+        batch = prepared.sorted
+        unheard = [one for end in ends for one in self._watch.end(end, self._keys)]
         for one in unheard:
             self._memory.resume(one.streams)
-        if not (len(packets) or unheard or until_ns is not None):
+        if not (len(batch) or unheard or until_ns is not None):
             return
-        if not self._has_begun and len(packets):
+        if not self._has_begun and len(batch):
             self._has_begun = True
-            self._start_ns = self._last_ns = int(packets.ts_ns[0])
-        batch = self._sorter.sort(packets)
-        self._follows = 2 * len(batch.segments) > len(batch)
+            self._start_ns = self._last_ns = int(batch.packets.ts_ns[0])
         laid = None if self._keys is None else self._lay_out(batch, self._keys)
         self._watch.observe(batch, self._keys)
         told = Told(
-            batch, first_frame=self._frames + 1, start_ns=self._start_ns, before_ns=self._last_ns,
+            batch, first_frame=prepared.first_frame, start_ns=self._start_ns, before_ns=self._last_ns,
             pdos=self._reading.pdos, choose=self._reading.choose, laid=laid, until_ns=until_ns,
             dissectors=self._reading.dissectors, timeout_ns=self._reading.timeout_ns,
             max_streams=self._reading.max_streams, all_frames=self._reading.all_frames, unheard=unheard,
             hears_answers=self._reading.hears_answers, parameter_timeout_ns=self._reading.parameter_timeout_ns,
-            followers=self._followers,
+            followers=self._followers, prepared=prepared.followed,
         )  # fmt: skip
         self._follow(told)
         if len(batch):
-            self._frames += len(batch)
             self._last_ns = int(batch.packets.ts_ns[-1])
         yield told
 

@@ -7,7 +7,7 @@ from typing import Protocol
 
 from msgspec.structs import replace
 
-from nvscope.capture.source import Source
+from nvscope.capture.source import Source, WorksAhead
 from nvscope.engine.reading import Reading
 from nvscope.engine.recogniser import Recogniser
 from nvscope.engine.told import Told
@@ -39,6 +39,8 @@ def run(source: Source, reading: Reading, observers: Sequence[Observer]) -> Iter
         reading = replace(reading, hears_answers=False)
     by_stream = any(observer.by_stream for observer in observers)
     recogniser = Recogniser(reading, lambda: source.channels, by_stream=by_stream)
+    if isinstance(source, WorksAhead):
+        source.work_ahead(recogniser.preparation)
     for packets in source:
         for told in recogniser.tell(packets):
             for observer in observers:

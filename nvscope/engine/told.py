@@ -13,7 +13,7 @@ from msgspec import Struct
 from dissectors.batch import I64, U16, Bool, PacketBatch
 from dissectors.can.frame import CanBatch
 from dissectors.can.pdo import PdoRules
-from dissectors.dissector import Dissector, Follower, Part
+from dissectors.dissector import Dissector, Follower, Part, Prepared
 from dissectors.netvar import TelegramBatch
 from dissectors.sorter import SortedPackets
 from dissectors.varieties import NO_TELEGRAM, Varieties
@@ -63,7 +63,7 @@ class Told:
     long an answer may take, ``parameter_timeout_ns`` how long a reply of the Parameter Manager may, ``max_streams`` how
     many streams and identifiers are told apart; ``all_frames`` says whether frames in which nothing is found are
     wanted, ``hears_answers`` whether what nodes answer to each other is to be seen at all. ``followers`` are those of
-    dissectors that have one, by name.
+    dissectors that have one, by name, ``prepared`` what they have prepared of the batch.
 
     ``laid`` is there where an observer asks for it (``Observer.by_stream``).
 
@@ -80,6 +80,7 @@ class Told:
         dissectors: Sequence[Dissector] = (), max_streams: int = MAX_STREAMS, all_frames: bool = False,
         unheard: Sequence[Unheard] = (), hears_answers: bool = True,
         followers: Mapping[str, Follower] = MappingProxyType({}),
+        prepared: Mapping[str, Prepared | None] = MappingProxyType({}),
     ) -> None:  # fmt: skip
         self.batch = batch
         self.first_frame = first_frame
@@ -96,6 +97,7 @@ class Told:
         self.hears_answers = hears_answers
         self._choose = choose
         self._followers = followers
+        self._prepared = prepared
         self._laid = laid
         self._listeners: Listeners = ()
 
@@ -205,7 +207,7 @@ class Told:
         for dissector in self.dissectors:
             part = dissector.part_of(
                 self.packets, self.batch.datagrams, self.batch.segments, self.first_frame,
-                self._followers.get(dissector.name),
+                self._followers.get(dissector.name), self._prepared.get(dissector.name),
             )  # fmt: skip
             assert free is not None
             if not free[part.row].all():

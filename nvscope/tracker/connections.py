@@ -40,9 +40,19 @@ class Connections:
         self._ports = tuple(ports)
         self._keys = KeyTable(5)
         self._servers = _Servers()
+        self._renewals = 0
+
+    @property
+    def version(self) -> tuple[int, int]:
+        """What tells whether other connections are known than before, or by other numbers."""
+        return self._renewals, len(self)
 
     def __len__(self) -> int:
         return len(self._keys)
+
+    def be_as(self, others: Connections) -> None:
+        """Take over the connections that others know, numbered as there."""
+        self._keys, self._servers = others._keys, others._servers
 
     def streams_of(self, segments: SegmentBatch, carrying: Bool) -> I64:
         """Return of segments in which stream each is, -1 of those of connections that nobody knows.
@@ -108,6 +118,7 @@ class Connections:
         keys = KeyTable(5)
         keys.numbers(*(word[kept] for word in self._keys.words))
         self._keys, self._servers = keys, self._servers.rows(kept)
+        self._renewals += 1
 
 
 def _by_runs(look_up: Callable[..., I64], words: Sequence[U64]) -> I64:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 from msgspec import Struct, field
 
-from dissectors.batch import I64
+from dissectors.batch import I64, U8
 from dissectors.columns import Columns
 
 
@@ -104,13 +104,35 @@ class Brought(Struct, frozen=True):
     """Pieces, and the bytes of those that were kept from earlier batches.
 
     ``again`` are bytes that had been passed on before, a row each with the columns of ``Again``, ``others`` those that
-    differ from what is kept.
+    differ from what is kept. ``together`` is the data of all pieces, one behind the other, where whoever put them in
+    order has put it there; None where it is to be had of the buffer and of ``kept``.
     """
 
     pieces: Pieces
     kept: Sequence[bytes] = ()
     again: I64 = field(default_factory=lambda: np.empty((0, len(Again._fields)), np.int64))
     others: Sequence[OtherBytes] = ()
+    together: memoryview | None = None
+
+    def sizes(self) -> I64:
+        """Return how many bytes each piece has: those that are no data have none."""
+        size: I64 = np.where(self.pieces.kind == int(PieceKind.DATA), self.pieces.size, 0)
+        return size
+
+    def data(self, buffer: U8, at_a_time: int) -> Iterator[list[bytes | memoryview]]:
+        """Yield the data of all pieces, of so many at a time; ``buffer`` is that of the packets.
+
+        As many views as there are pieces would take more memory than what they show.
+        """
+        view, size = memoryview(buffer.data), self.sizes()
+        start = np.where(self.pieces.kind == int(PieceKind.DATA), self.pieces.start, 0)
+        stop = np.where(start >= 0, start + size, size)
+        for first in range(0, len(size), at_a_time):
+            own = slice(first, first + at_a_time)
+            yield [
+                view[begin:end] if begin >= 0 else self.kept[~begin]
+                for begin, end in zip(start[own].tolist(), stop[own].tolist(), strict=True)
+            ]
 
 
 def no_pieces() -> Pieces:

@@ -19,8 +19,7 @@ from dissectors.transport import SegmentBatch
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.tracker.connections import Connections
 from nvscope.tracker.pieces import NEVER, ORDER_BITS, Again, Brought, Pieces, no_pieces
-from nvscope.tracker.segments import WRAP, Segments, StreamColumns
-from nvscope.tracker.segments_aside import NEAR
+from nvscope.tracker.segments import Segments
 from nvscope.tracker.segments_at_once import SegmentsAtOnce
 from nvscope.tracker.segments_in_turn import (
     FORGOTTEN_NS,
@@ -28,6 +27,7 @@ from nvscope.tracker.segments_in_turn import (
     MOST_KEPT_IN_ALL_BYTES,
     SegmentsInTurn,
 )
+from nvscope.tracker.stream_places import StreamPlaces
 
 _FEW = 128
 """So many segments take as long one after the other as at once."""
@@ -48,18 +48,9 @@ class Outlived(NamedTuple):
     kept: I64
     only_ended: bool
 
-
-class Positions(NamedTuple):
-    """Where streams are, and how far the other end has acknowledged them: sequence numbers by stream, or -1."""
-
-    next: I64
-    acknowledged: I64
-
-    def of(self, stream: int) -> tuple[int, int]:
-        """Return those of a stream, -1 of one that is not there."""
-        if stream >= len(self.next):
-            return -1, -1
-        return int(self.next[stream]), int(self.acknowledged[stream])
+    def numbers(self) -> dict[int, int]:
+        """Return the numbers that they have now, by those that they had."""
+        return {old: new for new, old in enumerate(self.kept.tolist())}
 
 
 class Streams:
@@ -71,36 +62,17 @@ class Streams:
     """
 
     def __init__(self, ports: Sequence[int], enough: int = ENOUGH, most: int = MOST_CONNECTIONS) -> None:
-        self.connections = Connections(ports)
-        self._streams = StreamColumns()
-        self._in_turn = SegmentsInTurn(self._streams)
+        self.places = StreamPlaces(ports)
+        self._in_turn = SegmentsInTurn(self.places.columns)
         self._latest_ns = 0
         self._again: list[I64] = []
         self._enough = self._least = enough
         self._most = most
 
-    def positions(self) -> Positions:
-        """Return where all streams are now."""
-        column, count = self._streams.column, 2 * len(self.connections)
-        at = np.where(column("begun")[:count], column("next")[:count], -1)
-        return Positions(at, column("acknowledged")[:count].copy())
-
-    def position(self, stream: int) -> tuple[int, int]:
-        """Return where a stream is now, which has begun, and how far it was acknowledged, or -1."""
-        return int(self._streams.next[stream]), int(self._streams.acknowledged[stream])
-
-    def lacking_clients(self) -> I64:
-        """Return the connections of whose clients bytes are missing, or may be, in front of the end of the capture.
-
-        Their servers acknowledge bytes behind all that is there, or something waits behind a hole.
-        """
-        column, count = self._streams.column, 2 * len(self.connections)
-        begun, ended, told, at, waits = (
-            column(name)[:count:2] for name in ("begun", "ended", "acknowledged", "next", "waits")
-        )
-        ahead = np.where(told >= 0, (told - at) % WRAP, 0)
-        lacks = begun & ~ended & (waits | ((ahead > 1) & (ahead <= NEAR)))
-        return np.flatnonzero(lacks)
+    @property
+    def connections(self) -> Connections:
+        """The connections that are known."""
+        return self.places.connections
 
     def outlived(self) -> Outlived | None:
         """Forget connections where there are many; return None where all are kept.
@@ -110,7 +82,7 @@ class Streams:
         """
         if len(self.connections) <= self._enough:
             return None
-        column = self._streams.column
+        column = self.places.columns.column
         latest_ns = np.maximum(column("latest_ns")[0::2], column("latest_ns")[1::2])
         stays = ~(column("ended")[0::2] & column("ended")[1::2])
         recent = np.flatnonzero(stays | (latest_ns >= self._latest_ns - FORGOTTEN_NS))
@@ -124,13 +96,13 @@ class Streams:
             return None
         self.connections.keep(kept)
         streams = np.stack([2 * kept, 2 * kept + 1], axis=1).ravel()
-        self._streams = self._streams.rows(streams)
-        self._in_turn.keep({old: new for new, old in enumerate(streams.tolist())}, self._streams)
+        self.places.columns = self.places.columns.rows(streams)
+        self._in_turn.keep({old: new for new, old in enumerate(streams.tolist())}, self.places.columns)
         return Outlived(kept, only_ended)
 
     def forget(self) -> None:
         """Forget where all connections are: what comes next of them begins in the middle."""
-        self._streams.reset()
+        self.places.columns.reset()
         self._in_turn.forget()
 
     def observe(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> Brought:
@@ -141,7 +113,7 @@ class Streams:
         if not len(rows):
             return Brought(no_pieces())
         self._latest_ns = max(self._latest_ns, int(rows.time_ns.max()))
-        self._streams.resize(2 * len(self.connections))
+        self.places.columns.resize(2 * len(self.connections))
         self._in_turn.begin()
         found: list[Pieces] = []
         self._again = []
@@ -167,7 +139,7 @@ class Streams:
         """Add what segments bring to ``found``: in turn around what is peculiar, else as columns."""
         least = _LEAST
         while len(rows) > _FEW:
-            at_once = SegmentsAtOnce(rows, carrying, self._streams)
+            at_once = SegmentsAtOnce(rows, carrying, self.places.columns)
             is_plain = at_once.take_up_to(at_once.since)
             anew = np.empty(0, np.int64)
             if not is_plain.all():
@@ -226,7 +198,7 @@ class Streams:
         if len(rows) <= _FEW:
             self._in_turn.observe(data, rows)
             return
-        at_once = SegmentsAtOnce(rows, carrying, self._streams)
+        at_once = SegmentsAtOnce(rows, carrying, self.places.columns)
         is_plain = at_once.take_up_to(np.where(at_once.since == NEVER, NEVER, -1))
         found.append(at_once.told())
         self._again.append(at_once.again())

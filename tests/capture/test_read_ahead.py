@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from nvscope.capture import read_ahead
 from nvscope.capture.capture_file import CaptureFile
 from nvscope.capture.reader import ReadingSizes
+from nvscope.capture.slots import Slots
 from tests.capture import build, test_pcapng
 from tests.capture.reference import Packet, read_pcap, read_pcapng
 
@@ -152,15 +153,16 @@ def test_what_is_left_is_read_here_when_the_copy_dies(
     tmp_path: Path, copies: Copies, monkeypatch: pytest.MonkeyPatch, name: str, after: int
 ) -> None:
     (path := tmp_path / "a").write_bytes(_FILES[name]())
-    make = read_ahead._not_empty
+    sent: list[Any] = []
+    send = Slots.send
 
-    def dying(batches: Iterator[Any]) -> Iterator[Any]:
-        for number, batch in enumerate(make(batches)):
-            if number == after:
-                os.kill(os.getpid(), 9)
-            yield batch
+    def dying(slots: Slots, value: Any, data: Any = ()) -> bool:
+        if len(sent) == after:
+            os.kill(os.getpid(), 9)
+        sent.append(None)
+        return send(slots, value, data)
 
-    monkeypatch.setattr(read_ahead, "_not_empty", dying)
+    monkeypatch.setattr(Slots, "send", dying)
     ahead = _read(path, _sizes(0, 25))
     assert len(copies.made) == 1
     assert ahead == _read(path, _sizes(_HERE, 25))

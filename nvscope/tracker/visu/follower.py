@@ -10,9 +10,11 @@ from msgspec.structs import replace
 from dissectors.batch import PacketBatch
 from dissectors.transport import SegmentBatch
 from nvscope.tracker.other_copies import OtherCopies
+from nvscope.tracker.stream_places import StreamPlaces
 from nvscope.tracker.streams import ENOUGH, MOST_CONNECTIONS, Streams
 from nvscope.tracker.visu.exchanges import Exchanges
 from nvscope.tracker.visu.http_messages import HttpStreams
+from nvscope.tracker.visu.in_order import InOrder
 from nvscope.tracker.visu.messages import VisuBatch
 from nvscope.tracker.visu.missing_replies import MissingReplies
 from nvscope.tracker.visu.one_way import OneWay
@@ -28,31 +30,45 @@ class VisuFollower:
     """
 
     def __init__(self, ports: Sequence[int], given: Sequence[GivenList] = (), most: int = MOST_CONNECTIONS) -> None:
+        # What is put in order, and where it was when what is said in it was read: that may be later.
         self._streams = Streams(ports, min(most, ENOUGH), most)
+        self._handed: tuple[int, int] | None = None
+        self._places = StreamPlaces(ports)
         self._http = HttpStreams()
         self._copies = OtherCopies()
-        self._exchanges = Exchanges(self._streams.connections, given)
+        self._exchanges = Exchanges(self._places.connections, given)
 
-    def follow(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> VisuBatch:
-        """Return what the segments of a batch bring, which follows those before; its row 0 is frame ``first_frame``."""
-        before = self._streams.positions()
-        brought = self._streams.observe(packets, segments, first_frame)
-        one_way = OneWay(self._streams.connections, segments, first_frame)
-        messages = self._http.read(packets.data, brought, self._exchanges.waiting, one_way.missed_of)
-        others = self._copies.observe(packets.data, brought)
-        missing = MissingReplies(one_way, before, self._streams, brought.pieces)
-        told = self._exchanges.take(messages, packets, segments, first_frame, one_way, missing, others)
+    def prepare(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> InOrder:
+        """Put the segments of a batch in order, which follows those before; its row 0 is frame ``first_frame``."""
         outlived = self._streams.outlived()
-        if outlived is not None:
-            numbers = {old: new for new, old in enumerate(outlived.kept.tolist())}
+        before = self._streams.places.positions()
+        brought = self._streams.observe(packets, segments, first_frame)
+        connections, columns = self._streams.connections, self._streams.places.columns
+        is_known, self._handed = self._handed == connections.version, connections.version
+        return InOrder(outlived, before, brought, None if is_known else connections, columns)
+
+    def follow(
+        self, packets: PacketBatch, segments: SegmentBatch, first_frame: int, prepared: InOrder | None = None
+    ) -> VisuBatch:  # fmt: skip
+        """Return what the segments of a batch bring, of which this was prepared, here or elsewhere."""
+        own = prepared or self.prepare(packets, segments, first_frame)
+        if own.outlived is not None:
+            numbers = own.outlived.numbers()
             self._http.keep(numbers)
             self._copies.keep(numbers)
-            self._exchanges.keep(numbers, only_ended=outlived.only_ended)
+            self._exchanges.keep(numbers, only_ended=own.outlived.only_ended)
+        places, brought = self._places, own.brought
+        places.be_as(own.connections, own.columns)
+        one_way = OneWay(places.connections, segments, first_frame)
+        messages = self._http.read(packets.data, brought, self._exchanges.waiting, one_way.missed_of)
+        others = self._copies.observe(packets.data, brought)
+        missing = MissingReplies(one_way, own.before, places, brought.pieces)
+        told = self._exchanges.take(messages, packets, segments, first_frame, one_way, missing, others)
         return replace(told, lacking=self.lacking)
 
     def lacking(self) -> Sequence[int]:
         """Return the pairs of whose clients bytes are missing, or may be, behind all that was followed so far."""
-        connections = self._streams.lacking_clients()
+        connections = self._places.lacking_clients()
         return self._exchanges.pages_among(connections) if len(connections) else ()
 
     def pass_time(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> None:

@@ -279,33 +279,18 @@ class HttpStreams:
 
     def _joined(self, buffer: U8, brought: Brought) -> tuple[bytes, I64]:
         """Return the data of all pieces, behind what their streams had left, and where each ends in it."""
-        pieces, view = brought.pieces, memoryview(buffer.data)
-        is_data = pieces.kind == int(PieceKind.DATA)
-        size = np.where(is_data, pieces.size, 0)
-        start = np.where(is_data, pieces.start, 0)
-        stop = np.where(start >= 0, start + size, size)
-        run_start, _ = runs_of(pieces.stream)
-        readers = map(self._readers.get, pieces.stream[run_start].tolist())
+        size, (run_start, _) = brought.sizes(), runs_of(brought.pieces.stream)
+        readers = map(self._readers.get, brought.pieces.stream[run_start].tolist())
         rests = [
             (place, reader.rest)
             for place, reader in zip(run_start.tolist(), readers, strict=True)
             if reader is not None and reader.rest
         ]  # fmt: skip
         self._rests = {place: len(rest) for place, rest in rests}
-        joined: list[bytes] = []
-        # Some at a time: as many views as there are pieces would take more memory than what they show.
-        for first in range(0, len(pieces), _AT_A_TIME):
-            behind = min(first + _AT_A_TIME, len(pieces))
-            parts: list[bytes | memoryview] = [
-                view[begin:end] if begin >= 0 else brought.kept[~begin]
-                for begin, end in zip(start[first:behind].tolist(), stop[first:behind].tolist(), strict=True)
-            ]  # fmt: skip
-            own = slice(bisect_left(rests, (first,)), bisect_left(rests, (behind,)))
-            for place, rest in reversed(rests[own]):
-                parts.insert(place - first, rest)
-                size[place] += len(rest)
-            joined.append(b"".join(parts))
-        return b"".join(joined), np.cumsum(size)
+        joined = _behind_rests(buffer, brought, size, rests)
+        for place, rest in rests:
+            size[place] += len(rest)
+        return joined, np.cumsum(size)
 
     def _follow(
         self, reader: HttpReader, data: bytes, brought: Brought, ends: I64, run: tuple[int, int, int],
@@ -397,3 +382,23 @@ class HttpStreams:
         reach = Reaches.of(pieces, ends, piece, stream, at, size)
         columns = stream, form, at, order, arrival_ns
         return HttpMessages(data, found.forms, *columns, clients, reach, found.repeats, given_up)
+
+
+def _behind_rests(buffer: U8, brought: Brought, size: I64, rests: Sequence[tuple[int, bytes]]) -> bytes:
+    """Return the data of all pieces, of so many bytes each, with what was left in front of some places (rising)."""
+    if (data := brought.together) is not None:
+        ends, begin = np.cumsum(size), 0
+        parts: list[bytes | memoryview] = []
+        for place, rest in rests:
+            end = int(ends[place - 1]) if place else 0
+            parts += data[begin:end], rest
+            begin = end
+        return b"".join([*parts, data[begin:]])
+    joined = []
+    for number, parts in enumerate(brought.data(buffer, _AT_A_TIME)):
+        first = number * _AT_A_TIME
+        own = slice(bisect_left(rests, (first,)), bisect_left(rests, (first + _AT_A_TIME,)))
+        for place, rest in reversed(rests[own]):
+            parts.insert(place - first, rest)
+        joined.append(b"".join(parts))
+    return b"".join(joined)

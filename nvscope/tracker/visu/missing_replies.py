@@ -11,7 +11,7 @@ import numpy as np
 
 from nvscope.tracker.pieces import ORDER_BITS, Pieces
 from nvscope.tracker.segments_aside import missing_behind
-from nvscope.tracker.streams import Positions, Streams
+from nvscope.tracker.stream_places import Positions, StreamPlaces
 from nvscope.tracker.visu.conversation import Conversation
 from nvscope.tracker.visu.one_way import OneWay
 from nvscope.tracker.visu.reach import UNKNOWN, latest
@@ -23,7 +23,7 @@ class MissingReplies:
     Few batches are ever asked.
     """
 
-    def __init__(self, one_way: OneWay, before: Positions, streams: Streams, pieces: Pieces) -> None:
+    def __init__(self, one_way: OneWay, before: Positions, streams: StreamPlaces, pieces: Pieces) -> None:
         self._one_way, self._pieces = one_way, pieces
         self._before, self._streams = before, streams
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, cast
 
 import numpy as np
 
 from dissectors.batch import I64, Bool, PacketBatch
-from dissectors.dissector import Part
+from dissectors.dissector import Part, Prepared
 from dissectors.transport import SegmentBatch
 from nvscope.engine.dealing import Share, SplitBy
 from nvscope.engine.told import Told
@@ -17,6 +17,7 @@ from nvscope.tracker.accumulator import NO_SUMMARY, ProtocolSummary
 if TYPE_CHECKING:
     from nvscope.definition.webvisu import GivenList
     from nvscope.tracker.visu.follower import VisuFollower
+    from nvscope.tracker.visu.in_order import InOrder
     from nvscope.tracker.visu.state import VisuCounts
 
 NAME, WRITES, UNCHANGING, OTHERS = "visu", "visu_writes", "visu_unchanging", "visu_others"
@@ -44,17 +45,26 @@ class FollowOnDemand:
         self._ports, self._given = ports, given
         self._known: VisuFollower | None = None
 
-    def follow(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> Part:
+    def prepare(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> InOrder | None:
+        """Put the segments of a batch in order, if there are any."""
+        return self._follower().prepare(packets, segments, first_frame) if len(segments) else None
+
+    def follow(
+        self, packets: PacketBatch, segments: SegmentBatch, first_frame: int, prepared: Prepared | None = None
+    ) -> Part:  # fmt: skip
         """Return what the segments of a batch bring (``nvscope.tracker.visu.messages.VisuBatch``)."""
         if not len(segments):
             if self._known is not None:
                 self._known.pass_time(packets, segments, first_frame)
             return _Nothing()
+        return self._follower().follow(packets, segments, first_frame, cast("InOrder | None", prepared))
+
+    def _follower(self) -> VisuFollower:
         if self._known is None:
             from nvscope.tracker.visu.follower import VisuFollower  # noqa: PLC0415
 
             self._known = VisuFollower(self._ports, self._given)
-        return self._known.follow(packets, segments, first_frame)
+        return self._known
 
     def forget(self) -> None:
         """Forget where all connections are: nobody listened for a while."""
