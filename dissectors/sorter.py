@@ -6,6 +6,8 @@ A packet whose headers are those of an earlier one but for time, Counter and dat
 
 from __future__ import annotations
 
+from copy import deepcopy
+
 import numpy as np
 from msgspec import Struct
 
@@ -105,6 +107,10 @@ class Sorter:
     def varieties(self) -> Varieties:
         """Those by which packets are told now."""
         return self._varieties
+
+    def go_on_by_a_copy(self) -> None:
+        """Leave the varieties so far as they are, and go on by the same ones."""
+        self._varieties = deepcopy(self.varieties)
 
     def _renew(self) -> None:
         self._varieties = Varieties()

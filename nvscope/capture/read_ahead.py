@@ -31,6 +31,9 @@ from nvscope.capture.reader import Progress, WindowReader
 from nvscope.capture.slots import Slots
 from nvscope.capture.source import AheadWork, Done
 
+_FEW = 1 << 13
+"""So many packets are told by this process before there is another one that has work to do with the others."""
+
 
 class _State(Struct, frozen=True):
     """How far a reader is; ``ends``: nothing comes behind it."""
@@ -46,8 +49,11 @@ class _NoWork:
 
     stand_ins: Sequence[object] = ()
 
-    def is_worth_it(self, first: PacketBatch) -> bool:
+    def is_worth_it(self, packets: PacketBatch) -> bool:
         return True
+
+    def share(self) -> None:
+        pass
 
     def work(self, packets: PacketBatch) -> Iterator[Done]:
         yield Done(packets)
@@ -59,20 +65,24 @@ class _NoWork:
 def batches_of(reader: WindowReader, work: AheadWork | None = None) -> Iterator[PacketBatch]:
     """Yield what ``reader.batches()`` does, made by a second process where that is possible and worth it.
 
-    That process does the ``work`` that there is for it; without any, the first batch is made here: who wants no more is
-    not kept waiting for a process.
+    That process does the ``work`` that there is for it. What comes first is read here: who wants no more is not kept
+    waiting for a process.
     """
     batches = reader.batches()
     first = next(batches, None)
     if first is None:
         return
     window = reader.content.window()
-    if work is not None and _may_be_copied(window, reader) and work.is_worth_it(first):
-        yield from made_by_a_copy(reader, chain([first], batches), window, work)
-        return
-    yield first
+    few = len(first)
+    if work is not None and _may_be_copied(window, reader):
+        few = min(_FEW, few)
+    yield first[:few]
+    if few < len(first):
+        batches = chain([first[few:]], batches)
     if _may_be_copied(window, reader):
-        yield from made_by_a_copy(reader, batches, window, _NoWork())
+        if work is None or not work.is_worth_it(first):
+            work = _NoWork()
+        yield from made_by_a_copy(reader, batches, window, work)
     else:
         yield from batches
 
@@ -99,6 +109,7 @@ def made_by_a_copy(
     slots = Slots((window.data, *work.stand_ins), reader.sizes.slot_bytes)
     # Both have come equally far; what the copy finds is put in here, and taken back if it fails.
     begin = _state(reader, Progress(), [])
+    work.share()
     try:
         copy = os.fork()
     except OSError:  # no more processes, no memory
@@ -160,13 +171,10 @@ def _made_here(batches: Iterator[PacketBatch], work: AheadWork, parts: int) -> I
     """Yield what is done with batches, without so many parts of it, which are done all the same."""
     for batch in _not_empty(batches):
         for done in work.work(batch):
-            data = memoryview(b"".join(done.data))
-            # Whoever takes one needs those before it.
-            packets = work.take(done.value, data)
-            if parts:
+            if parts:  # that was taken before, as the copy did it
                 parts -= 1
             else:
-                yield packets
+                yield work.take(done.value, memoryview(b"".join(done.data)))
 
 
 def _not_empty(batches: Iterator[PacketBatch]) -> Iterator[PacketBatch]:

@@ -181,8 +181,12 @@ class AheadWork(Protocol):
     Of each object there are two then, which were the same when that process was made.
     """
 
-    def is_worth_it(self, first: PacketBatch) -> bool:
-        """Tell whether it is to be done at all, by the packets with which the source begins."""
+    def is_worth_it(self, packets: PacketBatch) -> bool:
+        """Tell whether it is to be done there, by what the source begins with: some of that has been told here."""
+        ...
+
+    def share(self) -> None:
+        """Take that there are two now, and that what one does is taken by the other one; before either goes on."""
         ...
 
     def work(self, packets: PacketBatch) -> Iterator[Done]:
@@ -204,7 +208,7 @@ class WorksAhead(Source, Protocol):
     """A source that may have something done with its packets where they are read."""
 
     def work_ahead(self, work: AheadWork) -> None:
-        """Let it be done, where that is worth it, when the source is iterated next: it takes the place of packets."""
+        """Let it be done when the source is iterated next, if a process reads ahead: it takes the place of packets."""
         ...
 
 

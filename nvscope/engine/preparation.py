@@ -22,11 +22,10 @@ from dissectors.varieties import CommonTelegrams, Varieties
 from nvscope.capture.source import Done
 
 MAX_BATCH = 1 << 17
-_FOLLOWED = 1 << 15
-"""Of connections, whose bytes are put together, less at a time: it stays near the processor."""
+_FOLLOWED, _FOLLOWED_BYTES = 1 << 16, 48 << 20
+"""Of connections, whose bytes are put together, less at a time, also of packets that are large."""
 
-_LOOKED_AT = 1 << 8
-"""So many packets show what most of the others are."""
+_LARGE_BYTES = 1 << 10
 
 _NOT_HERE = Varieties()
 """Stands in what is handed over for the varieties, of which each process has its own."""
@@ -77,9 +76,9 @@ class Preparation:
         self.frames = 0
         # Whether most packets are segments; of those that come first, that is not known yet.
         self._follows = True
-        # Of the varieties, what was handed over last, and what was taken so far.
-        self._handed = self._sorter.varieties, 0
-        self._taken = Varieties()
+        # The varieties of which something was handed over last, and how many; and those by which packets are told.
+        self._handed = sorter.varieties, len(sorter.varieties)
+        self._taken = sorter.varieties
 
     def prepare(self, packets: PacketBatch) -> Iterator[PreparedBatch]:
         """Yield what is prepared of packets that follow those before, a limited number of them at a time.
@@ -88,9 +87,16 @@ class Preparation:
         """
         start = 0
         while start < len(packets) or not start:
-            most = _FOLLOWED if self._follows else MAX_BATCH
-            yield self._prepare(packets[start : start + most])
-            start += most
+            stop = self._stop_behind(packets, start)
+            yield self._prepare(packets[start:stop])
+            start = stop
+
+    def _stop_behind(self, packets: PacketBatch, start: int) -> int:
+        """Return up to where packets are prepared at a time from one on, which is behind that in any case."""
+        if not self._follows:
+            return start + MAX_BATCH
+        size = np.cumsum(packets.captured[start : start + _FOLLOWED], dtype=np.int64)
+        return start + max(int(np.searchsorted(size, _FOLLOWED_BYTES, side="right")), 1)
 
     def _prepare(self, packets: PacketBatch) -> PreparedBatch:
         batch = self._sorter.sort(packets)
@@ -103,14 +109,21 @@ class Preparation:
         }  # fmt: skip
         return PreparedBatch(batch, first_frame, followed)
 
-    def is_worth_it(self, first: PacketBatch) -> bool:
-        """Tell whether what packets begin with shows that there are connections to be followed."""
-        if not self._dissectors or not len(first):
-            return False
-        some = np.arange(0, len(first), max(len(first) // _LOOKED_AT, 1))
-        claims = self._sorter.claims
-        segments = Sorter(claims=claims).sort(first.take(some)).segments
-        return 2 * len(segments) > len(some)
+    def is_worth_it(self, packets: PacketBatch) -> bool:
+        """Tell whether it is to be done where packets like these are read, some of which were prepared here.
+
+        Large ones are found no faster than they are told here meanwhile, unless their bytes are put in order.
+        """
+        return self._follows or float(packets.captured.mean()) < _LARGE_BYTES
+
+    def share(self) -> None:
+        """Take that what comes is prepared as if by another process, and only taken here.
+
+        Packets were told by the varieties so far: these grow by what is taken, the sorter's by what it tells.
+        """
+        self._taken = self._sorter.varieties
+        self._sorter.go_on_by_a_copy()
+        self._handed = self._sorter.varieties, len(self._sorter.varieties)
 
     def work(self, packets: PacketBatch) -> Iterator[Done]:
         """Yield what is prepared of packets as it is handed over, with the packets that are followed."""
