@@ -38,8 +38,8 @@ class ProcessError(Exception):
     """A process ended with an exit code that is no success."""
 
 
-def measure(command: list[str], core: int, output: Path | None = None) -> Run:
-    """Run one process pinned to one core; raises ProcessError where it does not end well.
+def measure(command: list[str], core: int | None, output: Path | None = None) -> Run:
+    """Run one process pinned to one core, None for those of the machine; raises ProcessError where it ends badly.
 
     nvscope's exit code 3 (data loss found) is a success.
     """
@@ -49,7 +49,8 @@ def measure(command: list[str], core: int, output: Path | None = None) -> Run:
     ):
         # A process inherits the cores of the thread that starts it.
         elsewhere = os.sched_getaffinity(0)
-        os.sched_setaffinity(0, {core})
+        if core is not None:
+            os.sched_setaffinity(0, {core})
         started = time.perf_counter()
         process = subprocess.Popen(
             command,
@@ -73,27 +74,22 @@ def measure(command: list[str], core: int, output: Path | None = None) -> Run:
 
 
 class MemorySampler(threading.Thread):
-    """Watches the anonymous memory of a process, which leaves out the pages of mapped files.
+    """Watches the anonymous memory of a process and of its children, which leaves out the pages of mapped files.
 
-    ``samples`` take what it held when, in seconds and bytes.
+    What several share counts once. ``samples`` take what they held when, in seconds and bytes.
     """
 
     def __init__(self, pid: int, samples: list[tuple[float, int]] | None = None) -> None:
         super().__init__(daemon=True)
         self.peak_bytes = 0
         self._samples = samples
-        self._status = f"/proc/{pid}/status"
+        self._pid = pid
         self._ended = threading.Event()
 
     def run(self) -> None:
         while not self._ended.wait(SAMPLE_SECONDS):
-            try:
-                with open(self._status) as status:
-                    lines = [line for line in status if line.startswith("RssAnon:")]
-            except OSError:
-                return
-            if lines:
-                held_bytes = int(lines[0].split()[1]) * 1024
+            held_bytes = _held_bytes(self._pid)
+            if held_bytes:
                 self.peak_bytes = max(self.peak_bytes, held_bytes)
                 if self._samples is not None:
                     self._samples.append((time.monotonic(), held_bytes))
@@ -101,3 +97,18 @@ class MemorySampler(threading.Thread):
     def stop(self) -> None:
         self._ended.set()
         self.join()
+
+
+def _held_bytes(pid: int) -> int:
+    """Return what a process and its children hold, 0 of one that has gone."""
+    held_bytes = 0
+    try:
+        with open(f"/proc/{pid}/smaps_rollup") as rollup:
+            for line in rollup:
+                if line.startswith(("Pss_Anon:", "Pss_Shmem:")):
+                    held_bytes += int(line.split()[1]) * 1024
+        with open(f"/proc/{pid}/task/{pid}/children") as children:
+            held_bytes += sum(_held_bytes(int(child)) for child in children.read().split())
+    except OSError:
+        pass
+    return held_bytes

@@ -3,6 +3,7 @@
     python tests/benchmarks/pages.py                              100 000 requests of 20 clients that stay connected
     python tests/benchmarks/pages.py --requests 1000000
     python tests/benchmarks/pages.py --kind short                 a connection for each request
+    python tests/benchmarks/pages.py --one-core                   both on one core: nvscope would take two
 
 tshark prints the bodies, nvscope reports. 1 % of the segments are there twice, 0.1 % are missing. Prints a table,
 asserts nothing about time. What the columns mean is in README.md beside this file.
@@ -105,6 +106,7 @@ def main() -> None:
     parser.add_argument("--requests", type=int, default=100_000)
     parser.add_argument("--kind", choices=("kept", "short"), default="kept")
     parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--one-core", action="store_true")
     parser.add_argument("--dir", type=Path, default=Path(tempfile.gettempdir()) / "nvscope-benchmarks")
     told = parser.parse_args()
     print(machine())
@@ -112,7 +114,7 @@ def main() -> None:
     path = told.dir / f"pages-{told.kind}-{told.requests}.pcap"
     if not path.exists():
         generate(path, told.requests, short=told.kind == "short")
-    core = max(os.sched_getaffinity(0))
+    core = max(os.sched_getaffinity(0)) if told.one_core else None
     ours = [str(nvscope_path()), "report", "--json", "-q", str(path)]
     theirs = ["tshark", "-n", "-r", str(path), "-d", f"tcp.port=={PORT},http", "-Y", "http", "-T", "fields"]
     theirs += ["-e", "frame.number", "-e", "http.file_data"]
