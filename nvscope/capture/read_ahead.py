@@ -106,10 +106,14 @@ def made_by_a_copy(
     reader: WindowReader, batches: Iterator[PacketBatch], window: MappedWindow, work: AheadWork
 ) -> Iterator[PacketBatch]:
     """Yield the rest of ``batches``, which are those of ``reader`` over ``window``, made by a copy of this process."""
-    slots = Slots((window.data, *work.stand_ins), reader.sizes.slot_bytes)
     # Both have come equally far; what the copy finds is put in here, and taken back if it fails.
     begin = _state(reader, Progress(), [])
     work.share()
+    try:
+        slots = Slots((window.data, *work.stand_ins), reader.sizes.slot_bytes)
+    except OSError:  # no more descriptors, no memory
+        yield from _made_here(batches, work, 0)
+        return
     try:
         copy = os.fork()
     except OSError:  # no more processes, no memory

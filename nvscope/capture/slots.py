@@ -45,15 +45,22 @@ class Slots:
     """Memory that two processes share, made before the second one is.
 
     ``stand_ins`` are objects that both of them have: what is in a value of one stands for that of the other. One end
-    receives, the other one sends; each is to be told of which process it is (``receive_here``, ``send_here``).
+    receives, the other one sends; each is to be told of which process it is (``receive_here``, ``send_here``). Raises
+    OSError where there is no memory, or no descriptor is left.
     """
 
     def __init__(self, stand_ins: Sequence[object], size_bytes: int) -> None:
         self._stand_ins = stand_ins
         self._size_bytes = size_bytes
         self._memory = [mmap.mmap(-1, size_bytes) for _ in range(_SLOTS)]
-        self._told, self._tells = os.pipe()
-        self._wait, self._free = os.pipe()
+        ends = os.pipe()
+        try:
+            self._wait, self._free = os.pipe()
+        except OSError:
+            for end in ends:
+                os.close(end)
+            raise
+        self._told, self._tells = ends
         self._turn = 0
         self._messages: IO[bytes]
         self._freed: IO[bytes]

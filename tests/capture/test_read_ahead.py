@@ -178,6 +178,26 @@ def test_a_file_is_read_here_where_no_process_is_left(tmp_path: Path, monkeypatc
     assert _read(path, _sizes(0)) == _read(path, _sizes(_HERE))
 
 
+def test_a_file_is_read_here_where_no_descriptor_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One pipe may still be had, and a second one not: nothing of it stays open."""
+    (path := tmp_path / "a").write_bytes(_pcap(1000))
+    monkeypatch.setattr(read_ahead, "is_worth_it", lambda *_: True)
+    pipe, made = os.pipe, list[tuple[int, int]]()
+
+    def refused() -> tuple[int, int]:
+        if made:
+            raise OSError(errno.EMFILE, "too many open files")
+        made.append(pipe())
+        return made[0]
+
+    monkeypatch.setattr(os, "pipe", refused)
+    ahead = _read(path, _sizes(0))
+    for end in made[0]:
+        with pytest.raises(OSError, match="Bad file descriptor"):
+            os.fstat(end)
+    assert ahead == _read(path, _sizes(_HERE))
+
+
 def test_who_stops_asking_leaves_no_process_behind(tmp_path: Path, copies: Copies) -> None:
     (path := tmp_path / "a").write_bytes(_pcap(3000))
     source = CaptureFile(str(path), sizes=_sizes(0), small_file_bytes=0)
