@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from enum import IntEnum
 from typing import NamedTuple
@@ -11,6 +12,9 @@ from msgspec import Struct, field
 
 from dissectors.batch import I64, U8
 from dissectors.columns import Columns
+
+_AT_A_TIME = 512
+"""So many pieces are joined at a time."""
 
 
 class PieceKind(IntEnum):
@@ -119,16 +123,35 @@ class Brought(Struct, frozen=True):
         size: I64 = np.where(self.pieces.kind == int(PieceKind.DATA), self.pieces.size, 0)
         return size
 
-    def data(self, buffer: U8, at_a_time: int) -> Iterator[list[bytes | memoryview]]:
-        """Yield the data of all pieces, of so many at a time; ``buffer`` is that of the packets.
+    def joined(self, buffer: U8, rests: Sequence[tuple[int, bytes]]) -> bytes:
+        """Return the data of all pieces, with some other data in front of that of a few places (rising)."""
+        if self.together is not None:
+            ends, begin = np.cumsum(self.sizes()), 0
+            parts: list[bytes | memoryview] = []
+            for place, rest in rests:
+                end = int(ends[place - 1]) if place else 0
+                parts += self.together[begin:end], rest
+                begin = end
+            return b"".join([*parts, self.together[begin:]])
+        joined = []
+        for number, some in enumerate(self.data(buffer)):
+            first = number * _AT_A_TIME
+            own = slice(bisect_left(rests, (first,)), bisect_left(rests, (first + _AT_A_TIME,)))
+            for place, rest in reversed(rests[own]):
+                some.insert(place - first, rest)
+            joined.append(b"".join(some))
+        return b"".join(joined)
+
+    def data(self, buffer: U8) -> Iterator[list[bytes | memoryview]]:
+        """Yield the data of all pieces, of some at a time; ``buffer`` is that of the packets.
 
         As many views as there are pieces would take more memory than what they show.
         """
         view, size = memoryview(buffer.data), self.sizes()
         start = np.where(self.pieces.kind == int(PieceKind.DATA), self.pieces.start, 0)
         stop = np.where(start >= 0, start + size, size)
-        for first in range(0, len(size), at_a_time):
-            own = slice(first, first + at_a_time)
+        for first in range(0, len(size), _AT_A_TIME):
+            own = slice(first, first + _AT_A_TIME)
             yield [
                 view[begin:end] if begin >= 0 else self.kept[~begin]
                 for begin, end in zip(start[own].tolist(), stop[own].tolist(), strict=True)

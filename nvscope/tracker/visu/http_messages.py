@@ -5,7 +5,6 @@ A message may lie in any number of segments and batches, and a segment may hold 
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
@@ -25,9 +24,6 @@ from nvscope.tracker.visu.limits import MOST_HELD_BYTES
 from nvscope.tracker.visu.reach import Reaches
 from nvscope.tracker.visu.request_heads import EARLIER, ClientRows, RequestHeads
 from nvscope.tracker.visu.waiting_requests import Missed, Unheard, Waiting, WaitingRequests, asked_at
-
-_AT_A_TIME = 512
-"""So many pieces are joined at a time."""
 
 
 class HttpMessages(Struct, frozen=True):
@@ -287,7 +283,7 @@ class HttpStreams:
             if reader is not None and reader.rest
         ]  # fmt: skip
         self._rests = {place: len(rest) for place, rest in rests}
-        joined = _behind_rests(buffer, brought, size, rests)
+        joined = brought.joined(buffer, rests)
         for place, rest in rests:
             size[place] += len(rest)
         return joined, np.cumsum(size)
@@ -382,23 +378,3 @@ class HttpStreams:
         reach = Reaches.of(pieces, ends, piece, stream, at, size)
         columns = stream, form, at, order, arrival_ns
         return HttpMessages(data, found.forms, *columns, clients, reach, found.repeats, given_up)
-
-
-def _behind_rests(buffer: U8, brought: Brought, size: I64, rests: Sequence[tuple[int, bytes]]) -> bytes:
-    """Return the data of all pieces, of so many bytes each, with what was left in front of some places (rising)."""
-    if (data := brought.together) is not None:
-        ends, begin = np.cumsum(size), 0
-        parts: list[bytes | memoryview] = []
-        for place, rest in rests:
-            end = int(ends[place - 1]) if place else 0
-            parts += data[begin:end], rest
-            begin = end
-        return b"".join([*parts, data[begin:]])
-    joined = []
-    for number, parts in enumerate(brought.data(buffer, _AT_A_TIME)):
-        first = number * _AT_A_TIME
-        own = slice(bisect_left(rests, (first,)), bisect_left(rests, (first + _AT_A_TIME,)))
-        for place, rest in reversed(rests[own]):
-            parts.insert(place - first, rest)
-        joined.append(b"".join(parts))
-    return b"".join(joined)

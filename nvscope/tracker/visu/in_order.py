@@ -14,9 +14,6 @@ from nvscope.tracker.segments import StreamColumns
 from nvscope.tracker.stream_places import Positions
 from nvscope.tracker.streams import Outlived
 
-AT_A_TIME = 512
-"""So many pieces are joined at a time."""
-
 
 class InOrder(Struct, frozen=True):
     """What a batch brings, with all that is needed of the streams to go on with it; also in another process.
@@ -35,7 +32,7 @@ class InOrder(Struct, frozen=True):
     def apart(self, packets: PacketBatch) -> tuple[InOrder, int, Iterator[bytes]]:
         """Return it, how many bytes its pieces have in packets and of those kept, and these in turn."""
         brought = self.brought
-        data = (b"".join(parts) for parts in brought.data(packets.data, AT_A_TIME))
+        data = (b"".join(parts) for parts in brought.data(packets.data))
         return self, int(brought.sizes().sum()), data
 
     def with_bytes(self, data: memoryview) -> InOrder:
