@@ -25,6 +25,7 @@ from nvscope.causes.incomplete import judge_incomplete_captures
 from nvscope.causes.interleaved import judge_interleaved
 from nvscope.causes.lateness import judge_bursts, judge_late_senders
 from nvscope.causes.losses import judge_losses_at_senders, judge_losses_of_lists
+from nvscope.causes.many_partners import judge_many_refused, judge_many_unanswered
 from nvscope.causes.not_found import judge_readers_not_found
 from nvscope.causes.other import judge_others, judge_rest
 from nvscope.causes.parameters import judge_refused_parameters, judge_unanswered_parameters
@@ -87,8 +88,10 @@ JUDGES: tuple[Judge, ...] = (
     judge_readers_not_found,
     judge_scanned_lists,
     judge_boot_up,
+    judge_many_unanswered,
     judge_unanswered_parameters,
     judge_unseen_requests,
+    judge_many_refused,
     judge_refused_parameters,
     judge_losses_at_senders,
     judge_losses_of_lists,
