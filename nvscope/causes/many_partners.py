@@ -16,6 +16,7 @@ from dissectors.batch import I64
 from dissectors.netvar import PORT
 from nvscope.causes.asked_partners import AskedPartners, Served
 from nvscope.causes.case import Case, Draft, Explained
+from nvscope.causes.kind import MOST_APART
 from nvscope.causes.parameters import (
     NEXT_OF_ERRORS,
     NEXT_WHERE_NOTHING_IS_SEEN,
@@ -33,9 +34,6 @@ from nvscope.units import count, count_of
 
 if TYPE_CHECKING:
     from nvscope.tracker.parameter.summary import PairSummary
-
-MOST_APART = 8
-"""So many partners have a cause each; of more, one tells of all."""
 
 _SHOWN_NODES = 8
 """So many of these partners are nodes of the cause, beside the host: made-up ones have no end."""

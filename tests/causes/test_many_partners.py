@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from nvscope.causes.cause import Cause
-from nvscope.causes.many_partners import MOST_APART
+from nvscope.causes.kind import MOST_APART
 from nvscope.findings.scans import SCAN
 from tests.causes.plants import causes_in
 from tests.oracle.builders import data_frame, telegram

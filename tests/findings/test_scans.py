@@ -63,6 +63,18 @@ def test_what_a_scan_asks_for_in_vain_is_one_cause_not_one_a_list(tmp_path: Path
     }
 
 
+def test_what_a_reader_asks_for_in_vain_is_one_cause_where_it_is_much(tmp_path: Path) -> None:
+    """As of a controller that is off when a panel begins: few lists have a cause each, which names them."""
+    titles = {
+        many: [cause.title for cause in found.happened.causes]
+        for many in (8, 9)
+        if (found := analysed([*plant(), *asked(range(10, 10 + many), within_s=1)], tmp_path)).happened is not None
+    }
+    assert titles[9] == [f"Nobody answered node {HOST}, which asked for 9 lists from 1.0 s to 2.9 s"]
+    assert len(titles[8]) == 8
+    assert f"Nobody answered node {HOST}, which asked for list 17 at 1.9 s" in titles[8]
+
+
 def test_so_many_and_no_fewer_are_a_scan(tmp_path: Path) -> None:
     many = range(1000, 1000 + LEAST_LISTS)
     assert [code for code, *_ in told_in([*plant(), *asked(many)], tmp_path)] == ["NV966"]
