@@ -21,6 +21,7 @@ from nvscope.causes.elsewhere import judge_definitions_elsewhere
 from nvscope.causes.further_readers import judge_further_readers
 from nvscope.causes.headers import judge_foreign_headers
 from nvscope.causes.identifiers import judge_collisions
+from nvscope.causes.impossible import judge_impossible
 from nvscope.causes.incomplete import judge_incomplete_captures
 from nvscope.causes.interleaved import judge_interleaved
 from nvscope.causes.lateness import judge_bursts, judge_late_senders
@@ -32,7 +33,6 @@ from nvscope.causes.parameters import judge_refused_parameters, judge_unanswered
 from nvscope.causes.paths import judge_two_paths
 from nvscope.causes.readers import (
     judge_boot_up,
-    judge_impossible,
     judge_rejections,
     judge_silent_readers,
     judge_without_program,
