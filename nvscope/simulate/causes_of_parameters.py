@@ -8,11 +8,8 @@ from collections.abc import Iterator, Sequence
 from dissectors.batch import I64, Bool
 from nvscope.engine.reading import PARAMETER_TIMEOUT_NS
 from nvscope.simulate.parameters import asked_ns, chosen
-from nvscope.simulate.put_in import Plant, PutIn
+from nvscope.simulate.put_in import MOST_APART, Plant, PutIn
 from nvscope.simulate.scenario import ParameterRequests
-
-_MOST_APART = 8
-"""So many partners that answer a host nothing, or refuse the same to it, are each a thing of their own."""
 
 _Place = tuple[str, int]
 """Who is asked, on which port."""
@@ -32,7 +29,7 @@ def causes_of_parameters(plant: Plant) -> Iterator[PutIn]:
         found: dict[tuple[str, object], list[int]] = defaultdict(list)
         for (asking, how), every in alike.items():
             for ends in every:
-                together = how is not None and len(every) > _MOST_APART
+                together = how is not None and len(every) > MOST_APART
                 where = (asking, how) if together else (ends[1][0], ends[1])
                 found[where] += [time for _, at, own in asked[ends] for time in at[own].tolist()]
         for (node, _), times in found.items():
