@@ -27,14 +27,16 @@ PARAMETERS_UNANSWERED = CauseKind(
     "parameters-unanswered",
     "requests unanswered",
     "A node did not answer requests of the Parameter Manager, or not in time.",
-    "Requests (services 1 and 3) after which no reply came within the timeout. Replies that came later belong to it.",
+    "Requests (services 1 and 3) after which no reply came within the timeout. Replies that came later belong to it. "
+    "More than eight partners, or ports, from which a host gets no reply at all are one.",
     "Whether its program runs, and whether the Parameter Manager is on in its target settings, on this port.",
 )
 PARAMETERS_REFUSED = CauseKind(
     "parameters-refused",
     "requests refused",
     "A node answers requests of the Parameter Manager with an error.",
-    "Replies of services 20 to 28, which say what they refuse.",
+    "Replies of services 20 to 28, which say what they refuse. More than eight partners that refuse the same to a host "
+    "are one.",
     "Index, SubIndex, size and number of elements of the request, beside the parameter list of that node.",
 )
 
