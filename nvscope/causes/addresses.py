@@ -25,8 +25,8 @@ DUPLICATE_ADDRESS = CauseKind(
     "address twice",
     "Two devices have the same IP address: who sends to it reaches the one or the other, and what both send looks like "
     "one sender that does not count.",
-    "Frames of one IP address from two hardware addresses that take turns, with ARP of both, or Counters that are "
-    "regular for each of them and not for both together.",
+    "Frames of one IP address from two hardware addresses that take turns, with ARP of both, or Counters, of lists or "
+    "of requests, that are regular for each of them and not for both together.",
     "Unplug one of both devices, and give it an address of its own.",
     at_least=Severity.ERROR,
 )
@@ -42,7 +42,7 @@ def judge_duplicate_addresses(case: Case) -> Iterator[Explained]:
         return
     from nvscope.tracker.evidence.shared_devices import shared_addresses  # noqa: PLC0415
 
-    for shared in shared_addresses(presence, seen, case.facts.state.keys.nodes, case.life.addresses_of):
+    for shared in shared_addresses(presence, seen, case.facts.node_numbers, case.life.addresses_of):
         yield _draft(case, shared)
 
 

@@ -12,6 +12,7 @@ from nvscope.causes.definitions import DEFINITION_DIFFERS
 from nvscope.causes.elsewhere import DEFINITION_ELSEWHERE
 from nvscope.causes.headers import HEADER_FOREIGN
 from nvscope.causes.identifiers import IDENTIFIER_COLLISION
+from nvscope.causes.impossible import ACKNOWLEDGEMENT_IMPOSSIBLE
 from nvscope.causes.incomplete import CAPTURE_INCOMPLETE
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.lateness import SENDER_BURSTS, SENDER_LATE
@@ -20,13 +21,7 @@ from nvscope.causes.not_found import READER_NOT_FOUND
 from nvscope.causes.other import OTHER
 from nvscope.causes.parameters import PARAMETERS_REFUSED, PARAMETERS_UNANSWERED
 from nvscope.causes.paths import TWO_PATHS
-from nvscope.causes.readers import (
-    ACKNOWLEDGEMENT_IMPOSSIBLE,
-    READER_REJECTS,
-    READER_SILENT,
-    READER_WITHOUT_PROGRAM,
-    REQUEST_UNANSWERED,
-)
+from nvscope.causes.readers import READER_REJECTS, READER_SILENT, READER_WITHOUT_PROGRAM, REQUEST_UNANSWERED
 from nvscope.causes.recording import CLOCK, SEEN_TWICE
 from nvscope.causes.restarts import LIST_RESTARTED, NODE_RESTART
 from nvscope.causes.senders import SECOND_SENDER

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dissectors.batch import I64
-from nvscope.engine.runs import distinct
+from nvscope.engine.runs import distinct, rows_by
+from nvscope.findings.timing import STOPPED
 
 if TYPE_CHECKING:  # a case has one of these
     from nvscope.causes.case import Case
 
+_NOTHING = np.empty(0, np.int64)
 _FOR_EVER = np.iinfo(np.int64).max
 
 
@@ -56,3 +60,15 @@ class GoingOn:
         numbers_of, last_of_ns = self._lists_of[node]
         numbers: list[int] = distinct(numbers_of[last_of_ns > time_ns]).tolist()
         return numbers
+
+    def lists_ended_by(self, node: int, time_ns: int) -> set[int]:
+        """Return the numbers of the lists of a node that stopped up to a time, and did not come again."""
+        numbers, ended_ns = self._ended.get(node, (_NOTHING, _NOTHING))
+        return {*numbers[ended_ns <= time_ns].tolist()}
+
+    @cached_property
+    def _ended(self) -> Mapping[int, tuple[I64, I64]]:
+        symptoms = self._case.symptoms
+        rows = np.flatnonzero(symptoms.of_kinds(STOPPED))
+        by_node = ((node, rows[own]) for (node,), own in rows_by((symptoms.node[rows],)))
+        return {node: (symptoms.list[own], symptoms.time_ns[own]) for node, own in by_node}

@@ -21,17 +21,18 @@ from nvscope.causes.elsewhere import judge_definitions_elsewhere
 from nvscope.causes.further_readers import judge_further_readers
 from nvscope.causes.headers import judge_foreign_headers
 from nvscope.causes.identifiers import judge_collisions
+from nvscope.causes.impossible import judge_impossible
 from nvscope.causes.incomplete import judge_incomplete_captures
 from nvscope.causes.interleaved import judge_interleaved
 from nvscope.causes.lateness import judge_bursts, judge_late_senders
 from nvscope.causes.losses import judge_losses_at_senders, judge_losses_of_lists
+from nvscope.causes.many_partners import judge_many_refused, judge_many_unanswered
 from nvscope.causes.not_found import judge_readers_not_found
 from nvscope.causes.other import judge_others, judge_rest
 from nvscope.causes.parameters import judge_refused_parameters, judge_unanswered_parameters
 from nvscope.causes.paths import judge_two_paths
 from nvscope.causes.readers import (
     judge_boot_up,
-    judge_impossible,
     judge_rejections,
     judge_silent_readers,
     judge_without_program,
@@ -87,8 +88,10 @@ JUDGES: tuple[Judge, ...] = (
     judge_readers_not_found,
     judge_scanned_lists,
     judge_boot_up,
+    judge_many_unanswered,
     judge_unanswered_parameters,
     judge_unseen_requests,
+    judge_many_refused,
     judge_refused_parameters,
     judge_losses_at_senders,
     judge_losses_of_lists,

@@ -10,6 +10,9 @@ from msgspec import Struct
 
 from nvscope.findings.kind import Severity
 
+MOST_APART = 8
+"""So many things of one kind that are explained by one host have a cause each; of more, one tells of all."""
+
 
 class CauseKind(Struct, frozen=True):
     """One kind of cause, and what an engineer in front of the plant should know about it.

@@ -1,4 +1,4 @@
-"""What readers do not answer, or reject, and lists that nobody acknowledges at all."""
+"""What readers do not answer, or reject."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from nvscope.causes.case import PAUSE_PERCENT, Case, Draft, Explained, slack_ns
 from nvscope.causes.chance import longest_by_chance
 from nvscope.causes.gaps import clusters
 from nvscope.causes.held_back import looked_for
-from nvscope.causes.kind import CauseKind
+from nvscope.causes.kind import MOST_APART, CauseKind
 from nvscope.causes.late_answers import answered_all, how_late, late_answers
 from nvscope.causes.losses import losses_at_senders, losses_of_only_lists
 from nvscope.causes.lost_answers import answers_lost
 from nvscope.causes.successions import of_successions
-from nvscope.causes.words import capitalised, lists_in_words, moment, span_in_words
+from nvscope.causes.words import lists_in_words, moment, span_in_words
 from nvscope.engine.runs import distinct
 from nvscope.findings.answers import BOOT_UP_UNANSWERED, NEGATIVE_ACKNOWLEDGEMENT, NO_ACKNOWLEDGEMENT, SEND_REJECTED
 from nvscope.findings.facts import AnyList
@@ -40,13 +40,6 @@ READER_WITHOUT_PROGRAM = CauseKind(
     "A node that telegrams are sent to has nobody listening at the port.",
     "ICMP port unreachable, sent by that node or by a router in front of it.",
     "Whether its application runs, and whether its list is read at this port.",
-)
-ACKNOWLEDGEMENT_IMPOSSIBLE = CauseKind(
-    "acknowledgement-impossible",
-    "never acknowledged",
-    "Every telegram of a list asks for an acknowledgement, and none ever comes.",
-    "Not one acknowledgement of the list in the whole capture.",
-    "Switch 'acknowledgement' off for the list, or give it a reader that acknowledges.",
 )
 READER_SILENT = CauseKind(
     "reader-silent",
@@ -75,24 +68,27 @@ _TOO_FAST = "Why the sender sends one telegram so soon behind another: several a
 
 
 def judge_rejections(case: Case) -> Iterator[Explained]:
-    """Explain negative acknowledgements, by list and reader."""
+    """Explain negative acknowledgements, by list and reader; of many lists of a reader, as one."""
     symptoms = case.symptoms
-    rows = np.flatnonzero(case.free(NEGATIVE_ACKNOWLEDGEMENT))
-    places: dict[tuple[int, int], list[int]] = defaultdict(list)
-    for row in rows.tolist():
-        places[int(symptoms.list[row]), int(symptoms.peer[row])].append(row)
-    for (number, reader), own in places.items():
-        entry = case.lists[number]
-        name = lists_in_words(case, [entry])
-        who = f"Node {case.address(reader)}" if reader >= 0 else "A reader"
-        since_ns = int(symptoms.time_ns[own].min())
-        checked = [f"{count_of(len(own), 'negative acknowledgement')}: its definition of the list is another one"]
-        draft = Draft(
-            READER_REJECTS, f"{who} rejects {name} since {moment(case, since_ns)}", READER_REJECTS.next_step, checked,
-            [entry], [reader] if reader >= 0 else [], since_ns=since_ns,
-            until_ns=_end_of_many(case, [entry], own),
-        )  # fmt: skip
-        yield draft, case.only(own)
+    by_reader: dict[int, dict[int, list[int]]] = defaultdict(lambda: defaultdict(list))
+    for row in np.flatnonzero(case.free(NEGATIVE_ACKNOWLEDGEMENT)).tolist():
+        by_reader[int(symptoms.peer[row])][int(symptoms.list[row])].append(row)
+    for reader, of_lists in by_reader.items():
+        together = reader >= 0 and len(of_lists) > MOST_APART
+        for numbers in [[*of_lists]] if together else [[number] for number in of_lists]:
+            own = [row for number in numbers for row in of_lists[number]]
+            lists = [case.lists[number] for number in numbers]
+            who = f"Node {case.address(reader)}" if reader >= 0 else "A reader"
+            since_ns = int(symptoms.time_ns[own].min())
+            others = "its definitions of these lists are other ones" if together else (
+                "its definition of the list is another one"
+            )  # fmt: skip
+            draft = Draft(
+                READER_REJECTS, f"{who} rejects {lists_in_words(case, lists)} since {moment(case, since_ns)}",
+                READER_REJECTS.next_step, [f"{count_of(len(own), 'negative acknowledgement')}: {others}"],
+                lists, [reader] if reader >= 0 else [], since_ns=since_ns, until_ns=_end_of_many(case, lists, own),
+            )  # fmt: skip
+            yield draft, case.only(own)
 
 
 def judge_without_program(case: Case) -> Iterator[Explained]:
@@ -130,45 +126,6 @@ def _between_ns(case: Case, own: Sequence[int]) -> int:
     """Return for how long nothing comes back although all is as before."""
     distances_ns = np.diff(np.sort(case.symptoms.time_ns[np.asarray(own)]))
     return _ICMP_NS if len(distances_ns) < _TWO else _DISTANCES * int(np.median(distances_ns))
-
-
-def judge_impossible(case: Case) -> Iterator[Explained]:
-    """Explain lists of which no telegram was ever acknowledged."""
-    symptoms = case.symptoms
-    for number in distinct(symptoms.list[case.free(NO_ACKNOWLEDGEMENT)]).tolist():
-        entry = case.lists[number]
-        if not isinstance(entry, ListSummary) or entry.diagnosis.nAcknowledges:
-            continue
-        own = np.flatnonzero(case.free(NO_ACKNOWLEDGEMENT) & (symptoms.list == number))
-        # Nor was it acknowledged while something else explains why.
-        every = np.flatnonzero(symptoms.of_kinds(NO_ACKNOWLEDGEMENT) & (symptoms.list == number))
-        to = [node for node in distinct(symptoms.peer[own]).tolist() if node >= 0]
-        since_ns = int(symptoms.since_ns[every].min())
-        name = lists_in_words(case, [entry])
-        answers = [node for node in to if node in case.last_acknowledgement_ns]
-        checked = [f"not one of {count_of(entry.diagnosis.nSendCount, 'telegram')} was acknowledged"]
-        step = ACKNOWLEDGEMENT_IMPOSSIBLE.next_step
-        if answers:
-            checked.append(f"{case.address(answers[0])} acknowledges other lists: it does not know this one")
-            step = f"The definition of {name} at {case.address(answers[0])}."
-        elif to:
-            seen = any(case.life.is_heard(node) or node in case.streams_of_node for node in to)
-            checked.append(f"it goes to {case.address(to[0])}, which {'is there' if seen else 'was never seen'}")
-            step = (
-                f"Whether this capture sees what {case.address(to[0])} sends to one node alone: a mirror port of one "
-                f"direction shows no answers. If it does: {step[0].lower()}{step[1:]}"
-            )
-        else:
-            checked.append("it is a broadcast: nobody has to answer")
-            step = (
-                "Whether this capture sees answers at all: they go to the sender alone, and a switch shows them at a "
-                f"mirror port only. If it does: {step[0].lower()}{step[1:]}"
-            )
-        draft = Draft(
-            ACKNOWLEDGEMENT_IMPOSSIBLE, f"{capitalised(name)} asks for acknowledgements that nobody sends",
-            step, checked, [entry], to, since_ns=since_ns, until_ns=_end_of_many(case, [entry], every),
-        )  # fmt: skip
-        yield draft, case.only(own)
 
 
 class _Run(NamedTuple):

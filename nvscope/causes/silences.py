@@ -330,7 +330,7 @@ def _list_draft(case: Case, node: int, lists: Sequence[AnyList], since_ns: int, 
     which, since, checked = lists_in_words(case, lists), moment(case, since_ns), []
     next_step = LIST_STOPPED.next_step
     if node >= 0:
-        own = {entry.number for entry in lists}
+        own = {entry.number for entry in lists} | case.going_on.lists_ended_by(node, since_ns + slack_ns(lists))
         others = [case.lists[number] for number in case.going_on.lists_behind(node, since_ns) if number not in own]
         title = f"Node {case.address(node)} sends {which} no more since {since}"
         channel = None

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from dissectors.batch import Bool
+from nvscope.causes.asked_partners import asking_nodes
 from nvscope.causes.case import Case, Draft, Explained
 from nvscope.causes.incomplete import CAPTURE_INCOMPLETE
-from nvscope.causes.parameters import asking_nodes
 from nvscope.engine.runs import distinct
 from nvscope.enumeration import first_few
 from nvscope.findings.kind import Severity

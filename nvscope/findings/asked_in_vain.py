@@ -1,9 +1,9 @@
-"""What hosts asked for that nobody has: lists, and ports."""
+"""What hosts asked for that nobody has: lists, ports, and partners."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -13,10 +13,12 @@ from nvscope.engine.keys import FrameKind
 
 if TYPE_CHECKING:
     from nvscope.findings.facts import Facts
+    from nvscope.tracker.parameter.summary import PairSummary
+    from nvscope.tracker.parameter.transactions import Asked as AskedFor
 
 
 class Asked(NamedTuple):
-    """A list, or a port, that a host asked for first at a time."""
+    """A list, a port, or a partner, that a host asked for first at a time."""
 
     first_ns: int
     frame: int
@@ -73,13 +75,13 @@ def lists_in_vain(facts: Facts) -> Mapping[int, Sequence[Asked]]:
 
 def ports_in_vain(facts: Facts) -> Mapping[int, Sequence[Asked]]:
     """Return the ports on which each node asked, and on which nobody sends a list or replies."""
-    found: dict[int, dict[int, Asked]] = defaultdict(dict)
+    found: dict[int, dict[str, Asked]] = defaultdict(dict)
     _add_ports_of_requests(facts, found)
     _add_ports_of_parameters(facts, found)
     return {node: [*asked.values()] for node, asked in found.items()}
 
 
-def _add_ports_of_requests(facts: Facts, ports: dict[int, dict[int, Asked]]) -> None:
+def _add_ports_of_requests(facts: Facts, ports: dict[int, dict[str, Asked]]) -> None:
     """Add the ports on which nodes asked for lists, and on which no list is sent."""
     requests = _requests(facts)
     if not requests:
@@ -90,34 +92,54 @@ def _add_ports_of_requests(facts: Facts, ports: dict[int, dict[int, Asked]]) -> 
     for node, number, first_ns, frame in requests:
         port = int(keys[number].port)
         if port not in used:
-            _add(ports[node], port, first_ns, frame)
+            _add(ports[node], first_ns, frame, str(port))
 
 
-def _add_ports_of_parameters(facts: Facts, ports: dict[int, dict[int, Asked]]) -> None:
+def _add_ports_of_parameters(facts: Facts, ports: dict[int, dict[str, Asked]]) -> None:
     """Add the ports on which nodes asked for parameters, and nobody replied to anybody."""
+    used = {pair.port for pair in facts.summary.parameters if _replied(pair)}
+    for node, asked, first_ns, frame in _unanswered(facts):
+        if asked.port not in used:
+            _add(ports[node], first_ns, frame, str(asked.port))
+
+
+def partners_in_vain(facts: Facts) -> Mapping[int, Sequence[Asked]]:
+    """Return the partners that each node asked for parameters, and that nobody knows.
+
+    These reply to nobody, send no list, and have no name in the project; what goes to everybody is for none of them.
+    """
+    found: dict[int, dict[str, Asked]] = defaultdict(dict)
+    known = {pair.partner for pair in facts.summary.parameters if _replied(pair)} | facts.nodes.keys()
+    known |= {facts.address(node) for entry in facts.summary.lists for node in entry.senders}
+    for node, asked, first_ns, frame in _unanswered(facts):
+        if asked.partner not in known and asked.partner in facts.node_numbers:
+            _add(found[node], first_ns, frame, asked.partner)
+    return {node: [*asked.values()] for node, asked in found.items()}
+
+
+def _replied(pair: PairSummary) -> bool:
+    return bool(pair.replies or pair.busy or pair.unexpected)
+
+
+def _unanswered(facts: Facts) -> Iterator[tuple[int, AskedFor, int, int]]:
+    """Yield who asked for parameters that nobody answered, for which, and the first time and frame of each."""
     known = facts.state.parameters.known
     if known is None:
         return
-    from dissectors import address
     from nvscope.tracker.parameter.events import ParameterEvent, event_parts
 
-    columns, log = known.columns, known.events
-    of_pair = known.pairs.words[4].tolist()
-    answered = (columns.column("replies") + columns.column("busy") + columns.column("unexpected") > 0).tolist()
-    used = {port for port, one in zip(of_pair, answered, strict=False) if one}
+    log = known.events
     names = ("first_ns", "frames")
     for word, parameter, first_ns, frames in zip(
         log.keys.high.tolist(), log.keys.low.tolist(), *(log.rows.column(name).tolist() for name in names), strict=True
     ):
-        pair = int(known.parameters.high[parameter])
-        if event_parts(word)[0] != ParameterEvent.TIMEOUT or of_pair[pair] in used:
-            continue
-        halves = int(known.pairs.words[0][pair]), int(known.pairs.words[1][pair])
-        node = facts.node_numbers.get(address.text(*halves))
-        if node is not None:
-            _add(ports[node], of_pair[pair], first_ns, frames[0])
+        if event_parts(word)[0] == ParameterEvent.TIMEOUT:
+            asked = known.described(parameter)
+            node = facts.node_numbers.get(asked.requester)
+            if node is not None:
+                yield node, asked, first_ns, frames[0]
 
 
-def _add(ports: dict[int, Asked], port: int, first_ns: int, frame: int) -> None:
-    one = Asked(first_ns, frame, str(port))
-    ports[port] = min(ports.get(port, one), one)
+def _add(found: dict[str, Asked], first_ns: int, frame: int, what: str) -> None:
+    one = Asked(first_ns, frame, what)
+    found[what] = min(found.get(what, one), one)

@@ -82,7 +82,7 @@ class Facts(Struct, frozen=True, dict=True):
 
         presence = self.witness.presence
         return shared_addresses(
-            presence, self.witness.shared_addresses, self.state.keys.nodes, addresses_by_hardware(presence)
+            presence, self.witness.shared_addresses, self.node_numbers, addresses_by_hardware(presence)
         )
 
     @cached_property

@@ -21,7 +21,7 @@ SDO_TIMEOUT = FindingKind(
     meaning="A Parameter Manager request was not answered within the timeout (500 ms unless the caller chose another).",
     causes=(
         "the partner is off, stopped, or has no network variables support in its target settings",
-        "a wrong partner address or port in the call",
+        "a wrong partner address or port in the call, or the address of a broadcast",
         "a firewall, or a capture point that sees only one direction",
     ),
     next_steps=(
@@ -101,8 +101,11 @@ def _finding(
     timeout, partner = duration(timeout_ns), partner_name(asked.partner, asked.port)
     ends = f"{asked.requester} for {_called(facts, asked)}"
     if event == ParameterEvent.TIMEOUT:
-        kind = SDO_TIMEOUT
-        message = f"{partner} did not answer {count_of(together.count, 'request')} of {ends} within {timeout}."
+        kind, requests = SDO_TIMEOUT, f"{count_of(together.count, 'request')} of {ends}"
+        message = f"{partner} did not answer {requests} within {timeout}."
+        # What goes to one alone makes it a node.
+        if asked.partner not in nodes:
+            message = f"{requests} went to everybody, {partner}, and to no one controller: no reply comes from there."
     elif event == ParameterEvent.ERROR_REPLY:
         kind = SDO_ERROR_REPLY
         counts: Counter[str] = Counter()

@@ -46,10 +46,12 @@ TWO_HARDWARE_ADDRESSES = FindingKind(
     "two-hardware-addresses",
     Severity.ERROR,
     meaning=(
-        "One IP address is used by two devices at the same time: their frames take turns, and either both claim it by "
-        "ARP, or each counts for itself. Who sends to it reaches the one or the other. A router, a mirror of both its "
-        "sides, two cables of one device, and a pair of which the one takes over from the other are none of these. A "
-        "device that only answers ARP in the name of another one is not told: routers and spare devices do so, too."
+        "One IP address is used by two devices at the same time: their frames take turns, and either both ask, or "
+        "announce it, by ARP, or each counts for itself, in its lists or in its requests to the Parameter Manager; who "
+        "sends neither, as a browser, is told by ARP alone. Who sends to it reaches the one or the other. A router, a "
+        "mirror of both its sides, two cables of one device, and a pair of which the one takes over from the other are "
+        "none of these. A device that only answers ARP in the name of another one is not told: routers and spare "
+        "devices do so, too."
     ),
     causes=(
         "one address given to two devices, by hand or by a copied project",

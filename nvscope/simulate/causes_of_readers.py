@@ -12,7 +12,7 @@ from dissectors.batch import I64
 from nvscope.list_key import ListKey
 from nvscope.simulate.causes_of_nodes import Quiet, silent_nodes
 from nvscope.simulate.list_facts import ListFacts
-from nvscope.simulate.put_in import Plant, PutIn, Sent, runs
+from nvscope.simulate.put_in import Plant, PutIn, Sent, of_many, runs
 from nvscope.simulate.replies import TIMEOUT_NS
 from nvscope.simulate.scenario import (
     MissingAcknowledgement,
@@ -39,10 +39,7 @@ def causes_of_readers(plant: Plant, lists: Sequence[ListFacts], told: Sequence[P
     """Yield what was put into readers. ``told`` are changes of definitions, which rejections may follow from."""
     silences = silent_nodes(plant)
     impossible = {str(one.key) for one in plant.sent if one.plan.acknowledge and not _is_answered(plant, one)}
-    for one in plant.sent:
-        if not one.further and str(one.key) in impossible and _is_seen(lists, one.key):
-            nodes = (plant.addresses[one.plan.destination],) if one.plan.destination in plant.addresses else ()
-            yield PutIn("acknowledgement-impossible", one.from_ns + one.plan.phase_ns, None, (one.key,), nodes)
+    yield from of_many(_never_acknowledged(plant, lists, impossible))
     refused = list(_refusals(plant))
     for silent in _silent_readers(plant, impossible, silences):
         if not any(_explains(refusal, silent) for refusal in refused):
@@ -50,7 +47,7 @@ def causes_of_readers(plant: Plant, lists: Sequence[ListFacts], told: Sequence[P
     yield from refused
     yield from _not_found(plant)
     yield from _slow_readers(plant)
-    yield from _rejections(plant, told)
+    yield from of_many((one.nodes, one) for one in _rejections(plant, told))
     yield from _in_vain(plant, lists, silences)
 
 
@@ -69,6 +66,17 @@ def _readers(plant: Plant, name: str, only: str = "") -> tuple[str, ...]:
     """Return who acknowledges a list."""
     found = [entry for entry in plant.scenario.reader if entry.list == name and entry.acknowledges]
     return tuple(plant.addresses[entry.node] for entry in found if only in {"", entry.node})
+
+
+def _never_acknowledged(
+    plant: Plant, lists: Sequence[ListFacts], impossible: set[str]
+) -> Iterator[tuple[object, PutIn]]:  # fmt: skip
+    """Yield lists that nobody ever acknowledges, with who sends them to whom."""
+    for one in plant.sent:
+        if not one.further and str(one.key) in impossible and _is_seen(lists, one.key):
+            nodes = (plant.addresses[one.plan.destination],) if one.plan.destination in plant.addresses else ()
+            put_in = PutIn("acknowledgement-impossible", one.from_ns + one.plan.phase_ns, None, (one.key,), nodes)
+            yield (one.address, nodes), put_in
 
 
 def _is_answered(plant: Plant, one: Sent) -> bool:

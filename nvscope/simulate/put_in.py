@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +17,10 @@ from nvscope.simulate.scenario import ListPlan, Scenario, Selection
 
 _CLUSTER_NS = 2_000_000_000
 LONG_RUN = 5
+
+
+MOST_APART = 8
+"""So many things of one kind that one node explains are told one by one; of more, all of them are one."""
 
 
 class PutIn(Struct, frozen=True):
@@ -162,3 +166,18 @@ def clusters(gaps: Sequence[Gap]) -> list[list[Gap]]:
     long = [group for group in near if max(gap.lost for gap in group) >= LONG_RUN]
     rest = [gap for group in near if max(gap.lost for gap in group) < LONG_RUN for gap in group]
     return [*long, rest] if rest else long
+
+
+def of_many(found: Iterable[tuple[object, PutIn]]) -> Iterator[PutIn]:
+    """Yield what was put in, of one kind, by what it has in common; as one, where that is very many."""
+    together: dict[object, list[PutIn]] = {}
+    for common, one in found:
+        together.setdefault(common, []).append(one)
+    for every in together.values():
+        if len(every) <= MOST_APART:
+            yield from every
+            continue
+        ends = [one.until_ns for one in every]
+        until_ns = None if None in ends else max(end for end in ends if end is not None)
+        lists = tuple(dict.fromkeys(key for one in every for key in one.lists))
+        yield PutIn(every[0].kind, min(one.since_ns for one in every), until_ns, lists, every[0].nodes)

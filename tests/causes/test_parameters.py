@@ -137,11 +137,29 @@ def test_where_nothing_was_answered_those_that_still_wait_are_not_counted(tmp_pa
     assert "it answered none" in cause.checked
 
 
-@pytest.mark.parametrize("partner", ["10.0.0.255", "255.255.255.255", "239.1.2.3"])
+@pytest.mark.parametrize("partner", ["10.0.0.255", "10.0.0.127", "255.255.255.255", "239.1.2.3"])
 def test_requests_to_everybody_are_no_silent_nodes(partner: str, tmp_path: Path) -> None:
-    request = data_frame(0, ASKING, partner, telegram(1, 0x2000, 1, data=b""))
+    """The frame says whom it goes to, whatever the mask of the network."""
+    request = to_hardware(data_frame(0, ASKING, partner, telegram(1, 0x2000, 1, data=b"")), b"\xff" * 6)
     cause = cause_of([request, asked(rejected=0)[-1]], tmp_path)
     assert cause.title.startswith(f"Nobody answered 1 request of {ASKING} for 0x2000:1 to {partner}")
+    (finding,) = cause.findings
+    assert finding.message == (
+        f"1 request of {ASKING} for 0x2000:1 went to everybody, {partner}, and to no one controller: no reply comes "
+        "from there."
+    )
+
+
+def test_a_controller_may_have_an_address_that_ends_as_broadcasts_do(tmp_path: Path) -> None:
+    request = to_hardware(data_frame(0, ASKING, "10.0.0.255", telegram(1, 0x2000, 1, data=b"")), b"\x02\0\0\0\0\7")
+    cause = cause_of([request, asked(rejected=0)[-1]], tmp_path)
+    assert cause.title.startswith(f"Node 10.0.0.255 did not answer 1 request of {ASKING} for 0x2000:1")
+    (finding,) = cause.findings
+    assert finding.message.startswith("10.0.0.255 did not answer 1 request of")
+
+
+def to_hardware(frame: Frame, hardware: bytes) -> Frame:
+    return frame._replace(data=hardware + frame.data[6:])
 
 
 def test_who_answers_a_request_to_everybody_is_told_with_it(tmp_path: Path) -> None:

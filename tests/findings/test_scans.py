@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nvscope.findings.asked_in_vain import Asked, dense
-from nvscope.findings.scans import LEAST_LISTS, LEAST_PORTS
+from nvscope.findings.scans import LEAST_LISTS, LEAST_PARTNERS, LEAST_PORTS
 from tests.findings.security_plants import analysed, found_in, told_in
 from tests.laws import examples
 from tests.oracle.builders import data_frame, telegram
@@ -63,6 +63,18 @@ def test_what_a_scan_asks_for_in_vain_is_one_cause_not_one_a_list(tmp_path: Path
     }
 
 
+def test_what_a_reader_asks_for_in_vain_is_one_cause_where_it_is_much(tmp_path: Path) -> None:
+    """As of a controller that is off when a panel begins: few lists have a cause each, which names them."""
+    titles = {
+        many: [cause.title for cause in found.happened.causes]
+        for many in (8, 9)
+        if (found := analysed([*plant(), *asked(range(10, 10 + many), within_s=1)], tmp_path)).happened is not None
+    }
+    assert titles[9] == [f"Nobody answered node {HOST}, which asked for 9 lists from 1.0 s to 2.9 s"]
+    assert len(titles[8]) == 8
+    assert f"Nobody answered node {HOST}, which asked for list 17 at 1.9 s" in titles[8]
+
+
 def test_so_many_and_no_fewer_are_a_scan(tmp_path: Path) -> None:
     many = range(1000, 1000 + LEAST_LISTS)
     assert [code for code, *_ in told_in([*plant(), *asked(many)], tmp_path)] == ["NV966"]
@@ -111,6 +123,44 @@ def test_who_asks_in_vain_on_twenty_ports_scans(service: int, tmp_path: Path) ->
 
 def test_a_gateway_that_is_answered_on_every_port_scans_none(tmp_path: Path) -> None:
     assert not told_in([*plant(), *on_ports(range(2000, 2030), 1, answered=True)], tmp_path)
+
+
+def of_addresses(many: int, *, begin: int = 0, replying: int = 0, broadcast: bool = False) -> list[Frame]:
+    """Return requests for a parameter of many addresses, or of one network after the other, and some replies."""
+    frames = []
+    for place in range(begin, begin + many):
+        at, partner = SECOND + place * SECOND // 10, f"10.1.{place}.255" if broadcast else f"10.1.0.{place + 1}"
+        request = telegram(1, 7, counter=place, data=b"")
+        frames.append(data_frame(at, HOST, partner, request))
+        if place < replying:
+            frames.append(data_frame(at + 1000, partner, HOST, telegram(23, 7, counter=place)))
+    return frames
+
+
+def test_who_asks_a_hundred_addresses_of_which_none_replies_scans(tmp_path: Path) -> None:
+    (finding,) = found_in([*plant(), *of_addresses(LEAST_PARTNERS + 3, replying=3)], tmp_path)
+    assert finding.message == (
+        f"{HOST} asked 100 addresses for parameters, of which not one replied (10.1.0.4, 10.1.0.5, 10.1.0.6 …), at "
+        "least 100 of them within a minute."
+    )
+    assert (finding.count, len(finding.frames)) == (LEAST_PARTNERS, 10)
+    assert not told_in([*plant(), *of_addresses(LEAST_PARTNERS + 3, replying=4)], tmp_path)
+
+
+def test_partners_that_are_known_are_not_looked_for(tmp_path: Path) -> None:
+    frames = [*plant(), *of_addresses(LEAST_PARTNERS)]
+    assert told_in(frames, tmp_path)
+    assert not told_in(frames, tmp_path, '[nodes]\n"10.1.0.7" = { name = "press" }')
+    list_of_one = data_frame(2 * SECOND, "10.1.0.8", ALL, telegram(list_id=9))
+    assert not told_in([*frames, list_of_one], tmp_path)
+    # Whoever replies to somebody is there, and does not reply to everybody.
+    spoken = telegram(1, 8, counter=1, data=b""), telegram(2, 8, counter=1)
+    other = [data_frame(SECOND, A, "10.1.0.9", spoken[0]), data_frame(SECOND + 9, "10.1.0.9", A, spoken[1])]
+    assert not told_in([*frames, *other], tmp_path)
+
+
+def test_what_goes_to_everybody_asks_no_address(tmp_path: Path) -> None:
+    assert not told_in([*plant(), *of_addresses(LEAST_PARTNERS, broadcast=True)], tmp_path)
 
 
 def test_a_mirror_that_shows_requests_twice_makes_no_scan_of_half_as_many(tmp_path: Path) -> None:

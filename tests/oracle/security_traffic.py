@@ -74,10 +74,12 @@ def _crowd(rng: random.Random) -> list[Frame]:
 
 
 def _scan(rng: random.Random, steps: int) -> list[Frame]:
-    """Return what a host asks for: lists, some of which there are, or on many ports, by one service or another."""
+    """Return what a host asks for: lists, some of which there are, or many addresses, or on many ports."""
     if rng.random() < 0.3:
         return []
     host, span = rng.choice(("10.0.0.99", "10.0.0.2", "8.8.4.4")), rng.choice((10, 55, 70, 300)) * SECOND
+    if rng.random() < 0.4:
+        return _asked(rng, host, span, START + steps * STEP + 400 * SECOND)
     of_lists = rng.random() < 0.5
     count = rng.choice((90, 100, 104, 130) if of_lists else (12, 20, 21, 30))
     frames = []
@@ -89,6 +91,21 @@ def _scan(rng: random.Random, steps: int) -> list[Frame]:
         to = "10.0.0.1" if service == READ else "255.255.255.255"
         frames += [data_frame(at, host, to, asked, port=port)] * rng.choice((1, 1, 1, 2))
     return [*frames, data_frame(START + steps * STEP + 400 * SECOND, host, "10.0.0.1", b"the end")]
+
+
+def _asked(rng: random.Random, host: str, span: int, end: int) -> list[Frame]:
+    """Return what a host asks many addresses for parameters; some of them reply, some send a list."""
+    many, replying = rng.choice((90, 99, 100, 104, 130)), rng.choice((0, 0, 4, 40))
+    begin, port = rng.choice((1, 100)), rng.choice((1202, 1202, 1300))
+    frames = [data_frame(end, host, "10.0.0.1", b"the end")]
+    for number in range(many):
+        at, partner = START + number * span // many, f"10.0.0.{begin + number}"
+        asked = telegram(READ, 0x2000, counter=number, data=b"")
+        frames += [data_frame(at, host, partner, asked, port=port, source_port=port)] * rng.choice((1, 1, 1, 2))
+        if number < replying:
+            reply = telegram(READ + 1, 0x2000, counter=number)
+            frames.append(data_frame(at + MILLISECOND, partner, host, reply, port=port, source_port=port))
+    return frames
 
 
 def security_project(seed: int) -> str:

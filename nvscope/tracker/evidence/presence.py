@@ -149,7 +149,6 @@ class Presence:
         self.signs = SignsOfLife(most_spans)
         self.questions = Questions(most, most_spans)
         self.announcements = Announcements()
-        self.claims = KeyTable(3)
         self.left_out = 0
         # Packets with the same headers come by the same way: the first one is looked at for all, by their number.
         self._ways = WayColumns()
@@ -219,8 +218,6 @@ class Presence:
         ways.ip[place[known]] = number
         found, place, row = found.take(known), place[known], row[known]
         self._observe_announcements(heard, found, row, number)
-        claimed = found.take((found.ttl < 0) & (found.hardware != 0))
-        self.claims.numbers_within(self._most, claimed.high, claimed.low, claimed.hardware)
         known = np.flatnonzero((found.hardware != 0) & (number >= 0))
         found, place, row = found.take(known), place[known], row[known]
         device = found.hardware | (found.vlan + 1).astype(np.uint64) << _VLAN_BIT

@@ -1,6 +1,7 @@
 """SharedAddresses: who sends from an IP address that several hardware addresses have, and how each of them counts.
 
-Two devices with one address are told from one device whose frames come by two ways: each counts for itself.
+Two devices with one address are told from one device whose frames come by two ways: each counts for itself, in the
+telegrams of lists, or in its requests to the Parameter Manager.
 """
 
 from __future__ import annotations
@@ -14,10 +15,12 @@ from dissectors.batch import I64, U8, U64, Bool, LinkType
 from dissectors.carried import Carried, Carrier
 from dissectors.keys import KeyTable, first_rows_from
 from dissectors.layout import gather_bytes
+from dissectors.netvar import PARAMETER_REQUESTS, Fault
 from dissectors.varieties import Varieties
 from nvscope.engine.keyed_columns import KeyedColumns
 from nvscope.engine.runs import distinct, runs_of, stable_order
 from nvscope.engine.told import Told
+from nvscope.tracker.parameter.asked_ports import source_ports
 from nvscope.tracker.steps import EARLY_WRAPS
 
 MOST_SEQUENCES = 1 << 16
@@ -27,7 +30,12 @@ ALL_DEVICES = np.uint64(0)
 ALL_LISTS = np.uint64(1 << 63)
 """In place of a hardware address, and of a (list, SubIndex): the sequence is that of all of them together."""
 
+OF_REQUESTS = np.uint64(1 << 62)
+ALL_REQUESTS = ALL_LISTS | OF_REQUESTS
+"""What requests have in place of a (list, SubIndex): a bit beside what is asked for, and all requests together."""
+
 _NONE = -1
+_PORT_BIT, _PORT_BITS = np.uint64(32), np.uint64(0xFFFF << 32)
 
 
 class SequenceColumns(KeyedColumns):
@@ -62,7 +70,7 @@ class _AddressColumns(KeyedColumns):
 
 
 class _WayColumns(KeyedColumns):
-    """One row a number of headers: the IP address that its data telegrams have, and their hardware address."""
+    """One row a number of headers: the IP address that its telegrams have, and their hardware address."""
 
     address: I64
     hardware: U64
@@ -70,12 +78,14 @@ class _WayColumns(KeyedColumns):
 
 
 class SharedAddresses:
-    """An observer of data telegrams on Ethernet, which keeps those of IP addresses that several devices have.
+    """An observer of data telegrams and requests on Ethernet, which keeps those of IP addresses of several devices.
 
     ``addresses`` number IP addresses (upper half, lower half), all there are. ``sequences`` number (IP address,
     hardware address or ``ALL_DEVICES``, (port, list, SubIndex) or ``ALL_LISTS``), the rows of ``columns``; ``devices``
     number (IP address, hardware address), those of ``device_columns``: of shared addresses, from the first telegram on
-    that comes from another device. ``left_out`` counts what there was no room for.
+    that comes from another device. Requests have a sequence for each parameter of a partner that they ask for from one
+    port, with ``OF_REQUESTS``, and ``ALL_REQUESTS``: one device with two cables, each of which carries what goes to
+    some partners, has none in common on both. ``left_out`` counts what there was no room for.
     """
 
     by_stream: ClassVar[bool] = False
@@ -85,6 +95,7 @@ class SharedAddresses:
         self.addresses, self._known = KeyTable(), _AddressColumns()
         self.sequences, self.columns = KeyTable(3), SequenceColumns()
         self.devices, self.device_columns = KeyTable(), DeviceColumns()
+        self._flows = KeyTable(3)
         self._last: dict[int, tuple[int, bytes]] = {}
         self.left_out = 0
         # Packets with the same headers come by the same way: the first one is looked at for all, by their number.
@@ -100,12 +111,12 @@ class SharedAddresses:
             return
         header, known = told.batch.header, len(self._ways)
         alone = told.without_header
-        alone = alone[(told.packets.link[alone] == LinkType.ETHERNET) & self._are_data(told, alone)]
+        alone = alone[(told.packets.link[alone] == LinkType.ETHERNET) & self._are_counted(told, alone)]
         new = np.empty(0, np.int64)
         if len(told.header_counts) > known:
             self._ways.resize(len(told.header_counts))
             new = first_rows_from(header, known, len(self._ways))
-            new = new[self._are_data(told, new)]
+            new = new[self._are_counted(told, new)]
         row = np.sort(np.append(alone, new))
         before = self._known.column("shared").copy()
         row, address, hardware = self._look_at(told, row)
@@ -120,10 +131,16 @@ class SharedAddresses:
                 np.append(before, np.zeros(len(shared) - len(before), np.bool_)),
             )
 
-    def _are_data(self, told: Told, row: I64) -> Bool:
-        """Tell which packets hold data telegrams on UDP."""
-        carried, variety = told.varieties.carried, told.variety[row]
-        are: Bool = carried.is_data[variety] & (carried.carrier[variety] == Carrier.UDP)
+    def _are_counted(self, told: Told, row: I64) -> Bool:
+        """Tell which packets hold data telegrams on UDP, or requests of the Parameter Manager."""
+        varieties, variety = told.varieties, told.variety[row]
+        on_udp = varieties.carried.carrier[variety] == Carrier.UDP
+        are: Bool = varieties.carried.is_data[variety] & on_udp
+        others = np.flatnonzero(on_udp & ~are)
+        if len(others):
+            part, common = varieties.part[variety[others]], varieties.telegrams
+            asks = np.isin(common.header["id"][part], PARAMETER_REQUESTS)
+            are[others] = asks & (common.fault[part] == Fault.NONE)
         return are
 
     def _look_at(self, told: Told, row: I64) -> tuple[I64, I64, U64]:
@@ -164,24 +181,36 @@ class SharedAddresses:
         self._observe_rows(told, row[counts], address[counts].astype(np.uint64), hardware[counts])
 
     def _observe_rows(self, told: Told, row: I64, owner: U64, hardware: U64) -> None:
-        """Count data telegrams of shared addresses, rising."""
-        device = self.devices.numbers_within(self._most, owner, hardware)
-        self.device_columns.resize(len(self.devices))
+        """Count telegrams of shared addresses, rising."""
         carried, variety = told.varieties.carried, told.variety[row]
-        place = _places(carried, variety)
+        place, asks = _places(carried, variety), ~carried.is_data[variety]
+        # Who asks the same again and again, with one Counter, sends nothing on: requests are of no device here.
+        device, flow = np.zeros(len(row), np.int64), np.zeros(len(row), np.int64)
+        device[~asks] = self.devices.numbers_within(self._most, owner[~asks], hardware[~asks])
+        self.device_columns.resize(len(self.devices))
+        flow[asks] = self._flows_of(told, row[asks])
+        place[asks] = place[asks] & ~_PORT_BITS | OF_REQUESTS | flow[asks].astype(np.uint64) << _PORT_BIT
         stream = self.sequences.numbers_within(self._most, owner, np.full(len(row), ALL_DEVICES), place)
         self.columns.resize(len(self.sequences))
-        room = (stream >= 0) & (device >= 0)
+        room = (stream >= 0) & (device >= 0) & (flow >= 0)
         self.left_out += int(np.count_nonzero(~room))
         row, place, owner, hardware, device = row[room], place[room], owner[room], hardware[room], device[room]
-        repeated = self._repeated(told, row, stream[room])
-        for column, own in (("telegrams", device), ("repeated", device[repeated])):
+        repeated, asks = self._repeated(told, row, stream[room]), asks[room]
+        for column, own in (("telegrams", device[~asks]), ("repeated", device[repeated & ~asks])):
             np.add.at(self.device_columns.column(column), own, 1)
         new = ~repeated
         counter = told.counter[row[new]].astype(np.int64)
         for devices in (hardware[new], np.full(len(counter), ALL_DEVICES)):
-            for places in (place[new], np.full(len(counter), ALL_LISTS)):
+            for places in (place[new], np.where(asks[new], ALL_REQUESTS, ALL_LISTS)):
                 self._count(counter, owner[new], devices, places)
+
+    def _flows_of(self, told: Told, row: I64) -> I64:
+        """Return numbers of what requests come from and go to: a port, an address and its port."""
+        part = told.varieties.part[told.variety[row]]
+        datagram = told.varieties.telegrams.datagram.take(part)
+        from_port = source_ports(told.packets.data, told.packets.offset[row] + datagram.payload).astype(np.uint64)
+        ports = from_port << np.uint64(16) | datagram.destination_port.astype(np.uint64)
+        return self._flows.numbers_within(self._most, datagram.destination_hi, datagram.destination_lo, ports)
 
     def _count(self, counter: I64, *words: U64) -> None:
         """Let sequences take a step for each telegram."""
@@ -231,7 +260,7 @@ class SharedAddresses:
 
 
 def _places(carried: Carried, variety: I64) -> U64:
-    """Return which (port, list, SubIndex) data telegrams are of, as one word each."""
+    """Return which (port, list, SubIndex) telegrams are of, as one word each."""
     word = carried.port[variety] << 32 | carried.identifier[variety] << 16 | carried.subindex[variety]
     place: U64 = word.astype(np.uint64)
     return place

@@ -13,10 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dissectors import address
 from dissectors.headers import IPV4_LOW
 from dissectors.keys import KeyTable
+from nvscope.engine.runs import distinct
 from nvscope.tracker.evidence.presence import BY_ARP, BY_ARP_ANSWER, HARDWARE_BITS, IP, Presence
-from nvscope.tracker.evidence.shared_addresses import ALL_DEVICES, ALL_LISTS, SharedAddresses
+from nvscope.tracker.evidence.shared_addresses import ALL_DEVICES, ALL_LISTS, OF_REQUESTS, SharedAddresses
 
 LEAST_ALTERNATIONS = 3
 _MOST_IPS = 2  # a hardware address with more of them is a router's
@@ -40,7 +42,8 @@ _MOST_HOPS = 8
 class Device(NamedTuple):
     """A hardware address that sends from an address others have, too; ``alternations`` are its turns behind others.
 
-    ``vlans`` are the numbers in the outermost tags of its frames, -1 where there is none.
+    ``vlans`` are the numbers in the outermost tags of its frames, -1 where there is none. ``claims``: it tells the
+    address by ARP of its own accord.
     """
 
     hardware: int
@@ -51,12 +54,13 @@ class Device(NamedTuple):
     frames: int
     times_to_live: Collection[int]
     vlans: Collection[int]
+    claims: bool
 
 
 class SharedAddress(NamedTuple):
     """The devices that have the address of a node, by their first frames, and what tells them from one device.
 
-    ``by_counters``: the Counters of their telegrams do.
+    ``by_counters``: the Counters of their data telegrams do.
     """
 
     node: int
@@ -100,35 +104,36 @@ def _is_behind_a_router(devices: Sequence[Device]) -> bool:
 
 
 def shared_addresses(
-    presence: Presence, shared: SharedAddresses, nodes: KeyTable, addresses_of: Mapping[int, Collection[object]]
-) -> Sequence[SharedAddress]:
+    presence: Presence, shared: SharedAddresses, nodes: Mapping[str, int],
+    addresses_of: Mapping[int, Collection[object]],
+) -> Sequence[SharedAddress]:  # fmt: skip
     """Return the addresses of ``nodes`` that several devices have, by node; ``presence`` has settled.
 
+    ``nodes`` are the numbers of all who send lists, speak of parameters or show pages, by the text of their address.
     ``addresses_of`` are the IP addresses that each hardware address sends from.
     """
-    if not presence.columns.shared.any():
+    numbers = np.flatnonzero(presence.columns.shared)
+    if not len(numbers):
         return ()
-    pairs = _Pairs(presence, addresses_of)
-    numbers = presence.addresses.find(np.full(len(nodes), IP, np.uint64), *nodes.words)
-    found = []
-    for node, number in enumerate(numbers.tolist()):
-        if number < 0 or not presence.columns.shared[number] or presence.addresses.words[2][number] == _UNSPECIFIED:
-            continue
-        devices = _devices(presence, shared, number, pairs)
-        if len(devices) < 2 or sum(one.alternations for one in devices) < LEAST_ALTERNATIONS:
+    pairs, found = _Pairs(presence, addresses_of), []
+    for number in numbers.tolist():
+        kind, high, low = (int(words[number]) for words in presence.addresses.words)
+        node = nodes.get(address.text(high, low)) if kind == IP and low != _UNSPECIFIED else None
+        devices = [] if node is None else _devices(presence, shared, number, pairs)
+        if node is None or len(devices) < 2 or sum(one.alternations for one in devices) < LEAST_ALTERNATIONS:
             continue
         told, by_counters = _told_by(presence, shared, number, devices)
         if told:
             found.append(SharedAddress(node, devices, told, by_counters))
-    return found
+    return sorted(found, key=lambda one: one.node)
 
 
 def addresses_by_hardware(presence: Presence) -> Mapping[int, Collection[tuple[int, int]]]:
     """Return the IP addresses, as upper and lower half, whose packets came from each hardware address."""
     high, low, device, _ = presence.pairs.words
     owners: dict[int, set[tuple[int, int]]] = {}
-    for one, *address in zip((device & HARDWARE_BITS).tolist(), high.tolist(), low.tolist(), strict=True):
-        owners.setdefault(one, set()).add((address[0], address[1]))
+    for one, *halves in zip((device & HARDWARE_BITS).tolist(), high.tolist(), low.tolist(), strict=True):
+        owners.setdefault(one, set()).add((halves[0], halves[1]))
     return owners
 
 
@@ -180,7 +185,7 @@ def _devices(presence: Presence, shared: SharedAddresses, number: int, pairs: _P
                 max(int(columns.last_ns[row]) for row in of_pairs),
                 sum(int(columns.alternations[row]) for row in of_pairs),
                 sum(int(columns.count[row]) for row in of_pairs), lives,
-                {(int(pairs.device[row]) >> _VLAN_SHIFT) - 1 for row in of_pairs},
+                {(int(pairs.device[row]) >> _VLAN_SHIFT) - 1 for row in of_pairs}, BY_ARP in told_by,
             )
         )  # fmt: skip
     return sorted(found, key=lambda one: one.first_frame)
@@ -205,40 +210,55 @@ def _find(table: KeyTable, *words: int) -> int:
 def _told_by(
     presence: Presence, shared: SharedAddresses, number: int, devices: list[Device]
 ) -> tuple[Sequence[str], bool]:  # fmt: skip
-    """Return what tells several devices from one whose frames come by two ways, and whether Counters do."""
+    """Return what tells several devices from one whose frames come by two ways, and whether Counters of lists do."""
     told = []
-    _, high, low = (words[number] for words in presence.addresses.words)
-    claims = presence.claims.words
-    own = claims[2][(claims[0] == high) & (claims[1] == low)].tolist()
-    address = _find(shared.addresses, int(high), int(low))
-    counters = [_regular(shared, address, one.hardware) for one in devices]
-    together = _regular(shared, address, int(ALL_DEVICES))
-    several = sum(one is not None and any(one) for one in counters) >= 2
-    by_counters = several and together is not None and not any(together)
-    if by_counters:
+    high, low = (int(words[number]) for words in presence.addresses.words[1:])
+    known = _find(shared.addresses, high, low)
+    lists, requests = (_Counting(shared, known, devices, bit) for bit in (np.uint64(0), OF_REQUESTS))
+    if lists.are_several:
         told.append("the counters of each of them are regular, those of both together are not")
-    # What counts regularly over both of them, and not over each, is one device that sends over two cables.
-    is_one = together is not None and any(together) and not any(one is None or any(one) for one in counters)
-    if not is_one and sum(one.hardware in own and not _is_virtual(one.hardware) for one in devices) >= 2:
+    elif requests.are_several and not lists.are_one and not _is_behind_a_router(devices):
+        told.append("the counters of the requests of each of them are regular, those of both together are not")
+    # Who only answers ARP may do so for another one: a router, or a computer on each of its cards.
+    claiming = sum(one.claims and not _is_virtual(one.hardware) for one in devices)
+    if claiming >= 2 and not lists.are_one and not requests.are_one:
         told.append("ARP tells both hardware addresses for it")
-    return told, by_counters
+    return told, lists.are_several
 
 
 def _is_virtual(hardware: int) -> bool:
     return any(hardware >> (8 * _HARDWARE_BYTES - bits) == begin for begin, bits in _VIRTUAL)
 
 
-def _regular(shared: SharedAddresses, address: int, hardware: int) -> tuple[bool, bool] | None:
-    """Tell whether a device counts regularly by stream, and over all that it sends; None where nobody knows."""
-    if address < 0:
-        return None
-    words = shared.sequences.words
-    own = (words[0] == np.uint64(address)) & (words[1] == np.uint64(hardware))
-    whole = words[2] == ALL_LISTS
-    found = []
-    for chosen in (own & ~whole, own & whole):
-        steps, regular = (int(shared.columns.column(name)[chosen].sum()) for name in ("steps", "regular"))
-        found.append(steps >= _LEAST_STEPS and 100 * regular >= _REGULAR_PERCENT * steps)
-        if not steps:
-            return None
-    return found[0], found[1]
+class _Counting:
+    """How devices with one address count in the telegrams of their lists, or, by the ``bit``, in their requests.
+
+    ``are_several``: each counts for itself. ``are_one``: what counts regularly over both of them, and not over each, is
+    one device that sends over two cables.
+    """
+
+    def __init__(self, shared: SharedAddresses, number: int, devices: Sequence[Device], bit: np.uint64) -> None:
+        owner, device, place = shared.sequences.words
+        row = np.flatnonzero((owner == np.uint64(max(number, 0))) & (place & OF_REQUESTS == bit) & (number >= 0))
+        self._device, self._is_whole = device[row], place[row] & ALL_LISTS != 0
+        self._steps, self._regular = (shared.columns.column(name)[row] for name in ("steps", "regular"))
+        each = [self._regular_of(one.hardware) for one in devices]
+        together = self._regular_of(int(ALL_DEVICES))
+        is_regular = together is not None and any(together)
+        several = sum(one is not None and any(one) for one in each) >= 2
+        self.are_several = several and together is not None and not is_regular
+        self.are_one = is_regular and not any(one is None or any(one) for one in each)
+        if bit and self.are_several:
+            # What goes to other partners, or from another program, may go over the other cable of one device.
+            own = ~self._is_whole & (self._steps > 0) & np.isin(self._device, [one.hardware for one in devices])
+            self.are_several = len(distinct(place[row][own])) < int(np.count_nonzero(own))
+
+    def _regular_of(self, hardware: int) -> tuple[bool, bool] | None:
+        """Tell whether a device counts regularly by stream, and over all that it sends; None where nobody knows."""
+        found = []
+        for chosen in (self._device == hardware) & ~self._is_whole, (self._device == hardware) & self._is_whole:
+            steps, regular = int(self._steps[chosen].sum()), int(self._regular[chosen].sum())
+            found.append(steps >= _LEAST_STEPS and 100 * regular >= _REGULAR_PERCENT * steps)
+            if not steps:
+                return None
+        return found[0], found[1]

@@ -10,6 +10,8 @@ Readings, where the rules leave a choice:
 - a node to which the project gives a list may count along
 - a host whose write is confirmed has written, though its request was not captured, where none was by which it asked to
   write that parameter; when it asked is not known, and may have been in the minute before
+- a partner that replies to nobody, sends no list and is not named by the project is asked for parameters in vain; what
+  goes to everybody is for none
 - of more than eight nodes, or hosts, of which the same is said, one finding tells
 
 Two devices with one address (NV963) are not judged here: ``tests/findings/test_security.py`` has them one by one.
@@ -28,7 +30,7 @@ from tests.oracle.rules.keys import ListKey, node_order
 from tests.oracle.rules.parameter import Parameters, observed
 from tests.oracle.rules.telegram import ACKNOWLEDGEMENT, BOOT_UP_REQUEST, DATA, Telegram, telegram
 
-APART, LISTS, PORTS, MINUTE_NS = 8, 100, 20, 60 * 10**9
+APART, LISTS, PARTNERS, PORTS, MINUTE_NS = 8, 100, 100, 20, 60 * 10**9
 EVENTS, STEPS_PERCENT, REGULAR_PERCENT, MERGED_PERCENT = 10, 80, 90, 50
 
 DAYS, DAY_MINUTES = ("mon", "tue", "wed", "thu", "fri", "sat", "sun"), 24 * 60
@@ -59,6 +61,7 @@ class Security:
         self.senders: defaultdict[ListKey, set[Address]] = defaultdict(set)
         self.sent: Counter[Address] = Counter()
         self.to: set[Address] = set()
+        self.there: set[Address] = set()
         self.asked: dict[Address, dict[ListKey, int]] = {}
         self.places: dict[tuple[ListKey, int], Place] = {}
         self.counters: dict[Stream, int] = {}
@@ -69,6 +72,8 @@ class Security:
     def observe(self, number: int, frame: Frame) -> None:
         content = peel(frame)
         seen = telegram(number, frame.ts_ns, content) if isinstance(content, Datagram) else None
+        if seen is not None:
+            self.there |= {seen.source} if seen.broadcast else {seen.source, seen.destination}
         if seen is None or seen.header_cut or seen.list_key is None:
             return
         if seen.service == DATA:
@@ -182,18 +187,24 @@ class Security:
         answered = {pair[2] for pair, row in known.rows.items() if row.replies + row.busy + row.unexpected}
         lists: defaultdict[Address, dict[Any, int]] = defaultdict(dict)
         ports: defaultdict[Address, dict[Any, int]] = defaultdict(dict)
+        partners: defaultdict[Address, dict[Any, int]] = defaultdict(dict)
+        replying = {pair[1] for pair, row in known.rows.items() if row.replies + row.busy + row.unexpected}
+        replying |= {node for nodes in self.senders.values() for node in nodes} | {*map(ip_address, self.nodes)}
         for node, asked in self.asked.items():
             for key, time in asked.items():
                 if not self.senders.get(key) and not is_of(key, named):
                     lists[node][key] = time
                 if key.port not in sent_on:
                     ports[node][key.port] = min(ports[node].get(key.port, time), time)
-        for (code, node, _, port, *_), by_service in known.findings.items():
+        for (code, node, partner, port, *_), by_service in known.findings.items():
             for times in by_service.values():
                 if code == "NV701" and port not in answered:
                     ports[node][port] = min(ports[node].get(port, times[0][0]), times[0][0])
-        for node in sorted({*lists, *ports}, key=node_order):
-            count = dense(lists[node].values(), LISTS) + dense(ports[node].values(), PORTS)
+                if code == "NV701" and partner in self.there - replying:
+                    partners[node][partner] = min(partners[node].get(partner, times[0][0]), times[0][0])
+        for node in sorted({*lists, *partners, *ports}, key=node_order):
+            ways = (lists[node], LISTS), (partners[node], PARTNERS), (ports[node], PORTS)
+            count = sum(dense(times.values(), least) for times, least in ways)
             if count:
                 yield "NV966", None, str(node), None, count
 

@@ -15,14 +15,18 @@ from tests.oracle.builders import data_frame, telegram
 from tests.oracle.frame import Frame
 from tests.packets import batch_of, cut, observed
 
-ALL = "255.255.255.255"
+ALL, DATA, WRITE = "255.255.255.255", 0, 3
 
 
 class Sent(NamedTuple):
-    """A telegram by one of the devices, or one of the others; ``value`` is its data."""
+    """A telegram by one of the devices, or one of the others; ``value`` is its data.
+
+    ``asks`` is the partner that a request to write goes to, 0 of a telegram of a list.
+    """
 
     device: int
     address: int
+    asks: int
     subindex: int
     counter: int
     value: int
@@ -30,21 +34,31 @@ class Sent(NamedTuple):
 
 sent = st.lists(
     st.builds(
-        Sent, st.sampled_from([1, 1, 2, 3]), st.sampled_from([1, 1, 2]), st.integers(0, 1),
-        st.sampled_from([1, 2, 3, 255, 0]), st.integers(0, 1),
+        Sent, st.sampled_from([1, 1, 2, 3]), st.sampled_from([1, 1, 2]), st.sampled_from([0, 0, 7, 8]),
+        st.integers(0, 1), st.sampled_from([1, 2, 3, 255, 0]), st.integers(0, 1),
     ),
     max_size=40,
 )  # fmt: skip
 
 
 def frame(number: int, one: Sent) -> Frame:
-    payload = telegram(subindex=one.subindex, counter=one.counter, data=bytes([one.value, 0]))
-    plain = data_frame(number * 1000, f"10.0.0.{one.address}", ALL, payload)
+    service = WRITE if one.asks else DATA
+    payload = telegram(service, subindex=one.subindex, counter=one.counter, data=bytes([one.value, 0]))
+    plain = data_frame(number * 1000, f"10.0.0.{one.address}", f"10.0.9.{one.asks}" if one.asks else ALL, payload)
     return from_hardware(plain, f"02:00:00:00:00:{one.device:02x}")
 
 
+def is_counted(telegrams: list[Sent], number: int) -> bool:
+    """Tell whether a telegram is of an address that several devices have had so far."""
+    own = telegrams[number].address
+    return len({one.device for one in telegrams[: number + 1] if one.address == own}) > 1
+
+
 def counted(telegrams: list[Sent]) -> tuple[dict[Any, list[int]], dict[Any, list[int]]]:
-    """Return steps and regular steps by (address, device, SubIndex), and telegrams and repeated ones by device."""
+    """Return steps and regular steps by (address, device, place), and telegrams and repeated ones of lists by device.
+
+    A place is a SubIndex of a list, or of a partner; of all lists, and of all partners, it is None and whose it is.
+    """
     first: dict[int, int] = {}
     shared: set[int] = set()
     last: dict[Any, int] = {}
@@ -56,12 +70,13 @@ def counted(telegrams: list[Sent]) -> tuple[dict[Any, list[int]], dict[Any, list
             shared.add(one.address)
         if one.address not in shared:
             continue
-        known, stream = (one.address, one.device), (one.address, one.subindex)
-        again = stream in before and before[stream][3:] == one[3:]
-        before[stream] = one
-        devices[known][0] += 1
-        devices[known][1] += again
-        for key in ((*known, one.subindex), (*known, None), (one.address, 0, one.subindex), (one.address, 0, None)):
+        known, place, every = (one.address, one.device), (one.asks, one.subindex), (bool(one.asks), None)
+        again = (one.address, place) in before and before[one.address, place][4:] == one[4:]
+        before[one.address, place] = one
+        if not one.asks:
+            devices[known][0] += 1
+            devices[known][1] += again
+        for key in ((*known, place), (*known, every), (one.address, 0, place), (one.address, 0, every)):
             if again:
                 continue
             if key in last:
@@ -80,12 +95,22 @@ def test_it_is_what_is_counted_of_one_telegram_after_the_other(telegrams: list[S
     def address(number: int) -> int:
         return int(shared.addresses.low[number]) & 0xFF
 
+    # Whoever is asked is told apart by the order in which it was asked first.
+    from_shared = [one for number, one in enumerate(telegrams) if is_counted(telegrams, number)]
+    partners = list(dict.fromkeys(one.asks for one in from_shared if one.asks))
+
+    def place_of(word: int) -> tuple[int, int | None]:
+        asks = word >> 62 & 1
+        if word >> 63:
+            return asks, None
+        return partners[word >> 32 & 0xFFFF] if asks else 0, word & 0xFFFF
+
     steps = {}
     for row, (number, hardware, place) in enumerate(
         zip(*(one.tolist() for one in shared.sequences.words), strict=True)
     ):
         if shared.columns.steps[row]:
-            key = address(number), hardware & 0xFF, None if place >> 63 else place & 0xFFFF
+            key = address(number), hardware & 0xFF, place_of(place)
             steps[key] = [int(shared.columns.steps[row]), int(shared.columns.regular[row])]
     columns = shared.device_columns
     devices = {
