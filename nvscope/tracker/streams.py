@@ -95,9 +95,7 @@ class Streams:
         Their servers acknowledge bytes behind all that is there, or something waits behind a hole.
         """
         column, count = self._streams.column, 2 * len(self.connections)
-        begun, ended, told, at, waits = (
-            column(name)[:count:2] for name in ("begun", "ended", "acknowledged", "next", "waits")
-        )
+        begun, ended, told, at, waits = (column(name)[:count:2] for name in ("begun", "ended", "had", "next", "waits"))
         ahead = np.where(told >= 0, (told - at) % WRAP, 0)
         lacks = begun & ~ended & (waits | ((ahead > 1) & (ahead <= NEAR)))
         return np.flatnonzero(lacks)
