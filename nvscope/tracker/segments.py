@@ -23,9 +23,12 @@ class StreamColumns(KeyedColumns):
     """One row a stream: where it is.
 
     ``next`` is the sequence number of its next byte, ``first`` that of its first one, -1 before it has begun;
-    ``acknowledged`` the highest one that the other end has acknowledged, -1 before it has. ``told`` is what the last
-    segment that brought something of it acknowledged, or -1. ``waits``: something is kept of it. ``latest_ns`` is the
-    latest time of what came of it.
+    ``acknowledged`` the highest one that the other end has acknowledged, -1 before it has. ``had`` is up to where the
+    other end has it, as far as that is to be believed: a segment that is not where its stream is says nothing, and what
+    one acknowledges that brings something new counts in place of all that was acknowledged before. It was sent later,
+    unless something that brought nothing was as far as that before: ``ahead`` is where, -1 without such. ``told`` is
+    what the last segment that brought something of it acknowledged, or -1. ``waits``: something is kept of it.
+    ``latest_ns`` is the latest time of what came of it.
     """
 
     begun: Bool
@@ -34,12 +37,14 @@ class StreamColumns(KeyedColumns):
     next: I64
     first: I64
     acknowledged: I64
+    had: I64
+    ahead: I64
     told: I64
     latest_ns: I64
     COLUMNS: ClassVar = {
         **dict.fromkeys(("begun", "ended", "waits"), (np.bool_(False), 1)),
-        **dict.fromkeys(("first", "acknowledged", "told"), (np.int64(-1), 1)), "next": (np.int64(0), 1),
-        "latest_ns": (np.int64(0), 1),
+        **dict.fromkeys(("first", "acknowledged", "had", "ahead", "told"), (np.int64(-1), 1)),
+        **dict.fromkeys(("next", "latest_ns"), (np.int64(0), 1)),
     }  # fmt: skip
 
     def reset(self) -> None:

@@ -39,6 +39,7 @@ class SegmentsAtOnce:
         self._base = np.where(streams.begun[stream], streams.next[stream], whole.sequence[start])
         told = (whole.flags & ACK > 0) & (whole.acknowledgement > 0)
         self._acknowledgement = np.where(told, whole.acknowledgement, -1)
+        self._earlier = streams.copied("begun", "first", "next", "ahead")
         self._own = np.zeros(len(whole), np.bool_)
         self._began = np.empty((2, 0), np.int64)
         peculiar = self._lay_along()
@@ -51,6 +52,12 @@ class SegmentsAtOnce:
         self.is_peculiar = (rows.flags & RST) != 0
         if peculiar.any():
             self.is_peculiar[np.flatnonzero(carrying)[peculiar]] = True
+        self._runs = (start, self._stop) if whole is rows else runs_of(rows.stream)
+        self._place_of = None if whole is rows else np.flatnonzero(carrying)
+        self._acknowledges = (rows.flags & ACK) != 0
+        self._renewing = self._all_renewing(told)
+        self._mark_ahead(carrying)
+        self._mark_far()
         self._mark_forgotten()
         self.since = self._since()
 
@@ -123,6 +130,61 @@ class SegmentsAtOnce:
         alone = ~streams.begun[stream ^ 1] & (self._first_frame[stream ^ 1] > frame)
         peculiar[syn[~(is_first & (by_server == answers) & (answers | alone))]] = True
 
+    def _all_renewing(self, told: Bool) -> I64:
+        """Return the segments that tell anew up to where their sender has the other stream (``had``)."""
+        tells = self._rises & told
+        ahead = self._streams.ahead[self._stream]
+        if int(ahead.max(initial=-1)) >= 0:
+            ahead, further = (np.repeat(one, self._stop - self._start) for one in (ahead, ahead - self._base))
+            tells &= (ahead < 0) | ((further - self._end) % WRAP > NEAR)
+        # What a stream begins with, in the middle of it, was not sent later than something.
+        tells[self._start[~self._streams.begun[self._stream]]] = False
+        return np.flatnonzero(tells)
+
+    def _renewed(self, last: I64) -> I64:
+        """Return the last segment up to each of some that tells anew how far something is had, -1 without any."""
+        place = self._renewing.searchsorted(last, side="right") - 1
+        return np.where(place >= 0, self._renewing[place], -1) if len(self._renewing) else np.full(len(last), -1)
+
+    def _mark_ahead(self, carrying: Bool) -> None:
+        """Mark what brings nothing where its stream is not yet, or not any more."""
+        rows, whole, streams = self._rows, self._whole, self._streams
+        if self._place_of is None:
+            return
+        place = np.flatnonzero(~(carrying | self.is_peculiar))
+        stream = rows.stream[place]
+        at = np.where(streams.first[stream] >= 0, streams.next[stream], -1)
+        if len(whole):
+            last = np.maximum(np.cumsum(carrying)[place] - 1, 0)
+            own = (whole.stream[last] == stream) & (whole.frame[last] < rows.frame[place])
+            run = np.searchsorted(self._stream, stream[own])
+            at[own] = self._base[run] + self._top[last[own]]
+        ahead = streams.ahead[stream]
+        if int(ahead.max(initial=-1)) >= 0:
+            at = np.where((ahead >= 0) & ((at < 0) | ((ahead - at) % WRAP <= NEAR)), ahead, at)
+        peculiar = (rows.sequence[place] - at + NEAR) % WRAP > NEAR
+        unknown = np.flatnonzero(at < 0)
+        if len(unknown):
+            # What comes before a connection is nobody's.
+            connection = stream[unknown] & ~1
+            first = np.minimum(self._first_frame[connection], self._first_frame[connection + 1])
+            is_known = streams.begun[connection] | streams.begun[connection + 1]
+            peculiar[unknown] = is_known | (rows.frame[place[unknown]] >= first)
+        self.is_peculiar[place[peculiar]] = True
+
+    def _mark_far(self) -> None:
+        """Mark what acknowledges bytes that may be far from where a stream is."""
+        rows, streams = self._rows, self._streams
+        at = np.where(streams.column("first") >= 0, streams.column("next"), -1)
+        at[self._stream] = self._base
+        start, stop = self._runs
+        of = at[rows.stream[start] ^ 1]
+        away = rows.acknowledgement - np.repeat(of - FAR // 2, stop - start)
+        away &= WRAP - 1
+        far = away > FAR
+        if far.any():
+            self.is_peculiar |= far & np.repeat(of >= 0, stop - start) & self._acknowledges & (rows.acknowledgement > 0)
+
     def _since(self) -> I64:
         waits = self._streams.column("waits")
         since = np.where(waits[0::2] | waits[1::2], -1, NEVER)
@@ -150,9 +212,11 @@ class SegmentsAtOnce:
         is_taken: Bool = rows.frame < since[rows.stream >> 1]
         was_begun = streams.column("begun")[0::2] | streams.column("begun")[1::2]
         first = np.where(was_begun, 0, np.minimum(self._first_frame[0::2], self._first_frame[1::2]))
-        told = is_taken & ((rows.flags & ACK) != 0) & (rows.frame >= first[rows.stream >> 1])
-        self._note_acknowledged(rows.stream[told] ^ 1, rows.acknowledgement[told])
+        told = is_taken & self._acknowledges & (rows.frame >= first[rows.stream >> 1])
+        self._note_acknowledged(streams.acknowledged, rows.stream[told] ^ 1, rows.acknowledgement[told])
+        start_of_row, stop_of_row = self._runs
         if not len(whole):
+            self._note_had(told, start_of_row, stop_of_row)
             return is_taken
         self._own = own = whole.frame < since[whole.stream >> 1]
         count = np.add.reduceat(own, start, dtype=np.int64)
@@ -163,13 +227,23 @@ class SegmentsAtOnce:
         anew = ~streams.begun[partner] & (self._first_frame[partner] > whole.frame[begins])
         self._began = np.stack([begins, self._syn[begins] * IN_STEP | anew * ANEW])
         streams.first[self._stream[new]] = (whole.sequence[begins] + self._syn[begins]) % WRAP
+        begun = self._stream[new]
+        far = begun[(streams.had[begun] >= 0) & ((streams.had[begun] - self._base[new] + FAR) % WRAP > 2 * FAR)]
         streams.next[moved] = (self._base[run] + self._top[last]) % WRAP
         streams.begun[moved] = True
+        streams.had[far] = -1
         streams.latest_ns[moved] = self._latest[last]
         risen = self._risen[last]
         brings = risen >= start[run]
         streams.told[moved[brings]] = self._acknowledgement[risen[brings]]
         streams.ended[whole.stream[self._ends[own[self._ends]]]] = True
+        renewed = self._renewed(last)
+        anew = renewed >= start[run]
+        streams.had[moved[anew] ^ 1] = -1
+        begin, place = start_of_row.copy(), renewed[anew]
+        of_row = np.searchsorted(rows.stream[start_of_row], moved[anew])
+        begin[of_row] = place if self._place_of is None else self._place_of[place]
+        self._note_had(told, begin, stop_of_row)
         return is_taken
 
     def fits(self, connection: int, frame: int) -> bool:
@@ -177,13 +251,20 @@ class SegmentsAtOnce:
         streams = self._streams
         if streams.ended[2 * connection] and streams.ended[2 * connection + 1]:
             return False
-        for stream, run in self._runs_of(connection):
-            place = self._place(run, frame)
-            if place == self._stop[run]:
-                continue
-            if streams.ended[stream] or not streams.begun[stream]:
+        runs, earlier = dict(self._runs_of(connection)), self._earlier
+        for stream in (2 * connection, 2 * connection + 1):
+            # Where the stream has begun, and is, tells which segments are not of it.
+            first, at, run = earlier.first[stream], earlier.next[stream], runs.get(stream)
+            if run is not None:
+                place, begin = self._place(run, frame), int(self._start[run])
+                is_over = place == self._stop[run]
+                if not is_over and (streams.ended[stream] or not streams.begun[stream]):
+                    return False
+                at = (self._base[run] + (self._top[place - 1] if is_over else self._before[place])) % WRAP
+                first = first if earlier.begun[stream] else (self._base[run] + self._syn[begin]) % WRAP
+            if (streams.first[stream], streams.next[stream]) != (first, at):
                 return False
-            if streams.next[stream] != (self._base[run] + self._before[place]) % WRAP:
+            if streams.ahead[stream] != earlier.ahead[stream]:
                 return False
         return True
 
@@ -191,11 +272,17 @@ class SegmentsAtOnce:
         """Take some segments of a connection that fits, by frame, among which nothing is peculiar."""
         streams, part = self._streams, slice(start, stop)
         connection = int(segments.stream[start]) >> 1
-        told = segments.acknowledgement[part]
+        told, frame = segments.acknowledgement[part], segments.frame[part]
         tells = (segments.flags[part] & ACK) != 0
         by_server = (segments.stream[part] & 1) == 1
-        self._note_acknowledged_of(2 * connection, told[tells & by_server])
-        self._note_acknowledged_of(2 * connection + 1, told[tells & ~by_server])
+        for stream, telling in ((2 * connection, tells & by_server), (2 * connection + 1, tells & ~by_server)):
+            own = telling.nonzero()[0]
+            self._note_acknowledged_of(streams.acknowledged, stream, told[own])
+            renewed = self._renewed_of(stream ^ 1, int(frame[0]), int(frame[-1]))
+            if renewed >= 0:
+                streams.had[stream] = -1
+                own = own[frame[own].searchsorted(renewed) :]
+            self._note_acknowledged_of(streams.had, stream, told[own][told[own] > 0])
         first, last = int(segments.frame[start]), int(segments.frame[stop - 1])
         for number, run in self._runs_of(connection):
             start, stop = self._place(run, first), self._place(run, last + 1)
@@ -211,6 +298,17 @@ class SegmentsAtOnce:
             if (risen := int(self._risen[stop - 1])) >= start:
                 streams.told[number] = self._acknowledgement[risen]
             streams.ended[number] = ((self._fin[span] > 0) & self._rises[span]).any()
+
+    def _renewed_of(self, stream: int, first: int, last: int) -> int:
+        """Return the last frame of some in which a stream tells anew how far the other one is had, -1 without any."""
+        run = int(self._stream.searchsorted(stream))
+        if run == len(self._stream) or self._stream[run] != stream:
+            return -1
+        place = int(self._renewing.searchsorted(self._place(run, last + 1))) - 1
+        if place < 0 or self._renewing[place] < self._start[run]:
+            return -1
+        frame = int(self._whole.frame[self._renewing[place]])
+        return frame if frame >= first else -1
 
     def _runs_of(self, connection: int) -> list[tuple[int, int]]:
         """Return the streams of a connection that carry something, and their runs."""
@@ -263,23 +361,30 @@ class SegmentsAtOnce:
         columns = whole.stream[late], whole.frame[late], back[late], whole.payload[late], size, captured
         return np.stack(columns, axis=1)
 
-    def _note_acknowledged(self, stream: I64, told: I64) -> None:
-        """Note what the receivers of streams have acknowledged, all of one stream together."""
-        streams = self._streams
+    def _note_had(self, told: Bool, start: I64, stop: I64) -> None:
+        """Note up to where the receivers of streams have them, by some stretches of rows, as far as these tell it."""
+        place = np.repeat(start - np.cumsum(stop - start) + (stop - start), stop - start)
+        place += np.arange(len(place))
+        place = place[told[place] & (self._rows.acknowledgement[place] > 0)]
+        self._note_acknowledged(self._streams.had, self._rows.stream[place] ^ 1, self._rows.acknowledgement[place])
+
+    @staticmethod
+    def _note_acknowledged(highest: I64, stream: I64, told: I64) -> None:
+        """Note what the receivers of streams acknowledge, all of one stream together, in its ``highest`` one."""
         start, stop = runs_of(stream)
         if not len(start):
             return
-        known = streams.acknowledged[stream[start]]
+        known = highest[stream[start]]
         first = np.where(known < 0, told[start], known)
         ahead = (told - np.repeat(first, stop - start) + HALF) % WRAP - HALF
         most = np.maximum(np.maximum.reduceat(ahead, start), 0)
-        streams.acknowledged[stream[start]] = (first + most) % WRAP
+        highest[stream[start]] = (first + most) % WRAP
 
-    def _note_acknowledged_of(self, stream: int, told: I64) -> None:
-        """Note what the receiver of one stream has acknowledged."""
+    @staticmethod
+    def _note_acknowledged_of(highest: I64, stream: int, told: I64) -> None:
+        """Note what the receiver of one stream acknowledges."""
         if len(told):
-            acknowledged = self._streams.acknowledged
-            known = int(acknowledged[stream])
+            known = int(highest[stream])
             first = known if known >= 0 else int(told[0])
             most = max(int(((told - first + HALF) % WRAP).max()) - HALF, 0)
-            acknowledged[stream] = (first + most) % WRAP
+            highest[stream] = (first + most) % WRAP

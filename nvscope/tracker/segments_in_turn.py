@@ -3,9 +3,9 @@
 Of bytes that come twice, those that came first count. What lies behind a hole is kept until it is sure that the missing
 bytes do not come any more:
 
-- the receiver has acknowledged the first byte behind them, or
+- the receiver has acknowledged the first byte behind them, and is to be believed (``StreamColumns.had``), or
 - more than ``MOST_KEPT_BYTES`` wait behind it in this direction, or more than ``MOST_KEPT_IN_ALL_BYTES`` everywhere, or
-- the first of what is kept came more than ``PATIENCE_NS`` before another segment of the connection, or
+- the first of what is kept came more than ``one_stream.PATIENCE_NS`` before another segment of the connection, or
 - the connection is reset, or another one begins between the same ends.
 """
 
@@ -13,14 +13,14 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Mapping
-from heapq import heappop, heappush
+from heapq import heappush
 
 import numpy as np
-from msgspec import Struct, field
 
 from dissectors.batch import U8
 from dissectors.headers import ACK, FIN, RST, SYN
 from nvscope.tracker.kept_segments import BEGIN, Kept, missing_of, others_of
+from nvscope.tracker.one_stream import OneStream, ahead_of
 from nvscope.tracker.pieces import (
     ANEW,
     BROKEN_OFF,
@@ -34,69 +34,13 @@ from nvscope.tracker.pieces import (
     PieceKind,
     Pieces,
 )
-from nvscope.tracker.segments import FAR, HALF, WRAP, Segments, StreamColumns
-from nvscope.tracker.segments_aside import NEAR, Aside, Segment, SegmentsAside, is_in_front, missing_behind
+from nvscope.tracker.segments import FAR, WRAP, Segments, StreamColumns
+from nvscope.tracker.segments_aside import Aside, Segment, SegmentsAside, missing_behind
 
 MOST_KEPT_BYTES = 1 << 18
 MOST_KEPT_IN_ALL_BYTES = 1 << 26
-PATIENCE_NS = 10 * 10**9
 FORGOTTEN_NS = 240 * 10**9
 """A connection that has ended is forgotten after twice the longest life of a segment (RFC 9293, section 3.4.2)."""
-
-
-class _Stream(Struct):
-    """One direction of a connection; ``at`` is how far it is, counted from where it was when it was made."""
-
-    number: int
-    begun: bool = False
-    ended: bool = False
-    next: int = 0
-    first: int = -1
-    acknowledged: int = -1
-    told: int = -1
-    latest_ns: int = 0
-    at: int = 0
-    kept: list[Kept] = field(default_factory=list)
-    kept_bytes: int = 0
-    # What is kept by frame, and what was passed on since and has not come to the front.
-    by_frame: list[tuple[int, int, Kept]] = field(default_factory=list)
-
-    def forget(self) -> None:
-        """Become a stream that has not begun."""
-        self.begun = self.ended = False
-        self.first = self.acknowledged = self.told = -1
-        self.latest_ns = 0
-
-    def distance(self, sequence: int) -> int:
-        """Return how far a sequence number is from where the stream is."""
-        return (sequence - self.next + HALF) % WRAP - HALF
-
-    @property
-    def sent(self) -> int:
-        """How far it is, with what is kept."""
-        return self.kept[-1].end if self.kept else self.at
-
-    def is_elsewhere(self, sequence: int) -> bool:
-        """Tell whether what has such a sequence number is not of this stream, which has begun."""
-        away = self.distance(sequence)
-        is_beyond = abs(away) > FAR or (self.ended and away > NEAR)
-        return is_beyond or is_in_front(sequence, self.first, self.next, FAR)
-
-    @property
-    def is_nothing(self) -> bool:
-        """Whether it was reset before anything came."""
-        return self.ended and (self.first < 0 or self.next == self.first)
-
-    @property
-    def hole_is_acknowledged(self) -> bool:
-        """Whether the receiver has what is missing in front of what is kept."""
-        return self.acknowledged >= 0 and self.distance(self.acknowledged) >= self.kept[0].begin - self.at
-
-    def waits_longer_than(self, time_ns: int) -> bool:
-        """Whether the first of what is kept came so long before a time."""
-        while self.by_frame[0][2].is_passed:
-            heappop(self.by_frame)
-        return time_ns - self.by_frame[0][2].time_ns > PATIENCE_NS
 
 
 class SegmentsInTurn:
@@ -104,7 +48,7 @@ class SegmentsInTurn:
 
     def __init__(self, columns: StreamColumns) -> None:
         self._columns = columns
-        self._waiting: dict[int, _Stream] = {}
+        self._waiting: dict[int, OneStream] = {}
         self._aside = SegmentsAside()
         self._kept_bytes = 0
         self._made: list[tuple[int, ...]] = []
@@ -183,18 +127,18 @@ class SegmentsInTurn:
         made, self._made = np.array(self._made, np.int64).reshape(-1, len(Pieces.__match_args__)).T, []
         return Pieces(*made)
 
-    def _taken(self, number: int) -> _Stream:
+    def _taken(self, number: int) -> OneStream:
         waiting = self._waiting.pop(number, None)
         if waiting is not None:
             return waiting
         columns = self._columns
-        return _Stream(
+        return OneStream(
             number, bool(columns.begun[number]), bool(columns.ended[number]), int(columns.next[number]),
-            int(columns.first[number]), int(columns.acknowledged[number]), int(columns.told[number]),
-            int(columns.latest_ns[number]),
+            int(columns.first[number]), int(columns.acknowledged[number]), int(columns.had[number]),
+            int(columns.ahead[number]), int(columns.told[number]), int(columns.latest_ns[number]),
         )  # fmt: skip
 
-    def _put_back(self, data: U8, ends: tuple[_Stream, _Stream]) -> None:
+    def _put_back(self, data: U8, ends: tuple[OneStream, OneStream]) -> None:
         columns = self._columns
         connection = ends[0].number >> 1
         self._aside.hold_data(connection, data)
@@ -203,6 +147,7 @@ class SegmentsInTurn:
             columns.begun[number], columns.ended[number] = stream.begun, stream.ended
             columns.next[number], columns.first[number] = stream.next, stream.first
             columns.acknowledged[number], columns.told[number] = stream.acknowledged, stream.told
+            columns.had[number], columns.ahead[number] = stream.had, stream.ahead
             columns.latest_ns[number] = stream.latest_ns
             columns.waits[number] = bool(stream.kept) or connection in self._aside
             if stream.kept:
@@ -212,8 +157,8 @@ class SegmentsInTurn:
                         one.source = data[one.source : one.source + one.size].tobytes()
 
     def _take(
-        self, ends: tuple[_Stream, _Stream], side: int, sequence: int, acknowledgement: int, flags: int, payload: int,
-        payload_bytes: int, captured_bytes: int, frame: int, time_ns: int,
+        self, ends: tuple[OneStream, OneStream], side: int, sequence: int, acknowledgement: int, flags: int,
+        payload: int, payload_bytes: int, captured_bytes: int, frame: int, time_ns: int,
     ) -> None:  # fmt: skip
         own, other, connection = ends[side], ends[1 - side], ends[0].number >> 1
         told = acknowledgement if flags & ACK and acknowledgement else -1
@@ -235,8 +180,9 @@ class SegmentsInTurn:
             self._take_proven(ends, proven, frame)
         elif not (own.begun or other.begun) and (flags & RST or not (payload_bytes or flags & FIN)):
             return
-        if flags & ACK and (other.acknowledged < 0 or _ahead(acknowledgement, other.acknowledged) > 0):
+        if flags & ACK and (other.acknowledged < 0 or ahead_of(acknowledgement, other.acknowledged) > 0):
             other.acknowledged = acknowledgement
+        own.note_had(other, sequence, flags, payload_bytes, told)
         while other.kept and other.hole_is_acknowledged:
             self._give_up_hole(other, frame, Order.ACKNOWLEDGED)
         for stream, order in zip(ends, (Order.OLD_CLIENT, Order.OLD_SERVER), strict=True):
@@ -256,24 +202,23 @@ class SegmentsInTurn:
         self._aside.drop(connection)
         self._bring(own, other, segment, frame, Order.OWN)
 
-    def _begin_anew(self, ends: tuple[_Stream, _Stream], frame: int, time_ns: int) -> None:
+    def _begin_anew(self, ends: tuple[OneStream, OneStream], frame: int, time_ns: int) -> None:
         """Take that another connection begins in place of this one."""
         self._break_off(ends, frame, time_ns, (Order.OLD_CLIENT, Order.OLD_SERVER), BY_CLIENT | REPLACED)
         self._aside.drop(ends[0].number >> 1)
         for stream in ends:
             stream.forget()
 
-    def _take_proven(self, ends: tuple[_Stream, _Stream], proven: Aside, frame: int) -> None:
+    def _take_proven(self, ends: tuple[OneStream, OneStream], proven: Aside, frame: int) -> None:
         """Take what a frame has shown to be of the connection that has begun."""
         for segment in proven.segments:
             self._bring(ends[proven.side], ends[1 - proven.side], segment, frame, Order.PROVEN)
 
-    def _bring(self, own: _Stream, other: _Stream, segment: Segment, frame: int, order: Order) -> None:
+    def _bring(self, own: OneStream, other: OneStream, segment: Segment, frame: int, order: Order) -> None:
         """Take what a segment brings of its stream."""
         sequence, flags, payload, payload_bytes, captured_bytes, time_ns, told = segment
         if not own.begun:
-            own.begun, own.next, own.told = True, sequence, told
-            own.first = (sequence + (flags & SYN) // SYN) % WRAP
+            own.begin(sequence, (flags & SYN) // SYN, told)
             size = (IN_STEP if flags & SYN else 0) | (0 if other.begun else ANEW)
             self._tell(own, PieceKind.BEGIN, (0, size), frame, order, own.first)
         begin = own.at + own.distance(sequence)
@@ -308,10 +253,10 @@ class SegmentsInTurn:
             for part in parts:
                 self._pass_on(own, part, frame, order)
 
-    def _is_full(self, stream: _Stream) -> bool:
+    def _is_full(self, stream: OneStream) -> bool:
         return stream.kept_bytes > MOST_KEPT_BYTES or self._kept_bytes > MOST_KEPT_IN_ALL_BYTES
 
-    def _keep(self, stream: _Stream, part: Kept) -> None:
+    def _keep(self, stream: OneStream, part: Kept) -> None:
         """Keep of a part what is not kept already."""
         for one in list(missing_of(stream.kept, part)):
             stream.kept.insert(bisect_right(stream.kept, one.begin, key=BEGIN), one)
@@ -319,7 +264,7 @@ class SegmentsInTurn:
             stream.kept_bytes += one.size
             self._kept_bytes += one.size
 
-    def _pass_on_kept(self, stream: _Stream, frame: int, order: Order) -> None:
+    def _pass_on_kept(self, stream: OneStream, frame: int, order: Order) -> None:
         """Pass on what is kept up to the next hole."""
         passed = 0
         for part in stream.kept:
@@ -334,14 +279,14 @@ class SegmentsInTurn:
         if not stream.kept:
             stream.by_frame.clear()
 
-    def _give_up_hole(self, stream: _Stream, frame: int, order: Order) -> None:
+    def _give_up_hole(self, stream: OneStream, frame: int, order: Order) -> None:
         """Take the bytes in front of what is kept for missing."""
         first = stream.kept[0]
         hole = Kept(stream.at, first.begin - stream.at, PieceKind.HOLE, None, frame, stream.latest_ns)
         self._pass_on(stream, hole, frame, order)
         self._pass_on_kept(stream, frame, order)
 
-    def _pass_on(self, stream: _Stream, part: Kept, frame: int, order: Order) -> None:
+    def _pass_on(self, stream: OneStream, part: Kept, frame: int, order: Order) -> None:
         ended = stream.ended
         stream.at += part.size
         stream.next = (stream.next + part.size) % WRAP
@@ -364,13 +309,13 @@ class SegmentsInTurn:
         self._tell(stream, part.kind, (start, size), frame, order, stream.next)
 
     def _tell(
-        self, stream: _Stream, kind: PieceKind, data: tuple[int, int], frame: int, order: Order, behind: int
+        self, stream: OneStream, kind: PieceKind, data: tuple[int, int], frame: int, order: Order, behind: int
     ) -> None:  # fmt: skip
         at = frame << ORDER_BITS | int(order)
         self._made.append((stream.number, int(kind), *data, at, stream.latest_ns, behind, stream.told))
 
     def _break_off(
-        self, ends: tuple[_Stream, _Stream], frame: int, time_ns: int, orders: tuple[Order, Order], by_client: int,
+        self, ends: tuple[OneStream, OneStream], frame: int, time_ns: int, orders: tuple[Order, Order], by_client: int,
         reset_at: tuple[int, int] | None = None,
     ) -> None:  # fmt: skip
         """End both directions behind what is kept, and known to be missing; ``reset_at``: side and number of an RST."""
@@ -381,14 +326,10 @@ class SegmentsInTurn:
         for side, (stream, order, sent) in enumerate(zip(ends, orders, before, strict=True)):
             while stream.kept:
                 self._give_up_hole(stream, frame, sent)
-            known = stream.acknowledged, reset_at[1] if reset_at and reset_at[0] == side else -1
+            known = stream.had, reset_at[1] if reset_at and reset_at[0] == side else -1
             if stream.begun and not stream.ended and (size := missing_behind(stream.next, known)):
                 hole = Kept(stream.at, size, PieceKind.HOLE, None, frame, stream.latest_ns)
                 self._pass_on(stream, hole, frame, sent)
             stream.begun = stream.ended = True
             stream.latest_ns = max(stream.latest_ns, time_ns)
             self._tell(stream, PieceKind.END, (0, BROKEN_OFF | by_client), frame, order, stream.next)
-
-
-def _ahead(sequence: int, known: int) -> int:
-    return (sequence - known + HALF) % WRAP - HALF

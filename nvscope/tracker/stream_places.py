@@ -59,9 +59,7 @@ class StreamPlaces:
         Their servers acknowledge bytes behind all that is there, or something waits behind a hole.
         """
         column, count = self.columns.column, 2 * len(self.connections)
-        begun, ended, told, at, waits = (
-            column(name)[:count:2] for name in ("begun", "ended", "acknowledged", "next", "waits")
-        )
+        begun, ended, told, at, waits = (column(name)[:count:2] for name in ("begun", "ended", "had", "next", "waits"))
         ahead = np.where(told >= 0, (told - at) % WRAP, 0)
         lacks = begun & ~ended & (waits | ((ahead > 1) & (ahead <= NEAR)))
         return np.flatnonzero(lacks)

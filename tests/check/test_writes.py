@@ -252,6 +252,10 @@ def test_where_bytes_are_missing_somebody_may_have_written() -> None:
     assert (one.verdict, "bytes of its connections are missing" in one.subjects[0].reason) == (OPEN, True)
     (one,) = of_frames(line.frames, writes(only_by=NOBODY))
     assert one.verdict is FAIL
+    # Not where nothing but an acknowledgement tells so that the next reply contradicts.
+    line = talk(WRITE_X)
+    line.segment(False, ack=line.sent[True] + 200).ask(post(READ_X)).answer(reply(VALUE))
+    assert of_frames(line.frames, writes(only_by=CLIENT[0]))[0].verdict is PASS
 
 
 @pytest.mark.parametrize(

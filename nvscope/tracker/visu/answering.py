@@ -17,10 +17,14 @@ class Answering:
 
     ``is_late``: a server's stream began in the middle, and no response with a body has come yet: what comes may answer
     a request that was not captured. ``is_wary``: that is so, or one of both directions has lost step since; what comes
-    may answer HEAD, which nobody saw. ``known_at`` is up to where one had to read to know what is read now, or 0.
+    may answer HEAD, which nobody saw. ``may_answer_head``: that was ever so. Several requests may be missing, and of
+    one response with a body it is not known that it is the last one to these: a status line in the place of a body
+    tells it. ``known_at`` is up to where one had to read to know what is read now, or 0.
     """
 
-    __slots__ = ("_answers_head", "_answers_nobody", "is_late", "is_wary", "known_at", "requests", "side")
+    __slots__ = (
+        "_answers_head", "_answers_nobody", "is_late", "is_wary", "known_at", "may_answer_head", "requests", "side",
+    )  # fmt: skip
 
     def __init__(self, side: Side) -> None:
         self.side = side
@@ -28,7 +32,7 @@ class Answering:
         # Of the response that has begun, None before its head is there.
         self._answers_head: bool | None = None
         self._answers_nobody = False
-        self.known_at, self.is_late, self.is_wary = 0, False, False
+        self.known_at, self.is_late, self.is_wary, self.may_answer_head = 0, False, False, False
 
     def _is_to_head(self, at: int) -> bool:
         """Tell whether the response whose head ends at a place answers HEAD: what waited then says so, not later."""

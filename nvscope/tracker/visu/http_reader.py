@@ -60,13 +60,13 @@ class HttpReader(Answering):
         """Take the begin of a connection; its first bytes begin a message where it is ``in_step``."""
         self.rest, self._passes, self._passed = b"", 0, None
         self._seeks, self._is_first = not in_step, in_step
-        self._answers_head = self._chunks = self.open = None
-        self._answers_nobody = False
+        self._answers_head, self._answers_nobody, self._chunks, self.open = None, False, None, None
         self.begun_at, self.is_late = NOT_BEGUN, self.side is Side.SERVER and not in_step
-        self.is_wary = self.is_late
+        self.is_wary = self.may_answer_head = self.is_late
 
     def read(self, data: bytes, begin: int, end: int, found: Forms, known_at: int = 0) -> None:
         """Read ``data`` from ``begin``, where its rest is, to ``end``; where nothing is new, nothing is found."""
+        self.known_at = known_at
         if self._passes:
             if self._passes >= _ENDLESS:
                 return
@@ -77,11 +77,10 @@ class HttpReader(Answering):
             self._tell_passed(begin, found)
         if end - begin == len(self.rest) and self.side is Side.SERVER:
             return
-        self.begun_at = NOT_BEGUN
+        self.begun_at, self._found_before = NOT_BEGUN, len(found.at)
         known, body_bytes, find = found.known[self.side].get, found.body_bytes, data.find
         tell_at, tell_form = found.at.append, found.form.append
         plain = self.requests is None and not self._answers_nobody
-        self.known_at, self._found_before = known_at, len(found.at)
         # Pages poll with the same request again and again; replies seldom are the same.
         differing = 0 if self.side is Side.CLIENT else DIFFERING
         # Most heads are as long as the one before.
@@ -98,7 +97,7 @@ class HttpReader(Answering):
             if number is None and plain:
                 head_end = find(END_OF_HEAD, begin, end) + len(END_OF_HEAD)
                 number, head_bytes = known(data[begin:head_end]), max(head_end - begin, 0)
-            if number is None or self.is_wary:
+            if number is None or (self.may_answer_head and (self.is_wary or data[head_end : head_end + 1] != b"|")):
                 begin = http.behind_blank_lines(data, begin, end)
                 first = len(found.at)
                 behind = self._read_one(data, begin, end, found)
@@ -124,14 +123,14 @@ class HttpReader(Answering):
                 behind += count * (behind - begin)
             begin = behind
             if differing >= DIFFERING and begin >= known_at:
-                begin = take_known(data, begin, end, head_bytes, self.side, found)
+                begin = take_known(data, begin, end, head_bytes, self, found)
         self.rest = data[begin:end] if not self._passes else b""
         self._is_first = self._is_first and len(found.at) == self._found_before and not self._passes
 
     def forget_request(self) -> None:
         """Take that nobody knows any more which request the message answers that is being received, if one is."""
         self._answers_nobody = not self._seeks and bool(self.rest or self._passes)
-        self.is_wary = True
+        self.is_wary = self.may_answer_head = True
 
     def _read_one(self, data: bytes, start: int, end: int, found: Forms) -> int:
         """Read a message; return where it ends, -1 where it is not there whole."""
@@ -159,7 +158,7 @@ class HttpReader(Answering):
                 # The server may answer it before another request shows that it has no body.
                 if self.pauses:
                     return -1
-        if head.has_body and (head.expects or self.is_wary):
+        if head.has_body and (head.expects or self.may_answer_head):
             line = behind_body(data, head_end, end, self.side)
             if line > 0:
                 return self._skip_body(data[start:head_end], head_end, line, head, found)
@@ -342,8 +341,9 @@ class HttpReader(Answering):
         found.tell(at, lost)
 
     def _out_of_step(self, at: int) -> None:
-        self._seeks, self._answers_head, self._answers_nobody, self.open = True, None, False, None
-        self.begun_at, self.is_wary = NOT_BEGUN, self.side is Side.SERVER
+        self._seeks, self._answers_head, self._answers_nobody = True, None, False
+        self.open, self.begun_at = None, NOT_BEGUN
+        self.is_wary = self.may_answer_head = self.side is Side.SERVER
         if self.requests is not None:
             self.requests.forget(at)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dissectors.http import Side
+from nvscope.tracker.visu.answering import Answering
 from nvscope.tracker.visu.http_forms import Forms
 
 DIFFERING = 4
@@ -22,17 +22,20 @@ def take_same(data: bytes, begin: int, behind: int, end: int, found: Forms) -> i
     return count
 
 
-def take_known(data: bytes, begin: int, end: int, head_bytes: int, side: Side, found: Forms) -> int:
+def take_known(data: bytes, begin: int, end: int, head_bytes: int, by: Answering, found: Forms) -> int:
     """Take messages from ``begin`` on that have known heads of so many bytes, as far as they are whole up to ``end``.
 
-    Return where the first other one begins.
+    ``by`` is who reads them. Return where the first other one begins, or one of which a look has to tell whether it has
+    a body (``Answering.may_answer_head``): bodies of pages begin with a bar.
     """
-    known, body_bytes = found.known[side].get, found.body_bytes
+    known, body_bytes, looks = found.known[by.side].get, found.body_bytes, by.may_answer_head
     tell_at, tell_form = found.at.append, found.form.append
     while True:
         head_end = begin + head_bytes
         number = known(data[begin:head_end])
         if number is None or (behind := head_end + body_bytes[number]) > end:
+            return begin
+        if looks and data[head_end : head_end + 1] != b"|":
             return begin
         tell_at(head_end)
         tell_form(number)

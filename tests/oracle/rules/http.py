@@ -36,8 +36,9 @@ Readings, where the rules leave a choice:
   and so is an open one that is answered before anything of its body. Where a direction began before the capture, its
   final responses are late up to the first one that has a body: those may be ones to HEAD, of which the same tells.
   While what is there may become a start line, it is none of a body of known length, or of such a response. The same
-  tells it of the responses behind a place where one of both directions lost step, up to the first one with a body; and
-  bytes that are missing there, behind a head, are not known to be of a body
+  tells it of all responses behind that, and behind a place where one of both directions lost step: how many requests
+  are missing there nobody knows. Up to the first one with a body, bytes that are missing there, behind a head, are not
+  known to be of a body
 """
 
 from __future__ import annotations
@@ -89,7 +90,7 @@ class Reader:
         self.response = response
         self.in_step = in_step
         self.first_is_head = first_is_head
-        self.is_late = self.is_wary = response and not in_step
+        self.is_late = self.is_wary = self.may_answer_head = response and not in_step
         self.happened: Counter[str] = Counter() if happened is None else happened
         self.buffer = b""
         self.missing_at: int | None = None
@@ -99,6 +100,10 @@ class Reader:
         self.latest: int | None = None
         self.sequence = 0
         self.told: int | None = None
+
+    def be_wary(self) -> None:
+        """Take that one of both directions has lost step: responses may answer HEAD, which nobody saw."""
+        self.is_wary = self.may_answer_head = self.response
 
     @property
     def receiving(self) -> bool:
@@ -174,7 +179,8 @@ class Reader:
         else:
             self.happened["hole between messages" if self.in_step else "hole while searching"] += 1
         self.next_message(b"")
-        in_step, self.in_step, self.is_wary = self.in_step, False, self.response
+        in_step, self.in_step = self.in_step, False
+        self.be_wary()
         yield Lost(dropped, in_step, missing=True, told=told, size=size, behind=behind)
 
     def end(self, reset: bool, time: int) -> Iterator[Message | Lost]:
@@ -244,7 +250,8 @@ class Reader:
                 if wrong.behind_chunks is not None:
                     lost = self.malformed(wrong.behind_chunks)
                 self.next_message(self.buffer[1:])
-                self.in_step, self.is_wary = False, self.response
+                self.in_step = False
+                self.be_wary()
                 lost.told = self.told
                 yield lost
                 continue
@@ -260,7 +267,7 @@ class Reader:
                 return None
             self.framing = framing(self.head, self.response, self.response and self.first_is_head())
         begin = self.head.end
-        if (self.is_wary if self.response else self.expects) and self.framing not in (NO_BODY, 0):
+        if (self.may_answer_head if self.response else self.expects) and self.framing not in (NO_BODY, 0):
             other = self.other_begins(begin)
             if other:
                 return self.without_body()

@@ -10,9 +10,10 @@ Readings, where the rules leave a choice:
 - a SYN of a direction that began without one is seen again where it fits what came first (data overtook it)
 - bytes that came first count wherever they are kept: also where a segment that is next in order covers them later.
   Bytes that the snap length cut came, as missing ones: a whole copy that comes later is late
-- of a segment that is elsewhere data and FIN are ignored, its acknowledgement counts: one farther away than 2^30; one
-  more than 1 MiB in front of the first byte of its direction, as long as that is no longer than 2^30; and, behind the
-  end of a direction, one more than 1 MiB behind it
+- of a segment that is elsewhere data and FIN are ignored: one farther away than 2^30; one more than 1 MiB in front of
+  the first byte of its direction, as long as that is no longer than 2^30; and, behind the end of a direction, one more
+  than 1 MiB behind it
+- what is missing by an acknowledgement: ``streams_told``
 - such segments may be those of another connection, whose SYN was not captured (``streams_aside``)
 - a FIN that waits behind a hole is something kept, its place the first kept byte; it takes this place, and has none
   where a byte has come before it
@@ -39,6 +40,7 @@ from typing import NamedTuple
 
 from tests.oracle.frame import Address, Frame
 from tests.oracle.rules.streams_aside import Aside, put, told
+from tests.oracle.rules.streams_told import Had, distance, hear
 from tests.oracle.tcp import ACK, FIN, RST, SYN, Segment, peel_tcp
 
 SECOND = 1_000_000_000
@@ -47,11 +49,6 @@ NEAR = 2**20
 
 End = tuple[Address, int]
 """Address and port."""
-
-
-def distance(a: int, b: int) -> int:
-    """Return how far sequence number ``a`` is behind ``b``, from −2^31 to 2^31 − 1."""
-    return (a - b + 2**31) % 2**32 - 2**31
 
 
 class Carried(NamedTuple):
@@ -77,6 +74,8 @@ class Direction:
     fins: dict[int, Carried] = field(default_factory=dict)
     acknowledged: int | None = None
     """The highest acknowledgement that the other direction sent."""
+    had: Had = field(default_factory=Had)
+    """What of that is to be believed."""
     ended: bool = False
     finished: bool = False
     """Whether it ended by its FIN."""
@@ -227,9 +226,11 @@ class Streams:
             connection = self.connections[pair] = self.connect(segment, source, destination)
         from_client = source == connection.client
         own, other = connection.directions[from_client], connection.directions[not from_client]
+        known = other.acknowledged
+        if segment.flags & ACK and (known is None or distance(segment.ack, known) > 0):
+            other.acknowledged = segment.ack
+        hear(own, other, segment)
         if segment.flags & ACK:
-            if other.acknowledged is None or distance(segment.ack, other.acknowledged) > 0:
-                other.acknowledged = segment.ack
             yield from self.acknowledged(connection, not from_client)
         for speaker in (True, False):
             yield from self.waited(connection, speaker, frame.ts_ns)
@@ -268,6 +269,7 @@ class Streams:
         seq = (segment.seq + syn) % 2**32
         if own.begin is None:
             own.begin, own.began_with_syn = seq, syn
+            own.had.begin(segment.seq)
             own.told = own.first_told = told(segment)
             self.happened["began with SYN" if syn else "began before the capture"] += 1
         begin = own.place(seq)
@@ -344,9 +346,9 @@ class Streams:
 
         def final(first: int) -> bool:
             assert own.begin is not None
-            if own.acknowledged is None:
+            if own.had.up_to is None:
                 return False
-            return distance(own.acknowledged, own.begin + own.next) >= first - own.next
+            return distance(own.had.up_to, own.begin + own.next) >= first - own.next
 
         yield from self.holes(connection, from_client, final, "acknowledgement")
 
@@ -372,7 +374,7 @@ class Streams:
             own = connection.directions[from_client]
             if own.begin is None or own.ended:
                 continue
-            known = [own.acknowledged] + [seq] * (from_client == by_client)
+            known = [own.had.up_to] + [seq] * (from_client == by_client)
             ahead = [distance(one, own.begin + own.next) for one in known if one is not None]
             if missing := max((one for one in ahead if 1 < one <= NEAR), default=0):
                 self.happened["missing behind all that is there"] += 1

@@ -94,7 +94,8 @@ class Talk:
         if from_client not in self.readers:
             in_step = self.connection.directions[from_client].began_with_syn
             reader = Reader(not from_client, in_step, self.first_is_head, self.happened)
-            reader.is_wary |= self.wary and not from_client
+            if self.wary:
+                reader.be_wary()
             self.readers[from_client] = reader
         return self.readers[from_client]
 
@@ -103,7 +104,7 @@ class Talk:
         if self.connection.directions[False].begin is not None:
             self.wary = True
         if False in self.readers:
-            self.readers[False].is_wary = True
+            self.readers[False].be_wary()
 
     def first_is_head(self) -> bool:
         if self.forgotten:

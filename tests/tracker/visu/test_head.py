@@ -12,6 +12,7 @@ from tests.tracker.visu.test_early import BODY, DONE, HEAD, OTHER
 
 WRITE, NEXT = HEAD + BODY, HEAD + OTHER
 REPLY = b"HTTP/1.1 200 OK\r\nContent-Length: 19\r\n\r\n"
+LONG = REPLY.replace(b"19", b"190")
 REFUSED = b"HTTP/1.1 500 x\r\nContent-Length: 2\r\n\r\nno"
 LENGTHS = [b"", b"Content-Length: x\r\n", b"Content-Length: 3\r\nContent-Length: 4\r\n", b"Content-Length: 3, 4\r\n"]
 LENGTHS += [b"Content-Length: -1\r\n", b"Transfer-Encoding: chunked\r\n"]
@@ -63,3 +64,29 @@ def test_what_is_asked_before_is_not_head_for_it() -> None:
     """A request that is no HEAD has begun behind one that was."""
     line = Line().open().ask(b"HEAD / HTTP/1.1\r\n\r\n").answer(REPLY).ask(WRITE).answer(DONE).ask(WRITE[:-4])
     assert outcomes(line.answer(REFUSED).ask(WRITE[-4:]).ask(NEXT).answer(DONE))[1:] == ["refused", "confirmed"]
+
+
+@pytest.mark.parametrize("together", [True, False])
+def test_behind_missing_requests_any_reply_may_be_to_one(together: bool) -> None:
+    """The HEAD is missing with the write in front of it, whose reply has a body."""
+    asks = b"HEAD / HTTP/1.1\r\n\r\n"
+    for known in (Line().open(), Line().open().ask(asks).answer(LONG), Line()):
+        line = known.ask(WRITE).answer(DONE).lose(True, len(NEXT))
+        line = line.ask(asks) if together else line.lose(True, len(asks)).segment(False)
+        line = line.answer(DONE + LONG) if together else line.answer(DONE).answer(LONG)
+        assert outcomes(line.ask(NEXT).answer(REFUSED).ask(WRITE).answer(DONE)) == ["confirmed", "refused", "confirmed"]
+
+
+def test_requests_before_the_capture_may_be_several() -> None:
+    line = Line().answer(DONE).answer(LONG).ask(NEXT).answer(REFUSED).ask(WRITE).answer(DONE)
+    assert outcomes(line) == ["refused", "confirmed"]
+
+
+def test_where_the_client_lost_step_tells_nothing_of_the_next_batch() -> None:
+    """It does so behind more of a reply than its rest, which comes behind missing bytes of it."""
+    line = Line().open().ask(b"HEAD / HTTP/1.1\r\n\r\n").answer(LONG).ask(WRITE)
+    long = b"HTTP/1.1 200 OK\r\nContent-Length: 81\r\n\r\n|" + b"0|" * 40
+    line.answer(long[:-20]).lose(True, len(NEXT)).ask(WRITE)
+    line.answer(long[-20:-9]).lose(False, 4).answer(long[-5:]).segment(True)
+    line.answer(DONE).answer(DONE)
+    assert outcomes(line.ask(NEXT).answer(REFUSED))[1:] == ["open", "refused"]
