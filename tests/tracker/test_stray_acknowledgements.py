@@ -41,7 +41,7 @@ def followed(frames: Sequence[Frame], packets: int) -> Streams:
 def lacking(frames: Sequence[Frame], packets: int) -> set[tuple[str, int]]:
     """Return the clients of which bytes are missing in front of the end."""
     streams = followed(frames, packets)
-    ends = streams.connections.ends_of(streams.lacking_clients())
+    ends = streams.connections.ends_of(streams.places.lacking_clients())
     hosts = map(address.text, *(half.tolist() for half in ends.client))
     return set(zip(hosts, ends.client_port.tolist(), strict=True))
 
@@ -107,7 +107,7 @@ def test_it_is_so_at_once_as_in_turn(seed: int, packets: int, often: float) -> N
 def test_all_is_believed_of_ends_that_acknowledge_what_they_have(seed: int, packets: int) -> None:
     """Whatever a capture lacks, has twice or in another order."""
     frames, _ = captured(seed)
-    streams = followed(frames, packets)._streams
+    streams = followed(frames, packets).places.columns
     assert np.array_equal(streams.column("had"), streams.column("acknowledged"))
 
 
