@@ -76,7 +76,8 @@ def measure(command: list[str], core: int | None, output: Path | None = None) ->
 class MemorySampler(threading.Thread):
     """Watches the anonymous memory of a process and of its children, which leaves out the pages of mapped files.
 
-    What several share counts once. ``samples`` take what they held when, in seconds and bytes.
+    What several share counts for each: who shares it would have to be looked for page by page, which takes them time.
+    ``samples`` take what they held when, in seconds and bytes.
     """
 
     def __init__(self, pid: int, samples: list[tuple[float, int]] | None = None) -> None:
@@ -103,9 +104,9 @@ def _held_bytes(pid: int) -> int:
     """Return what a process and its children hold, 0 of one that has gone."""
     held_bytes = 0
     try:
-        with open(f"/proc/{pid}/smaps_rollup") as rollup:
-            for line in rollup:
-                if line.startswith(("Pss_Anon:", "Pss_Shmem:")):
+        with open(f"/proc/{pid}/status") as status:
+            for line in status:
+                if line.startswith(("RssAnon:", "RssShmem:")):
                     held_bytes += int(line.split()[1]) * 1024
         with open(f"/proc/{pid}/task/{pid}/children") as children:
             held_bytes += sum(_held_bytes(int(child)) for child in children.read().split())
