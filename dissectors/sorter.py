@@ -100,7 +100,7 @@ class Sorter:
     ) -> None:
         self._ports = ports
         self._pdos = pdos or PdoRules()
-        self.claims = claims
+        self._claims = claims
         self._renew()
 
     @property
@@ -150,7 +150,7 @@ class Sorter:
             variety, counter = np.zeros(len(packets), np.int64), np.zeros(len(packets), np.uint16)
             if packets.single_link == LinkType.CAN_SOCKETCAN:
                 rest = np.empty(0, np.int64)
-        dissection = dissect(packets, self._ports, rest, self.claims)
+        dissection = dissect(packets, self._ports, rest, self._claims)
         telegrams = dissection.telegrams
         if len(telegrams):
             row = telegrams.datagram.row
@@ -202,9 +202,9 @@ class Sorter:
 
         Those are told by their headers alone.
         """
-        claimed = are_claimed(head, self.claims) if self.claims else np.zeros(len(rest), np.bool_)
+        claimed = are_claimed(head, self._claims) if self._claims else np.zeros(len(rest), np.bool_)
         segments = NO_SEGMENTS
-        if self.claims.tcp:
+        if self._claims.tcp:
             segments, own = take_segments(packets, rest, head, claimed)
             if own.any():
                 others = ~own
@@ -214,9 +214,9 @@ class Sorter:
     def _claimed(self, dissection: Dissection, variety: I64) -> DatagramBatch:
         """Return the datagrams of claimed ports that are no telegrams."""
         datagrams = dissection.peeled.udp
-        if not self.claims.udp:
+        if not self._claims.udp:
             return NO_DATAGRAMS
-        wanted = self.claims.claim_udp(datagrams.source_port, datagrams.destination_port)
+        wanted = self._claims.claim_udp(datagrams.source_port, datagrams.destination_port)
         return datagrams.take(wanted & (variety[datagrams.row] == NO_TELEGRAM))
 
     def _recognise(self, packets: PacketBatch) -> tuple[I64, U16]:
@@ -273,7 +273,7 @@ class Sorter:
         head = heads_of(packets, first)
         plain = is_plain(head)
         # What somebody asks for, and is no telegram, has to be taken apart each time.
-        learned = np.where(plain & ~are_claimed(head, self.claims), NO_TELEGRAM, _PECULIAR)
+        learned = np.where(plain & ~are_claimed(head, self._claims), NO_TELEGRAM, _PECULIAR)
         telegrams = dissect(packets, None, first).telegrams
         place = np.searchsorted(first, telegrams.datagram.row)
         own = np.flatnonzero(plain[place])

@@ -154,15 +154,10 @@ def _make(reader: WindowReader, batches: Iterator[PacketBatch], slots: Slots, wo
             signal.signal(name, signal.SIG_DFL)
         slots.send_here()
         known, channels = Progress(comments=list(reader.progress.comments)), list(reader.channels)
-        is_wanted = True
-        for batch in _not_empty(batches):
-            for done in work.work(batch):
-                state = _state(reader, known, channels)
-                known, channels = Progress(comments=list(reader.progress.comments)), list(reader.channels)
-                is_wanted = slots.send((done.value, state), done.data)
-                if not is_wanted:
-                    break
-            if not is_wanted:
+        for done in _done(batches, work):
+            state = _state(reader, known, channels)
+            known, channels = Progress(comments=list(reader.progress.comments)), list(reader.channels)
+            if not slots.send((done.value, state), done.data):
                 break
         else:
             slots.send((None, _state(reader, known, channels, ends=True)))
@@ -173,16 +168,18 @@ def _make(reader: WindowReader, batches: Iterator[PacketBatch], slots: Slots, wo
 
 def _made_here(batches: Iterator[PacketBatch], work: AheadWork, parts: int) -> Iterator[PacketBatch]:
     """Yield what is done with batches, without so many parts of it, which are done all the same."""
-    for batch in _not_empty(batches):
-        for done in work.work(batch):
-            if parts:  # that was taken before, as the copy did it
-                parts -= 1
-            else:
-                yield work.take(done.value, memoryview(b"".join(done.data)))
+    for done in _done(batches, work):
+        if parts:  # that was taken before, as the copy did it
+            parts -= 1
+        else:
+            yield work.take(done.value, memoryview(b"".join(done.data)))
 
 
-def _not_empty(batches: Iterator[PacketBatch]) -> Iterator[PacketBatch]:
-    return (batch for batch in batches if len(batch))
+def _done(batches: Iterator[PacketBatch], work: AheadWork) -> Iterator[Done]:
+    """Yield what is done with batches in which there is something."""
+    for batch in batches:
+        if len(batch):
+            yield from work.work(batch)
 
 
 def _state(reader: WindowReader, known: Progress, channels: list[str], *, ends: bool = False) -> _State:

@@ -12,6 +12,7 @@ import os
 import pickle
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from itertools import count
 from typing import IO, Any, NamedTuple
 
 from msgspec import Struct
@@ -111,12 +112,12 @@ class Slots:
 
     def received(self) -> Iterator[HandedOver]:
         """Yield what is handed over, until the other end is closed, or breaks off."""
-        for turn in _in_turn():
+        for turn in count():
             try:
                 message: _Message = pickle.load(self._messages)  # from a copy of this process, through its own pipe
             except (EOFError, OSError, pickle.UnpicklingError):
                 return
-            view = memoryview(self._memory[turn])
+            view = memoryview(self._memory[turn % _SLOTS])
             # Of columns, there are copies: whoever looks at them may keep them.
             columns = [bytearray(view[begin:end]) for begin, end in message.columns]
             place = message.pickled
@@ -173,8 +174,3 @@ class _Room:
             memory[self._at : end] = chunk
             self._at = end
         return self._at, None
-
-
-def _in_turn() -> Iterator[int]:
-    while True:
-        yield from range(_SLOTS)

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from nvscope.capture import read_ahead
 from nvscope.capture.capture_file import CaptureFile
 from nvscope.capture.reader import ReadingSizes
-from nvscope.capture.slots import Slots
 from tests.capture import build, test_pcapng
+from tests.capture.dying import let_it_die
 from tests.capture.reference import Packet, read_pcap, read_pcapng
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="this system cannot copy a process")
@@ -153,16 +153,7 @@ def test_what_is_left_is_read_here_when_the_copy_dies(
     tmp_path: Path, copies: Copies, monkeypatch: pytest.MonkeyPatch, name: str, after: int
 ) -> None:
     (path := tmp_path / "a").write_bytes(_FILES[name]())
-    sent: list[Any] = []
-    send = Slots.send
-
-    def dying(slots: Slots, value: Any, data: Any = ()) -> bool:
-        if len(sent) == after:
-            os.kill(os.getpid(), 9)
-        sent.append(None)
-        return send(slots, value, data)
-
-    monkeypatch.setattr(Slots, "send", dying)
+    let_it_die(monkeypatch, after)
     ahead = _read(path, _sizes(0, 25))
     assert len(copies.made) == 1
     assert ahead == _read(path, _sizes(_HERE, 25))

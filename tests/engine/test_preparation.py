@@ -17,11 +17,11 @@ from nvscope.analysis.inquiry import Inquiry
 from nvscope.capture import read_ahead
 from nvscope.capture.capture_file import CaptureFile
 from nvscope.capture.reader import ReadingSizes
-from nvscope.capture.slots import Slots
 from nvscope.engine import preparation
 from nvscope.engine.recogniser import Recogniser
 from nvscope.tracker.visu import follower
 from tests.capture import build
+from tests.capture.dying import let_it_die
 from tests.capture.reference import Packet
 from tests.laws import some
 from tests.oracle.frame import Frame
@@ -102,20 +102,6 @@ def test_a_real_capture_is_told_the_same(handed: list[Any], name: str) -> None:
     here = reported(CAPTURES / name, _HERE)
     assert reported(CAPTURES / name, _AHEAD) == here
     assert handed
-
-
-def let_it_die(monkeypatch: pytest.MonkeyPatch, after: int) -> None:
-    """Let a process that is ahead die when it has handed over so many parts."""
-    sent: list[None] = []
-    send = Slots.send
-
-    def dying(slots: Slots, value: Any, data: Any = ()) -> bool:
-        if len(sent) == after:
-            os.kill(os.getpid(), 9)
-        sent.append(None)
-        return send(slots, value, data)
-
-    monkeypatch.setattr(Slots, "send", dying)
 
 
 @pytest.mark.parametrize("after", [0, 1, 5, 20])
