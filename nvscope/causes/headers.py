@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from nvscope.causes.case import Case, Draft, Explained, slack_ns
-from nvscope.causes.kind import MOST_APART, CauseKind
+from nvscope.causes.kind import CauseKind, many_as_one
 from nvscope.causes.words import lists_in_words
 from nvscope.findings.facts import AnyList, Facts
 from nvscope.findings.finding import Finding
@@ -47,7 +47,7 @@ def judge_foreign_headers(case: Case) -> Iterator[Explained]:
         one = _Foreign(case.lists[number], node, malformed, telegrams, header)
         alike[node, header and header.words].append(one)
     for every in alike.values():
-        for together in [every] if len(every) > MOST_APART else [[one] for one in every]:
+        for together in many_as_one(every):
             yield from _draft(case, together)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from dissectors.batch import I64
 from nvscope.causes.case import Case, Draft, Explained, slack_ns
-from nvscope.causes.kind import MOST_APART, CauseKind
+from nvscope.causes.kind import CauseKind, many_as_one
 from nvscope.causes.words import capitalised, lists_in_words
 from nvscope.engine.runs import distinct
 from nvscope.enumeration import joined
@@ -49,7 +49,7 @@ def judge_impossible(case: Case) -> Iterator[Explained]:
         # What a reader does not know of its lists is another thing for each.
         alike[one.entry.number if answers else (tuple(one.entry.senders), one.to)].append(one)
     for together in alike.values():
-        for lists in [together] if len(together) > MOST_APART else [[one] for one in together]:
+        for lists in many_as_one(together):
             yield _draft(case, lists), case.only(np.concatenate([one.own for one in lists]))
 
 

@@ -6,12 +6,22 @@ one capture is said where the cause is made; in a row is what is true of all cau
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TypeVar
+
 from msgspec import Struct
 
 from nvscope.findings.kind import Severity
 
+Found = TypeVar("Found")
+
 MOST_APART = 8
 """So many things of one kind that are explained by one host have a cause each; of more, one tells of all."""
+
+
+def many_as_one(found: Sequence[Found]) -> Sequence[Sequence[Found]]:
+    """Return what causes are to tell of, each alone; more than ``MOST_APART`` together."""
+    return [found] if len(found) > MOST_APART else [[one] for one in found]
 
 
 class CauseKind(Struct, frozen=True):

@@ -10,7 +10,7 @@ import numpy as np
 
 from dissectors.batch import I64, Bool
 from dissectors.headers import ACK, FIN, RST, SYN
-from nvscope.engine.runs import runs_of
+from nvscope.engine.runs import runs_of, spans
 from nvscope.tracker.pieces import ANEW, IN_STEP, NEVER, ORDER_BITS, Order, PieceKind, Pieces
 from nvscope.tracker.segments import FAR, HALF, WRAP, Segments, StreamColumns
 from nvscope.tracker.segments_aside import NEAR
@@ -363,8 +363,7 @@ class SegmentsAtOnce:
 
     def _note_had(self, told: Bool, start: I64, stop: I64) -> None:
         """Note up to where the receivers of streams have them, by some stretches of rows, as far as these tell it."""
-        place = np.repeat(start - np.cumsum(stop - start) + (stop - start), stop - start)
-        place += np.arange(len(place))
+        place = spans(start, stop - start)
         place = place[told[place] & (self._rows.acknowledgement[place] > 0)]
         self._note_acknowledged(self._streams.had, self._rows.stream[place] ^ 1, self._rows.acknowledgement[place])
 
