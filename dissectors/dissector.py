@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Protocol, Self
 
 import numpy as np
@@ -10,6 +10,7 @@ from msgspec import Struct
 
 from dissectors.batch import I64, Bool, PacketBatch
 from dissectors.claims import Claims
+from dissectors.stretches import Uncopied
 from dissectors.transport import DatagramBatch, SegmentBatch
 
 
@@ -31,8 +32,8 @@ class Part(Protocol):
 class Prepared(Protocol):
     """What a follower has prepared of a batch, as a value that may be handed over to another process."""
 
-    def apart(self, packets: PacketBatch) -> tuple[Self, int, Iterator[bytes]]:
-        """Return it without the bytes that it needs of packets and streams, how many these are, and them in turn."""
+    def apart(self, packets: PacketBatch) -> tuple[Self, Uncopied]:
+        """Return it without the bytes that it needs of packets and streams, and these."""
         ...
 
     def with_bytes(self, data: memoryview) -> Self:

@@ -172,7 +172,7 @@ def _made_here(batches: Iterator[PacketBatch], work: AheadWork, parts: int) -> I
         if parts:  # that was taken before, as the copy did it
             parts -= 1
         else:
-            yield work.take(done.value, memoryview(b"".join(done.data)))
+            yield work.take(done.value, done.data.copied())
 
 
 def _done(batches: Iterator[PacketBatch], work: AheadWork) -> Iterator[Done]:

@@ -15,7 +15,10 @@ from contextlib import suppress
 from itertools import count
 from typing import IO, Any, NamedTuple
 
+import numpy as np
 from msgspec import Struct
+
+from dissectors.stretches import NOTHING, Uncopied
 
 _SLOTS = 3
 _ALIGNMENT = 64
@@ -84,14 +87,14 @@ class Slots:
             with suppress(OSError):
                 end.close()
 
-    def send(self, value: Any, data: Iterable[bytes] = ()) -> bool:
+    def send(self, value: Any, data: Uncopied = NOTHING) -> bool:
         """Hand over a value, and data beside it; return False where nobody receives any more."""
         if self._turn >= _SLOTS and not self._freed.read(len(_FREE)):
             return False
         memory = self._memory[self._turn % _SLOTS]
         self._turn += 1
         room = _Room(memory, self._size_bytes)
-        data_bytes, rest = room.put_all(data)
+        rest = room.copy(data)
         columns: list[tuple[int, int]] = []
 
         def has_no_room(column: pickle.PickleBuffer) -> bool:
@@ -104,7 +107,7 @@ class Slots:
         _Pickler(file, self._stand_ins, has_no_room).dump(value)
         pickled = file.getbuffer()
         try:
-            pickle.dump(_Message(columns, data_bytes, room.put(pickled) or bytes(pickled), rest), self._messages)
+            pickle.dump(_Message(columns, data.size_bytes, room.put(pickled) or bytes(pickled), rest), self._messages)
             self._messages.flush()
         except BrokenPipeError:
             return False
@@ -164,13 +167,12 @@ class _Room:
         self._at = end
         return begin, end
 
-    def put_all(self, data: Iterable[bytes]) -> tuple[int, bytes | None]:
-        """Put data there, one behind the other; return how much, or all of it where there is no room."""
-        memory, chunks = self._memory, iter(data)
-        for chunk in chunks:
-            end = self._at + len(chunk)
-            if end > self._size_bytes:
-                return 0, b"".join([memory[: self._at], chunk, *chunks])
-            memory[self._at : end] = chunk
-            self._at = end
-        return self._at, None
+    def copy(self, data: Uncopied) -> bytes | None:
+        """Copy data there; return all of it where there is no room, else None."""
+        end = self._at + data.size_bytes
+        if end > self._size_bytes:
+            return data.copied().tobytes()
+        if data.size_bytes:
+            data.copy(np.frombuffer(self._memory, np.uint8, data.size_bytes, self._at))
+        self._at = end
+        return None

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
 from msgspec import Struct
 
 from dissectors.batch import PacketBatch
+from dissectors.stretches import NOTHING, Uncopied
 
 
 class DropsPart(Enum):
@@ -169,10 +170,10 @@ class Source(Protocol):
 
 
 class Done(NamedTuple):
-    """What was done with packets, as it is handed over: ``value`` can be pickled; ``data`` are bytes, as they are."""
+    """What was done with packets, as it is handed over: ``value`` can be pickled; ``data`` are bytes beside it."""
 
     value: Any
-    data: Iterable[bytes] = ()
+    data: Uncopied = NOTHING
 
 
 class AheadWork(Protocol):

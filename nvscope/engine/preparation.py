@@ -7,7 +7,6 @@ else changes: it can be done by a process that reads ahead (``nvscope.capture.re
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import chain
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -18,6 +17,7 @@ from dissectors.batch import I64, PacketBatch
 from dissectors.carried import Carried
 from dissectors.dissector import Dissector, Follower, Prepared
 from dissectors.sorter import SortedPackets, Sorter
+from dissectors.stretches import Uncopied, together
 from dissectors.varieties import CommonTelegrams, Varieties
 from nvscope.capture.source import Done
 
@@ -128,13 +128,13 @@ class Preparation:
     def work(self, packets: PacketBatch) -> Iterator[Done]:
         """Yield what is prepared of packets as it is handed over, with the packets that are followed."""
         for one in self.prepare(packets):
-            followed, sizes, chunks = dict(one.followed), dict[str, int](), list[Iterator[bytes]]()
+            followed, uncopied = dict(one.followed), dict[str, Uncopied]()
             for name, prepared in one.followed.items():
                 if prepared is not None:
-                    followed[name], sizes[name], data = prepared.apart(one.sorted.packets)
-                    chunks.append(data)
+                    followed[name], uncopied[name] = prepared.apart(one.sorted.packets)
             own = replace(one, sorted=replace(one.sorted, varieties=_NOT_HERE), followed=followed)
-            yield Done(_Handed(own, self._news(one.sorted.varieties), sizes), chain.from_iterable(chunks))
+            sizes = {name: data.size_bytes for name, data in uncopied.items()}
+            yield Done(_Handed(own, self._news(one.sorted.varieties), sizes), together(list(uncopied.values())))
 
     def take(self, done: object, data: memoryview) -> PacketBatch:
         """Return the packets of which something was done, with all of it; ``data`` is valid as long as they are."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from enum import IntEnum
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -12,9 +12,7 @@ from msgspec import Struct, field
 
 from dissectors.batch import I64, U8
 from dissectors.columns import Columns
-
-_AT_A_TIME = 512
-"""So many pieces are joined at a time."""
+from dissectors.stretches import Uncopied, copy_stretches
 
 
 class PieceKind(IntEnum):
@@ -125,37 +123,30 @@ class Brought(Struct, frozen=True):
 
     def joined(self, buffer: U8, rests: Sequence[tuple[int, bytes]]) -> bytes:
         """Return the data of all pieces, with some other data in front of that of a few places (rising)."""
-        if self.together is not None:
-            ends, begin = np.cumsum(self.sizes()), 0
-            parts: list[bytes | memoryview] = []
-            for place, rest in rests:
-                end = int(ends[place - 1]) if place else 0
-                parts += self.together[begin:end], rest
-                begin = end
-            return b"".join([*parts, self.together[begin:]])
-        joined = []
-        for number, some in enumerate(self.data(buffer)):
-            first = number * _AT_A_TIME
-            own = slice(bisect_left(rests, (first,)), bisect_left(rests, (first + _AT_A_TIME,)))
-            for place, rest in reversed(rests[own]):
-                some.insert(place - first, rest)
-            joined.append(b"".join(some))
-        return b"".join(joined)
+        together = self.together
+        if together is None:
+            together = self.data(buffer).copied()
+        ends, begin = np.cumsum(self.sizes()), 0
+        parts: list[bytes | memoryview] = []
+        for place, rest in rests:
+            end = int(ends[place - 1]) if place else 0
+            parts += together[begin:end], rest
+            begin = end
+        return b"".join([*parts, together[begin:]])
 
-    def data(self, buffer: U8) -> Iterator[list[bytes | memoryview]]:
-        """Yield the data of all pieces, of some at a time; ``buffer`` is that of the packets.
+    def data(self, buffer: U8) -> Uncopied:
+        """Return the data of all pieces, one behind the other; ``buffer`` is that of the packets."""
+        sizes = self.sizes()
+        ends = sizes.cumsum()
+        return Uncopied(int(sizes.sum()), partial(self._copy, buffer, sizes, ends))
 
-        As many views as there are pieces would take more memory than what they show.
-        """
-        view, size = memoryview(buffer.data), self.sizes()
-        start = np.where(self.pieces.kind == int(PieceKind.DATA), self.pieces.start, 0)
-        stop = np.where(start >= 0, start + size, size)
-        for first in range(0, len(size), _AT_A_TIME):
-            own = slice(first, first + _AT_A_TIME)
-            yield [
-                view[begin:end] if begin >= 0 else self.kept[~begin]
-                for begin, end in zip(start[own].tolist(), stop[own].tolist(), strict=True)
-            ]
+    def _copy(self, buffer: U8, sizes: I64, ends: I64, place: U8) -> None:
+        start = self.pieces.start
+        is_here = (sizes > 0) & (start >= 0)
+        copy_stretches(buffer, start[is_here], sizes[is_here], (ends - sizes)[is_here], place)
+        for kept in ((sizes > 0) & (start < 0)).nonzero()[0].tolist():
+            data = self.kept[~start[kept]]
+            place[ends[kept] - len(data) : ends[kept]] = np.frombuffer(data, np.uint8)
 
 
 def no_pieces() -> Pieces:

@@ -11,6 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dissectors.batch import U8
+from dissectors.stretches import Uncopied, together
 from nvscope.capture.slots import Slots
 from tests.laws import examples
 
@@ -23,13 +25,20 @@ _COLUMNS = st.builds(
 _VALUES = st.lists(st.tuples(st.lists(_COLUMNS, max_size=3), st.lists(st.binary(max_size=900), max_size=4)), max_size=8)
 
 
+def uncopied(data: bytes) -> Uncopied:
+    def copy(place: U8) -> None:
+        place[:] = np.frombuffer(data, np.uint8)
+
+    return Uncopied(len(data), copy)
+
+
 def handed_over(slots: Slots, sent: Sequence[tuple[Any, Sequence[bytes]]]) -> list[tuple[Any, bytes]]:
     """Return what is received of values and data that another process sends."""
     copy = os.fork()
     if not copy:
         slots.send_here()
         for value, data in sent:
-            slots.send(value, data)
+            slots.send(value, together([uncopied(one) for one in data]))
         slots.close()
         os._exit(0)
     slots.receive_here()

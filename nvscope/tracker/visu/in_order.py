@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from msgspec import Struct
 from msgspec.structs import replace
 
 from dissectors.batch import PacketBatch
+from dissectors.stretches import Uncopied
 from nvscope.tracker.connections import Connections
 from nvscope.tracker.pieces import Brought
 from nvscope.tracker.segments import StreamColumns
@@ -29,11 +28,9 @@ class InOrder(Struct, frozen=True):
     connections: Connections | None
     columns: StreamColumns
 
-    def apart(self, packets: PacketBatch) -> tuple[InOrder, int, Iterator[bytes]]:
-        """Return it, how many bytes its pieces have in packets and of those kept, and these in turn."""
-        brought = self.brought
-        data = (b"".join(parts) for parts in brought.data(packets.data))
-        return self, int(brought.sizes().sum()), data
+    def apart(self, packets: PacketBatch) -> tuple[InOrder, Uncopied]:
+        """Return it, and the bytes of its pieces in packets and of those kept."""
+        return self, self.brought.data(packets.data)
 
     def with_bytes(self, data: memoryview) -> InOrder:
         """Return it with the bytes of its pieces."""
