@@ -32,20 +32,23 @@ class VisuFollower:
     def __init__(self, ports: Sequence[int], given: Sequence[GivenList] = (), most: int = MOST_CONNECTIONS) -> None:
         # What is put in order, and where it was when what is said in it was read: that may be later.
         self._streams = Streams(ports, min(most, ENOUGH), most)
+        self._copies = OtherCopies()
         self._handed: tuple[int, int] | None = None
         self._places = StreamPlaces(ports)
         self._http = HttpStreams()
-        self._copies = OtherCopies()
         self._exchanges = Exchanges(self._places.connections, given)
 
     def prepare(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> InOrder:
         """Put the segments of a batch in order, which follows those before; its row 0 is frame ``first_frame``."""
         outlived = self._streams.outlived()
+        if outlived is not None:
+            self._copies.keep(outlived.numbers())
         before = self._streams.places.positions()
         brought = self._streams.observe(packets, segments, first_frame)
+        others = self._copies.observe(packets.data, brought)
         connections, columns = self._streams.connections, self._streams.places.columns
         is_known, self._handed = self._handed == connections.version, connections.version
-        return InOrder(outlived, before, brought, None if is_known else connections, columns)
+        return InOrder(outlived, before, brought, None if is_known else connections, columns, others)
 
     def follow(
         self, packets: PacketBatch, segments: SegmentBatch, first_frame: int, prepared: InOrder | None = None
@@ -55,15 +58,13 @@ class VisuFollower:
         if own.outlived is not None:
             numbers = own.outlived.numbers()
             self._http.keep(numbers)
-            self._copies.keep(numbers)
             self._exchanges.keep(numbers, only_ended=own.outlived.only_ended)
         places, brought = self._places, own.brought
         places.be_as(own.connections, own.columns)
         one_way = OneWay(places.connections, segments, first_frame)
         messages = self._http.read(packets.data, brought, self._exchanges.waiting, one_way.missed_of)
-        others = self._copies.observe(packets.data, brought)
         missing = MissingReplies(one_way, own.before, places, brought.pieces)
-        told = self._exchanges.take(messages, packets, segments, first_frame, one_way, missing, others)
+        told = self._exchanges.take(messages, packets, segments, first_frame, one_way, missing, own.others)
         return replace(told, lacking=self.lacking)
 
     def lacking(self) -> Sequence[int]:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from msgspec import Struct
 from msgspec.structs import replace
 
 from dissectors.batch import PacketBatch
 from dissectors.stretches import Uncopied
 from nvscope.tracker.connections import Connections
-from nvscope.tracker.pieces import Brought
+from nvscope.tracker.pieces import Brought, OtherBytes
 from nvscope.tracker.segments import StreamColumns
 from nvscope.tracker.stream_places import Positions
 from nvscope.tracker.streams import Outlived
@@ -19,7 +21,7 @@ class InOrder(Struct, frozen=True):
 
     ``outlived`` are the connections that were kept in front of the batch, None where all were. ``before`` is where
     streams were then, ``columns`` where they are behind it. ``connections`` are those that are known now, None where
-    they are the same as with the batch before.
+    they are the same as with the batch before. ``others`` are bytes that came again, and differ from those before.
     """
 
     outlived: Outlived | None
@@ -27,6 +29,7 @@ class InOrder(Struct, frozen=True):
     brought: Brought
     connections: Connections | None
     columns: StreamColumns
+    others: Sequence[OtherBytes]
 
     def apart(self, packets: PacketBatch) -> tuple[InOrder, Uncopied]:
         """Return it, and the bytes of its pieces in packets and of those kept."""
