@@ -25,6 +25,9 @@ MAX_BATCH = 1 << 17
 _FOLLOWED, _FOLLOWED_BYTES = 1 << 16, 48 << 20
 """Of connections, whose bytes are put together, less at a time, also of packets that are large."""
 
+_FOLLOWED_FIRST = 1 << 13
+"""And less still at first, then twice as much each time: who takes what is prepared is not to wait for all of it."""
+
 _LARGE_BYTES = 1 << 10
 
 _NOT_HERE = Varieties()
@@ -76,6 +79,7 @@ class Preparation:
         self.frames = 0
         # Whether most packets are segments; of those that come first, that is not known yet.
         self._follows = True
+        self._at_a_time = _FOLLOWED_FIRST
         # The varieties of which something was handed over last, and how many; and those by which packets are told.
         self._handed = sorter.varieties, len(sorter.varieties)
         self._taken = sorter.varieties
@@ -95,7 +99,8 @@ class Preparation:
         """Return up to where packets are prepared at a time from one on, which is behind that in any case."""
         if not self._follows:
             return start + MAX_BATCH
-        size = np.cumsum(packets.captured[start : start + _FOLLOWED], dtype=np.int64)
+        size = np.cumsum(packets.captured[start : start + self._at_a_time], dtype=np.int64)
+        self._at_a_time = min(2 * self._at_a_time, _FOLLOWED)
         return start + max(int(np.searchsorted(size, _FOLLOWED_BYTES, side="right")), 1)
 
     def _prepare(self, packets: PacketBatch) -> PreparedBatch:
@@ -123,6 +128,7 @@ class Preparation:
         """
         self._taken = self._sorter.varieties
         self._sorter.go_on_by_a_copy()
+        self._at_a_time = _FOLLOWED_FIRST
         self._handed = self._sorter.varieties, len(self._sorter.varieties)
 
     def work(self, packets: PacketBatch) -> Iterator[Done]:
