@@ -6,8 +6,9 @@ import numpy as np
 
 from dissectors.batch import I32, I64, Bool
 from nvscope.simulate.draft import Draft
+from nvscope.simulate.incidents import PowerOff, Unplugged
 from nvscope.simulate.noise import chance, noise_key
-from nvscope.simulate.scenario import PowerOff, Scenario, Unplugged
+from nvscope.simulate.scenario import Scenario
 
 
 def present_rows(draft: Draft, ts_ns: I64, template: I32) -> Bool:

@@ -10,9 +10,10 @@ from nvscope.simulate.draft import ALL_NODES, Draft
 from nvscope.simulate.faults import seen_rows
 from nvscope.simulate.frames import LIMITED_BROADCAST, Host, IPAddress, Values
 from nvscope.simulate.noise import noise_key, uniform
+from nvscope.simulate.plan import Reader
 from nvscope.simulate.refusals import QUOTED_AFTER_NS, QUOTED_BYTES, refuse
-from nvscope.simulate.scenario import Reader, UnexpectedAcknowledgement, Unreachable
 from nvscope.simulate.schedule import FRAME_GAP_NS
+from nvscope.simulate.telegram_faults import UnexpectedAcknowledgement, Unreachable
 from nvscope.simulate.template import Role
 
 _UNEXPECTED_AFTER_NS = 40_000

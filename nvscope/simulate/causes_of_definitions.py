@@ -8,7 +8,7 @@ import numpy as np
 
 from dissectors.batch import I64
 from nvscope.simulate.put_in import Plant, PutIn, Sent, runs
-from nvscope.simulate.scenario import ChecksumFlag, Shape, WrongChecksum
+from nvscope.simulate.telegram_faults import ChecksumFlag, Shape, WrongChecksum
 
 _HOLDS = 10
 _SWAPPED_FROM, _CARRIED_FROM = 128, 65_536

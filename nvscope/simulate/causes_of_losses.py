@@ -11,7 +11,7 @@ from dissectors.netvar import HEADER
 from nvscope.simulate.causes_of_nodes import is_whole, quiet_times, silent_nodes
 from nvscope.simulate.faults import Struck
 from nvscope.simulate.put_in import Gap, Plant, PutIn, Sent, clusters, runs
-from nvscope.simulate.scenario import Fragmented, Loss, Overtaken, Selection, Truncated
+from nvscope.simulate.telegram_faults import Fragmented, Loss, Overtaken, Selection, Truncated
 
 _NEAR_NS = 100_000_000
 _MANY_TELEGRAMS, _SEVERAL_GAPS, _FACTOR = 20, 2, 4

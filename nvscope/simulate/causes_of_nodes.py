@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+from nvscope.simulate.incidents import Burst, Pause
 from nvscope.simulate.put_in import Plant, PutIn, Sent
-from nvscope.simulate.scenario import Burst, Late, Loss, Pause
+from nvscope.simulate.telegram_faults import Late, Loss
 
 _SHORTEST = 10
 """A pause with an end is a silence from so many of the node's longest interval on."""

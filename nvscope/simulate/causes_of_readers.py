@@ -11,16 +11,11 @@ import numpy as np
 from dissectors.batch import I64
 from nvscope.list_key import ListKey
 from nvscope.simulate.causes_of_nodes import Quiet, silent_nodes
+from nvscope.simulate.incidents import PowerOff, Unplugged
 from nvscope.simulate.list_facts import ListFacts
 from nvscope.simulate.put_in import Plant, PutIn, Sent, of_many, runs
 from nvscope.simulate.replies import TIMEOUT_NS
-from nvscope.simulate.scenario import (
-    MissingAcknowledgement,
-    NegativeAcknowledgement,
-    PowerOff,
-    Unplugged,
-    Unreachable,
-)
+from nvscope.simulate.telegram_faults import MissingAcknowledgement, NegativeAcknowledgement, Unreachable
 
 _RUN = 3
 _NEAR_NS = 1_000_000_000

@@ -6,24 +6,10 @@ import ipaddress
 from collections.abc import Sequence
 
 from nvscope.simulate.can.check import check_can
-from nvscope.simulate.scenario import (
-    MAX_TELEGRAMS_PER_LIST,
-    ON_CAN,
-    SLOWEST_NS,
-    U16_MAX,
-    Late,
-    ListPlan,
-    Malformed,
-    ParameterRequests,
-    PowerOff,
-    Scenario,
-    Selection,
-    Shape,
-    Traffic,
-    Unplugged,
-    WrongChecksum,
-    WrongDlc,
-)
+from nvscope.simulate.incidents import PowerOff, Unplugged
+from nvscope.simulate.plan import MAX_TELEGRAMS_PER_LIST, SLOWEST_NS, U16_MAX, ListPlan
+from nvscope.simulate.scenario import ON_CAN, ParameterRequests, Scenario, Traffic
+from nvscope.simulate.telegram_faults import Late, Malformed, Selection, Shape, WrongChecksum, WrongDlc
 from nvscope.simulate.visu.check import check_page
 from nvscope.simulate.visu.tables import Page
 from nvscope.toml_table import Place, nearest

@@ -16,26 +16,25 @@ from msgspec import Struct, field
 from dissectors.batch import I32, I64, U8, Bool
 from dissectors.netvar import CHECKSUM_PRESENT, HEADER
 from nvscope.errors import ConfigurationError
-from nvscope.simulate.scenario import (
+from nvscope.simulate.incidents import HeldBack, Unplugged
+from nvscope.simulate.scenario import Scenario
+from nvscope.simulate.schedule import Schedule, chosen
+from nvscope.simulate.telegram_faults import (
     AsciiIdentity,
     ChecksumFlag,
     Duplicate,
     Fragmented,
-    HeldBack,
     Late,
     Loss,
     MissingAcknowledgement,
     NegativeAcknowledgement,
     Overtaken,
     ReservedFlags,
-    Scenario,
     Selection,
     Shape,
     Truncated,
-    Unplugged,
     WrongChecksum,
 )
-from nvscope.simulate.schedule import Schedule, chosen
 
 MOST_BEHIND = 60
 _MARGIN, _TURN_MARGIN = 2, 3

@@ -16,10 +16,12 @@ from nvscope.simulate.absence import captured_rows, present_rows
 from nvscope.simulate.answers import Answers
 from nvscope.simulate.draft import Draft
 from nvscope.simulate.faults import Label, Struck, make_journey, struck_by_faults
+from nvscope.simulate.incidents import Mirrored
 from nvscope.simulate.parameters import add_parameters
-from nvscope.simulate.scenario import Malformed, Mirrored, Scenario, UnexpectedAcknowledgement, Unreachable
+from nvscope.simulate.scenario import Scenario
 from nvscope.simulate.schedule import FRAME_GAP_NS, Stream, Writer, make_schedule
 from nvscope.simulate.strangers import add_malformed, add_scans, add_searches, add_short_headers, add_traffic
+from nvscope.simulate.telegram_faults import Malformed, UnexpectedAcknowledgement, Unreachable
 from nvscope.simulate.template import Role, Template
 from nvscope.simulate.visu.frames import add_pages
 

@@ -13,7 +13,9 @@ from dissectors.batch import I64, Bool
 from nvscope.list_key import ListKey
 from nvscope.simulate.faults import Struck
 from nvscope.simulate.observation import Observation
-from nvscope.simulate.scenario import ListPlan, Scenario, Selection
+from nvscope.simulate.plan import ListPlan
+from nvscope.simulate.scenario import Scenario
+from nvscope.simulate.telegram_faults import Selection
 
 _CLUSTER_NS = 2_000_000_000
 LONG_RUN = 5

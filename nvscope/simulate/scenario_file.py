@@ -7,7 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from nvscope.simulate.check import check_scenario
-from nvscope.simulate.scenario import Scenario, Selection
+from nvscope.simulate.scenario import Scenario
+from nvscope.simulate.telegram_faults import Selection
 from nvscope.toml_table import Place, check_keys, document_table, read_table
 
 MAX_FILE_BYTES = 1_000_000

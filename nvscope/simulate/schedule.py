@@ -20,7 +20,9 @@ from nvscope.simulate.counting_along import count_along
 from nvscope.simulate.noise import chance, noise_key, uniform
 from nvscope.simulate.ordering import order_by
 from nvscope.simulate.outages import epochs, without_outages
-from nvscope.simulate.scenario import U16_MAX, Late, ListPlan, Scenario, Selection
+from nvscope.simulate.plan import U16_MAX, ListPlan
+from nvscope.simulate.scenario import Scenario
+from nvscope.simulate.telegram_faults import Late, Selection
 
 MAX_FRAMES = 20_000_000
 FRAME_GAP_NS = 25_000

@@ -10,7 +10,7 @@ from nvscope.simulate.draft import ALL_NODES, Draft
 from nvscope.simulate.faults import seen_rows
 from nvscope.simulate.frames import LIMITED_BROADCAST, Values
 from nvscope.simulate.noise import noise_key, uniform
-from nvscope.simulate.scenario import Malformed
+from nvscope.simulate.telegram_faults import Malformed
 from nvscope.simulate.template import Role, Template
 
 _MALFORMED_AFTER_NS = 30_000

@@ -9,9 +9,11 @@ from pathlib import Path
 import pytest
 
 from nvscope.errors import ConfigurationError
-from nvscope.simulate.scenario import Duplicate, ListPlan, Scenario
+from nvscope.simulate.plan import ListPlan
+from nvscope.simulate.scenario import Scenario
 from nvscope.simulate.scenario_file import document, load_scenario, read_scenario
 from nvscope.simulate.simulator import simulate
+from nvscope.simulate.telegram_faults import Duplicate
 from nvscope.simulate.visu.tables import Page
 from tests.simulate.collected import Collected
 

@@ -12,7 +12,8 @@ from dissectors.can.frame import EXTENDED
 from nvscope.list_key import ListKey
 from nvscope.simulate.can.tables import CanList, CanTraffic
 from nvscope.simulate.put_in import Plant, PutIn
-from nvscope.simulate.scenario import Loss, Scenario, WrongDlc
+from nvscope.simulate.scenario import Scenario
+from nvscope.simulate.telegram_faults import Loss, WrongDlc
 
 _BEFORE_NS = 1_000_000_000
 _STOPPED = 10

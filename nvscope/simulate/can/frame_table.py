@@ -31,8 +31,9 @@ from nvscope.simulate.can.tables import (
 )
 from nvscope.simulate.noise import noise, noise_key, uniform
 from nvscope.simulate.outages import without_outages
-from nvscope.simulate.scenario import Loss, Scenario, Selection, WrongDlc
+from nvscope.simulate.scenario import Scenario
 from nvscope.simulate.schedule import MAX_FRAMES, chosen, due_times, postponed
+from nvscope.simulate.telegram_faults import Loss, Selection, WrongDlc
 
 NO_LIST = -1
 _US_NS = 1_000
