@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
@@ -21,7 +21,7 @@ from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.missing_replies import MissingReplies
 from nvscope.tracker.visu.one_way import OneWay, more_bytes
-from nvscope.tracker.visu.plain_exchanges import AskedFor, Said, paired
+from nvscope.tracker.visu.plain_exchanges import AskedFor, Said, columns_of, paired
 from nvscope.tracker.visu.reach import UNKNOWN
 from nvscope.tracker.visu.unseen_requests import Answered
 
@@ -36,6 +36,17 @@ _MOST_EARLY_BYTES = 1 << 16
 
 _MANY = 1 << 12
 """No more are looked at, so that little is looked at in vain where a reply is too many again and again."""
+
+
+class _Rows(NamedTuple):
+    """Messages by connection, and in each in their order.
+
+    ``surplus`` is how many more of those up to each message, from the first one of all on, are requests than replies.
+    """
+
+    rows: I64
+    by_server: Bool
+    surplus: I64
 
 
 class Pairing:
@@ -57,6 +68,7 @@ class Pairing:
         self._http = http
         self._is_plain = is_plain
         self._asked, self._asked_for = asked, asked_for
+        self._columns = columns_of(http, asked)
         self._conversations = conversations
         self._going_on, self._closed = going_on, closed
         self._one_way, self._unheard, self._missing = one_way, unheard, missing
@@ -76,12 +88,14 @@ class Pairing:
         connection = self._http.stream[rows] >> 1
         in_order = stable_order(connection, int(connection.max(initial=0)) + 1)
         rows, connection = rows[in_order], connection[in_order]
+        by_server = (self._http.stream[rows] & 1) == 1
+        of_all = _Rows(rows, by_server, np.where(by_server, -1, 1).cumsum())
         peculiar = np.flatnonzero(~self._is_plain[rows]).tolist()
         said: list[Said] = []
         start, stop = runs_of(connection)
         for number, *run in zip(*(column.tolist() for column in (connection[start], start, stop)), strict=True):
             conversation = self._conversations.setdefault(number, Conversation(number))
-            self._take(conversation, rows, run, peculiar, said)
+            self._take(conversation, of_all, run, peculiar, said)
             if conversation.waiting and not conversation.is_heard:
                 self._unheard.add(number)
             else:
@@ -107,10 +121,11 @@ class Pairing:
         return said
 
     def _take(
-        self, conversation: Conversation, rows: I64, run: list[int], peculiar: list[int], said: list[Said]
+        self, conversation: Conversation, of_all: _Rows, run: list[int], peculiar: list[int], said: list[Said]
     ) -> None:  # fmt: skip
         """Take the messages of a connection, in their order; add what is said at once."""
         begin, end = run
+        rows = of_all.rows
         least = _LEAST
         while begin < end:
             both_ways = conversation.is_heard and conversation.is_spoken and conversation.closed is None
@@ -118,10 +133,12 @@ class Pairing:
             if conversation.is_visu and end - begin >= _FEW and both_ways and is_sure:
                 place = bisect_left(peculiar, begin)
                 stop = min(peculiar[place] if place < len(peculiar) else end, end, begin + _MANY)
-                stop = begin + self._in_front_of_surplus(conversation, rows[begin:stop])
+                stop = self._in_front_of_surplus(conversation, of_all, begin, stop)
                 stop = self._with_equals(rows, begin, stop, end, -1)
                 if stop - begin >= _FEW:
-                    found = self._paired(conversation, rows[begin:stop])
+                    own, by_server = rows[begin:stop], of_all.by_server[begin:stop]
+                    asks, answers = own[~by_server], own[by_server]
+                    found = paired(self._columns, self._asked_for, conversation, asks, answers)
                     if found is not None:
                         said.append(found)
                         begin, least = stop, _LEAST
@@ -132,12 +149,12 @@ class Pairing:
             self._take_in_turn(conversation, rows[begin:stop])
             begin = stop
 
-    def _in_front_of_surplus(self, conversation: Conversation, rows: I64) -> int:
-        """Return how many of some messages come before a reply to which no request waits."""
-        by_server = (self._http.stream[rows] & 1) == 1
-        waiting = np.cumsum(np.where(by_server, -1, 1))
-        surplus = waiting + len(conversation.waiting) < 0
-        return int(surplus.argmax()) if surplus.any() else len(rows)
+    @staticmethod
+    def _in_front_of_surplus(conversation: Conversation, of_all: _Rows, begin: int, stop: int) -> int:
+        """Return the place of the first of some messages that is a reply to which no request waits, else their end."""
+        before = int(of_all.surplus[begin - 1]) if begin else 0
+        is_surplus = of_all.surplus[begin:stop] < before - len(conversation.waiting)
+        return begin + int(is_surplus.argmax()) if is_surplus.any() else stop
 
     def _with_equals(self, rows: I64, begin: int, stop: int, end: int, step: int) -> int:
         """Return a place that parts no messages of one order, for what is said is sorted by that."""
@@ -145,11 +162,6 @@ class Pairing:
         while begin < stop < end and order[rows[stop - 1]] == order[rows[stop]]:
             stop += step
         return stop
-
-    def _paired(self, conversation: Conversation, rows: I64) -> Said | None:
-        by_server = (self._http.stream[rows] & 1) == 1
-        asks, answers = rows[~by_server], rows[by_server]
-        return paired(self._http, self._asked, self._asked_for, conversation, asks, answers)
 
     def _take_in_turn(self, conversation: Conversation, rows: I64) -> None:
         http, asks, tell = self._http, self._asked_for.asks, self._happened.append

@@ -85,10 +85,17 @@ def _is_plain(form: Form) -> bool:
     return not form.head.is_interim and form.head.method != "HEAD"
 
 
-def paired(
-    http: HttpMessages, asked: I64, asked_for: AskedFor, conversation: Conversation, asks: I64, answers: I64
-) -> Said | None:
-    """Pair the requests of a connection with its replies, both rows of messages; None where these are not in turn.
+def columns_of(http: HttpMessages, asked: I64) -> I64:
+    """Return what messages are paired by, as rows of one array, so that one call takes that of some of them.
+
+    These are order, time, what is asked, where the body begins, what its sender had, and where the message ends.
+    """
+    reach = http.reach
+    return np.stack([http.order, http.arrival_ns, asked, reach.body_at, reach.acknowledged, reach.behind])
+
+
+def paired(columns: I64, asked_for: AskedFor, conversation: Conversation, asks: I64, answers: I64) -> Said | None:
+    """Pair the requests of a connection with its replies, both columns of messages; None where these are not in turn.
 
     All of them are plain (``plain_rows``), and the connection is one of a WebVisu page.
     """
@@ -97,45 +104,45 @@ def paired(
         one.asked.is_list or one.asked.is_part or one.is_head or one.is_behind for one in waiting
     ):
         return None
-    order, arrival_ns, own = http.order[asks], http.arrival_ns[asks], asked[asks]
-    if waiting:
-        order = np.append([one.order for one in waiting], order)
-        arrival_ns = np.append([one.arrival_ns for one in waiting], arrival_ns)
-        own = np.append([asked_for.number(one.asked) for one in waiting], own)
+    asking = columns.take(asks, axis=1)
+    asked, first = asking[2], len(waiting)
+    if first:
+        earlier = [
+            (one.order, one.arrival_ns, asked_for.number(one.asked), one.reach.body_at, one.reach.acknowledged, UNKNOWN)
+            for one in waiting
+        ]  # fmt: skip
+        asking = np.concatenate([np.array(earlier, np.int64).T, asking], axis=1)
+    order, arrival_ns, own, body_at, had, _ = asking
+    answer_order, answered_ns, _, _, told, behind = columns.take(answers, axis=1)
     replies = len(answers)
-    if replies > len(order) or (order[:replies] >= http.order[answers]).any():
+    if replies > len(order) or (order[:replies] >= answer_order).any():
         return None
-    body_at, had = http.reach.body_at[asks], http.reach.acknowledged[asks]
-    if waiting:
-        body_at = np.append([one.reach.body_at for one in waiting], body_at)
-        had = np.append([one.reach.acknowledged for one in waiting], had)
-    behind = http.reach.behind[answers]
-    acknowledges = _acknowledges(http.reach.acknowledged[answers], body_at[:replies], conversation.acknowledges)
+    acknowledges = _acknowledges(told, body_at[:replies], conversation.acknowledges)
     if acknowledges is None or are_had(behind, had[:replies]).any():
         return None
     if len(order) > MOST_WAITING:
-        answered = np.searchsorted(http.order[answers], order)
+        answered = np.searchsorted(answer_order, order)
         if (np.arange(1, len(order) + 1) - answered > MOST_WAITING).any():
             return None
     conversation.acknowledges = acknowledges
-    conversation.turns.answer_all(had[:replies], behind, http.reach.acknowledged[asks])
+    conversation.turns.answer_all(had[:replies], behind, had[first:])
     waiting.clear()
     left = (column[replies:].tolist() for column in (own, order, arrival_ns, body_at, had))
     for number, at, time_ns, body, acknowledged in zip(*left, strict=True):
         waiting.append(Waiting(asked_for.asks[number], at, time_ns, reach=Reach(body, UNKNOWN, acknowledged)))
     is_request = asked_for.are_requests()
-    requests = asks[is_request[asked[asks]]]
-    answered = np.flatnonzero(is_request[own[:replies]])
-    count = len(requests) + len(answered)
-    latency_ns, asked_frame = np.zeros(count, np.int64), np.zeros(count, np.int64)
-    latency_ns[len(requests) :] = (http.arrival_ns[answers] - arrival_ns[:replies])[answered]
-    asked_frame[len(requests) :] = order[:replies][answered] >> ORDER_BITS
-    message = np.append(requests, answers[answered])
-    kind = np.full(count, int(Kind.REPLY))
-    kind[: len(requests)] = int(Kind.READ)
+    read, answered = is_request[asked].nonzero()[0], is_request[own[:replies]].nonzero()[0]
+    count, begin = len(read) + len(answered), len(read)
+    said = np.zeros((8, count), np.int64)
+    kind, connection, told_order, message, asked_number, latency_ns, asked_frame, gap_bytes = said
+    kind[:begin], kind[begin:], connection[:] = int(Kind.READ), int(Kind.REPLY), conversation.connection
+    message[:begin], message[begin:] = asks[read], answers[answered]
+    told_order[:begin], told_order[begin:] = asking[0, first:][read], answer_order[answered]
+    asked_number[:begin], asked_number[begin:] = asked[read], own[answered]
+    latency_ns[begin:] = (answered_ns - arrival_ns[:replies])[answered]
+    asked_frame[begin:] = order[answered] >> ORDER_BITS
     return Said(
-        kind, np.full(count, conversation.connection), http.order[message], message,
-        np.append(asked[requests], own[:replies][answered]), latency_ns, asked_frame, np.zeros(count, np.int64),
+        kind, connection, told_order, message, asked_number, latency_ns, asked_frame, gap_bytes,
         np.zeros(count, np.bool_),
     )  # fmt: skip
 
