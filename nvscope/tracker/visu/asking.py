@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dissectors.http import Head
-from dissectors.webvisu import Answer, Request, read_query, read_reply, read_request
-from dissectors.webvisu_lists import is_list
+from dissectors.webvisu import Answer, Likeness, Request, read_query, read_reply, read_request
+from dissectors.webvisu_lists import is_list, list_likeness
 from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.http_forms import Form
 from nvscope.tracker.visu.limits import MOST_ENTRIES
@@ -59,6 +59,12 @@ def fits(ask: Ask, response: Form) -> bool:
     if request is None or ask.is_part or head is None or head.status != OK or response.content is None:
         return False
     return read_reply(request, response.content).answer is Answer.DONE
+
+
+def is_list_of(ask: Ask, response: Form, *, is_visu: bool) -> bool:
+    """Tell whether the begin of what came in place of a list is that of one; of a page, where it does not say so."""
+    found = list_likeness(response.begin, ask.target)
+    return response.head is not None and (found is Likeness.YES or (found is Likeness.PERHAPS and is_visu))
 
 
 class Asking:

@@ -14,9 +14,8 @@ from msgspec.structs import replace
 
 from dissectors.http import Side
 from dissectors.webvisu import Likeness
-from dissectors.webvisu_lists import list_likeness
 from nvscope.tracker.pieces import ORDER_BITS
-from nvscope.tracker.visu.asking import NOTHING, Ask, fits
+from nvscope.tracker.visu.asking import NOTHING, Ask, fits, is_list_of
 from nvscope.tracker.visu.awaited import Early, Happened, Waiting, asked_behind
 from nvscope.tracker.visu.early_replies import EarlyReplies
 from nvscope.tracker.visu.events import OK
@@ -89,12 +88,13 @@ class Conversation(Struct):
                 self._tell_request(Kind.CUT, NOTHING, order, message, tell)
                 if form.is_malformed:
                     self._tell_unbounded(form, order, tell)
+            waited = self._forget_waiting() - self.early.has_begun
             if self.early.has_begun:
                 self.early.take()
-            self._forget_waiting()
             self.turns.miss(reach.acknowledged)
             if self._lacks[0]:
-                self._lose_unseen(order, reach.behind, tell, is_known=is_known)
+                self.turns.lose_client(reach.behind, waited)
+                self._lose_unseen(order, tell, is_known=is_known)
         elif form.what is What.END:
             if form.broken_by is None:
                 self.closed = Closed(order, arrival_ns)
@@ -107,9 +107,8 @@ class Conversation(Struct):
         self.is_spoken |= form.what is not What.END
         self._lacks[0] = form.what is What.GAP
 
-    def _lose_unseen(self, order: int, behind: int, tell: Callable[[Happened], None], *, is_known: bool) -> None:
+    def _lose_unseen(self, order: int, tell: Callable[[Happened], None], *, is_known: bool) -> None:
         """Take that nobody knows what was in a hole, and how much; unless ``is_known``, it may hide a request."""
-        self.turns.lose_client(behind)
         self.unseen.waits = False
         if not is_known:
             for _ in range(self.unseen.lose(Answered(one.is_reply, one.reach.acknowledged) for one in self.early)):
@@ -135,7 +134,7 @@ class Conversation(Struct):
         if not self.turns.ask(one.reach, others):
             # Something in front of it may have to be answered first.
             self._tell_answer(Kind.UNCLEAR, one, one.order, 0, -1, tell)
-            self._forget_waiting()
+            self.turns.owed.wait(self._forget_waiting())
             self.early = EarlyReplies()
             return
         if self.beyond or len(self.waiting) >= MOST_WAITING:
@@ -144,9 +143,10 @@ class Conversation(Struct):
         else:
             self.waiting.append(one)
 
-    def _forget_waiting(self) -> None:
+    def _forget_waiting(self) -> int:
+        waited, self.beyond = len(self.waiting) + self.beyond, 0
         self.waiting.clear()
-        self.beyond = 0
+        return waited
 
     def _tell_request(
         self, kind: Kind, asked: Ask, order: int, message: int, tell: Callable[[Happened], None]
@@ -177,7 +177,7 @@ class Conversation(Struct):
             self._tell_answer(Kind.UNCLEAR, self.waiting.popleft(), order, 0, -1, tell)
             self.turns.is_doubtful = not self.waiting
         if self.turns.begin(told=reach.acknowledged):
-            self._tell_unclear(order, tell)
+            self.turns.owed.wait(self._tell_unclear(order, tell))
         self.turns.answered = begin
 
     def _take_from_server(
@@ -188,7 +188,7 @@ class Conversation(Struct):
                 return
             if form.answers_nobody:
                 if not form.is_unasked:
-                    self._pass_by(reach.begin(form.head_bytes), order, tell)
+                    self._pass_by(reach, form.head_bytes, order, tell)
                 return
             is_cut = form.what is What.CUT
             if self.waiting and not self._may_answer(reach):
@@ -213,6 +213,8 @@ class Conversation(Struct):
                     self._tell_unbounded(form, order, tell)
             elif self.beyond:
                 self.beyond -= 1
+            else:
+                self.turns.owed.pass_by(reach)
         elif form.what is What.BROKEN:
             in_turns = self._lacks[1] and not (self.turns.overlap or self.beyond)
             later = asked_behind(self.waiting, reach.behind) if in_turns else []
@@ -225,10 +227,10 @@ class Conversation(Struct):
                     self._tell_unbounded(form, order, tell)
             elif not later:
                 self._tell_leaving(Kind.UNCLEAR, order, tell)
-            self._forget_waiting()
+            waited = self._forget_waiting()
             self.waiting.extend(later)
             if self._lacks[1]:
-                self.turns.missing_at = reach.behind
+                self.turns.miss_server(reach.behind, None if later else waited)
                 # What has come before is known to answer the next request; else nobody knows how much is missing.
                 self.early.is_torn = bool(self.early) and not later
                 if not (self.early or later):
@@ -244,25 +246,23 @@ class Conversation(Struct):
         elif form.what is not What.ANEW:
             self._take_other(form, order, tell)
 
-    def _pass_by(self, begin: int, order: int, tell: Callable[[Happened], None]) -> None:
-        """Take that a response that begins there answers nobody, or what was asked by a client that had none of it."""
+    def _pass_by(self, reach: Reach, head_bytes: int, order: int, tell: Callable[[Happened], None]) -> None:
+        """Take that a response with such a head answers nobody, or what was asked by a client that had none of it."""
+        begin = reach.begin(head_bytes)
+        self.turns.owed.pass_by(reach)
         self.turns.pass_by(begin)
         had = (one.reach.acknowledged for one in self.waiting)
         if any(begin == UNKNOWN or (one != UNKNOWN and distance(begin, one) >= 0) for one in had):
-            self._tell_unclear(order, tell)
+            self.turns.owed.wait(self._tell_unclear(order, tell))
             self.turns.lose()
 
     def _tell_list(
         self, form: Form, asked: Waiting, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
     ) -> None:  # fmt: skip
         """Tell what came in place of a list of variables; what is not whole, or not read, if it is known to be one."""
-        if asked.asked.is_list and (not form.lacks_content or self._is_list(form, asked.asked)):
+        if asked.asked.is_list and (not form.lacks_content or is_list_of(asked.asked, form, is_visu=self.is_visu)):
             after_ns, frame = arrival_ns - asked.arrival_ns, asked.order >> ORDER_BITS
             tell(Happened(Kind.NAMES, self.connection, order, message, asked.asked, after_ns, frame, 0, False))
-
-    def _is_list(self, form: Form, asked: Ask) -> bool:
-        found = list_likeness(form.begin, asked.target)
-        return form.head is not None and (found is Likeness.YES or (found is Likeness.PERHAPS and self.is_visu))
 
     def _may_answer(self, reach: Reach) -> bool:
         """Tell whether a response may answer the first request that waits."""
@@ -288,10 +288,8 @@ class Conversation(Struct):
     def copy(self) -> Conversation:
         """Return another one that is as this one is, of which nobody knows what the requests that wait ask for."""
         waiting = deque(one._replace(asked=NOTHING) for one in self.waiting)
-        return replace(
-            self, waiting=waiting, early=self.early.copy(), turns=replace(self.turns), unseen=replace(self.unseen),
-            _lacks=[*self._lacks],
-        )  # fmt: skip
+        early, turns, unseen = self.early.copy(), self.turns.copy(), replace(self.unseen)
+        return replace(self, waiting=waiting, early=early, turns=turns, unseen=unseen, _lacks=[*self._lacks])
 
     def has_early(self, form: Form, reach: Reach) -> bool:
         """Tell whether a request was answered before it was whole."""
@@ -300,6 +298,8 @@ class Conversation(Struct):
     def keep(self, early: Early) -> None:
         """Keep a response that may answer a request that is still to come."""
         self._lacks[1] = False
+        if not early.has_begun:
+            self.turns.owed.pass_by(early.reach)
         if not self.early.keep(early):
             self.turns.pass_by(early.reach.begin(early.form.head_bytes))
 
@@ -351,11 +351,11 @@ class Conversation(Struct):
         self._tell_unanswered(order, self.closed.arrival_ns, tell, by_client=True)
         return is_left
 
-    def _tell_unclear(self, order: int, tell: Callable[[Happened], None]) -> None:
+    def _tell_unclear(self, order: int, tell: Callable[[Happened], None]) -> int:
         """Take that nobody knows whether what waits was answered: the capture lacks what would tell it."""
         for asked in self.waiting:
             self._tell_answer(Kind.UNCLEAR, asked, order, 0, -1, tell)
-        self._forget_waiting()
+        return self._forget_waiting()
 
     def _tell_unanswered(
         self, order: int, ended_ns: int, tell: Callable[[Happened], None], *, by_client: bool

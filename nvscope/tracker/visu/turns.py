@@ -5,8 +5,9 @@ a request of a new turn, it acknowledges more of the server's bytes than with th
 first request of a new turn is in step again; in front of one of the same turn there may be others, which nobody saw,
 and whose replies come first. What the server sent without all that is missing of the client does not show that this was
 answered; what it sent with all of that shows that a later turn begins. Of a client that was seen to send more while
-replies were still to come, nobody knows. Of one that was seen to send several at once, the first of a turn may be
-missing, where no reply is there that shows the turn: so the next turn is.
+replies were still to come, nobody knows; nor while it is owed replies to requests that were seen (``owed_replies``). Of
+one that was seen to send several at once, the first of a turn may be missing, where no reply is there that shows the
+turn: so the next turn is.
 """
 
 from __future__ import annotations
@@ -14,12 +15,17 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from msgspec import Struct
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from dissectors.batch import I64
 from nvscope.tracker.segments import HALF, WRAP
 from nvscope.tracker.segments_aside import NEAR
+from nvscope.tracker.visu.owed_replies import OwedReplies
 from nvscope.tracker.visu.reach import UNKNOWN, Reach, distance, distances, latest, latest_of
+
+_OFTEN = 3
+"""Who has waited so many times for all replies to several requests takes turns."""
 
 
 class Turns(Struct):
@@ -33,7 +39,8 @@ class Turns(Struct):
     where the last ones of the server do with which that lost step. ``has_rest``: behind what is missing, a request of
     the client ends in front of the first one that is known. ``is_guess``: what was asked last is in step if it
     was asked alone: nothing behind it has told that yet. ``began`` is where the client begins, ``told`` how far its
-    server had its bytes where that does.
+    server had its bytes where that does. ``waited`` is how often it waited for all replies to several requests, which
+    the last one that was answered is one of, if ``of_several``.
     """
 
     had: int = UNKNOWN
@@ -50,6 +57,9 @@ class Turns(Struct):
     is_guess: bool = False
     began: int = UNKNOWN
     told: int = UNKNOWN
+    waited: int = 0
+    of_several: bool = False
+    owed: OwedReplies = field(default_factory=OwedReplies)
 
     def begin(self, *, began: int = UNKNOWN, told: int = UNKNOWN) -> bool:
         """Take where one of both directions begins; return whether bytes of the client are missing in front of it."""
@@ -57,6 +67,7 @@ class Turns(Struct):
         lacks = 0 < distance(self.began, self.told) <= NEAR
         if lacks:
             self.lose_client(self.began)
+            self.lost = self.asked == UNKNOWN
         return lacks
 
     @property
@@ -68,8 +79,22 @@ class Turns(Struct):
         """Take that bytes of the server are missing, and with them replies, so many that nobody knows."""
         self.is_doubtful = True
 
-    def lose_client(self, behind: int) -> None:
-        """Take that bytes of the client are missing up to there, and with them requests, so many that nobody knows."""
+    def miss_server(self, behind: int, waited: int | None) -> None:
+        """Take that bytes of the server are missing up to there; so many ``waited``, None where it is known for what.
+
+        ``lose`` tells the rest.
+        """
+        self.missing_at = behind
+        if waited is not None:
+            self.owed.wait(waited)
+            self.owed.lose(behind)
+
+    def lose_client(self, behind: int, waited: int = 0) -> None:
+        """Take that bytes of the client are missing up to there, and with them requests, so many that nobody knows.
+
+        So many ``waited`` then.
+        """
+        self.owed.wait(waited + (not self.lost))
         self.is_doubtful = self.lost = True
         self.lost_at, self.has_rest = behind, False
 
@@ -105,11 +130,24 @@ class Turns(Struct):
             without = (one.behind for one in others if distance(one.acknowledged, self.lost_at) < 0)
             known = latest([self.had, self.answered, *without])
             may_lack = lost and not any(self._shows_turn(one, had) for one in others)
+            hides_several = lost and self.owed.show_several(had)
+            # Who asks again with what it had in front of what is missing has not waited for the reply to that.
+            self.several |= hides_several or (lost and had == latest([self.had, self.answered]))
+            one_each = self.several and self.waited < _OFTEN
+            left = self.owed.left(had, self.answered, one_each=one_each)
             is_unsure = (
-                self.overlap or (may_lack and (self.several or self.has_rest)) or distance(had, self.missing_at) < 0
+                self.overlap
+                or left > 0
+                or hides_several
+                or (may_lack and (self.several or self.has_rest))
+                or distance(had, self.missing_at) < 0
             )
             self.is_doubtful = known != UNKNOWN and (is_unsure or distance(had, known) <= 0)
             self.is_guess = may_lack and not self.is_doubtful
+            if self.is_doubtful:
+                self.owed.wait(1)
+            else:
+                self.owed.settle()
         self.asked, self.had = had, latest([self.had, had])
         return not self.is_doubtful
 
@@ -124,6 +162,9 @@ class Turns(Struct):
         before, end = self.pair
         self.is_guess = False
         self.overlap |= distance(had, before) > 0 and distance(end, had) > 0
+        self.owed.forget(behind)
+        self.waited += self.of_several and had == end
+        self.of_several = had == before != UNKNOWN
         self.pair, self.answered = (had, behind), latest([self.answered, behind])
 
     def _overlaps(self, had: I64, behind: I64) -> bool:
@@ -136,12 +177,30 @@ class Turns(Struct):
         late = distances(end, had) > 0
         return bool(late.any() and (late & (distances(had, before) > 0)).any())
 
+    def _note_waiting(self, had: I64, behind: I64) -> None:
+        """Note how often a client waited for all replies to several requests that it sent at once."""
+        before, end = self.pair
+        first = int(had[0])
+        if first != before and not (had[1:] == had[:-1]).any():
+            self.waited += self.of_several and first == end
+            self.of_several = False
+            return
+        same = np.append(first == before, had[1:] == had[:-1]) & (had != UNKNOWN)
+        follows = np.append(first == end, had[1:] == behind[:-1])
+        self.waited += int((follows & np.append(self.of_several, same[:-1])).sum())
+        self.of_several = bool(same[-1])
+
+    def copy(self) -> Turns:
+        """Return another one that is as this one is."""
+        return replace(self, owed=self.owed.copy())
+
     def answer_all(self, had: I64, behind: I64, asked: I64) -> None:
         """Take that requests were answered in their order; ``asked`` is what the client had with each of those sent.
 
         None of them is in doubt.
         """
         if len(had):
+            self._note_waiting(had, behind)
             self.overlap = self.overlap or self._overlaps(had, behind)
             self.pair = int(had[-1]), int(behind[-1])
             self.answered = latest_of(self.answered, behind)

@@ -124,7 +124,7 @@ class Visu:
 
     def lost(self, talk: Talk, from_client: bool, what: Lost) -> None:
         self.happened["client lost step" if from_client else "server lost step"] += 1
-        self.happened["waiting forgotten"] += len(talk.waiting)
+        self.happened["waiting forgotten"] += (waited := len(talk.waiting))
         if from_client:
             is_known = (what.dropped is not None and self.cut_request(talk, what.dropped)) or bool(talk.waiting)
             lose_client(talk, what)
@@ -138,7 +138,7 @@ class Visu:
                 dropped = None if what.dropped is None or 100 <= what.dropped.status < 200 else what.dropped
                 self.response(talk, dropped or Message(cut=True, whole=False))
             talk.forgotten = False
-            visu_turns.lose_server(talk, what, later)
+            visu_turns.lose_server(talk, what, later, waited)
         talk.waiting[:] = [] if from_client else later
 
     def cut_request(self, talk: Talk, message: Message) -> bool:

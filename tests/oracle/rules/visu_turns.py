@@ -12,6 +12,7 @@ Readings, where the rules leave a choice:
   acknowledge the head with it, though it has done so with others, or though the client had all of it when it asked
 - where the server's direction begins behind what a client acknowledged with a request that waits, nobody knows what
   answered that
+- while requests wait of which nobody knows what answers them (``visu_owed``), none is in step
 - where bytes are missing and a direction loses step with that, nobody knows how many requests wait: of the next request
   nobody knows what answers it, unless its client had more then than with any request before, than in front of the
   missing bytes, and than up to the end of the last response that answered something: then it had waited for replies.
@@ -42,6 +43,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+from tests.oracle.rules.visu_owed import OFTEN, Owed, waited_for_several
 
 if TYPE_CHECKING:
     from tests.oracle.rules.http_message import Lost, Message
@@ -93,6 +96,7 @@ class Turns:
     guessed: int | None = None
     """What the client had with the first request behind missing bytes, if it is in step when sent alone."""
     client_begin: int | None = None
+    owed: Owed = field(default_factory=Owed)
     acknowledges: bool = False
 
     def takes_turns(self) -> bool:
@@ -118,6 +122,13 @@ class Turns:
             known: int | None = None
             for one in [*self.asked, self.begin, *(end for _, end in self.answers)]:
                 known = last(known, one)
+            at_once = lost and self.owed.answered_at_once(request.told)
+            self.several |= at_once or (lost and request.told == known)
+            all_answered = last(self.begin, None)
+            for _, end in self.answers:
+                all_answered = last(all_answered, end)
+            waits = not self.several or waited_for_several(self.answers) >= OFTEN
+            left = self.owed.any_left(request.told, all_answered, hole_has_all=waits)
             for response in early:
                 ahead, with_missing = behind(response.behind, request.told), behind(response.told, self.lost_at)
                 if with_missing is not None and with_missing < 0:
@@ -126,12 +137,18 @@ class Turns:
                     lost = False
             unsure = (
                 not self.takes_turns()
+                or left
+                or at_once
                 or (lost and (self.several or self.rest))
                 or (behind(request.told, self.missing_at) or 0) < 0
             )
             self.doubtful = known is not None and (unsure or (behind(request.told, known) or 0) <= 0)
             if lost and not self.doubtful:
                 self.guessed = request.told
+            if self.doubtful:
+                self.owed.requests += 1
+            else:
+                self.owed = Owed()
         elif request.told is None:
             self.doubtful = False
         self.asked.append(request.told)
@@ -147,6 +164,7 @@ class Turns:
         if may is False and self.acknowledges:
             return False
         self.guessed = None
+        self.owed.passed = [one for one in self.owed.passed if one[0] != response.behind]
         self.answers.append((request.told, response.behind))
         return True
 
@@ -168,6 +186,7 @@ def begin_server(talk: Talk) -> None:
         talk.waiting.pop(0)
         talk.turns.doubtful = not talk.waiting
     if miss_begin(talk):
+        talk.turns.owed.requests += len(talk.waiting)
         talk.waiting.clear()
 
 
@@ -186,15 +205,19 @@ def miss_begin(talk: Talk) -> bool:
     if turns.begin is None or ahead is None or not 0 < ahead <= NEAR:
         return False
     talk.happened["begin of a client that is missing"] += 1
-    turns.doubtful = turns.lost = True
+    turns.owed.requests += not turns.lost
+    turns.doubtful, turns.lost = True, not turns.requests
     turns.lost_at, turns.rest = turns.client_begin, False
     return True
 
 
 def lose_client(talk: Talk, what: Lost) -> None:
     """Take that the client's direction lost step."""
-    if talk.early and talk.early[0].told is None:
+    answered = bool(talk.early) and talk.early[0].told is None
+    if answered:
         talk.early.pop(0)
+    if what.missing:
+        talk.turns.owed.requests += len(talk.waiting) - answered + (not talk.turns.lost)
     talk.turns.asked.append(what.told)
     talk.turns.doubtful |= what.missing
     talk.turns.lost |= what.missing
@@ -203,9 +226,12 @@ def lose_client(talk: Talk, what: Lost) -> None:
     talk.be_wary()
 
 
-def lose_server(talk: Talk, what: Lost, later: list[Waiting]) -> None:
-    """Take that the server's direction lost step; ``later`` waits for what comes behind."""
+def lose_server(talk: Talk, what: Lost, later: list[Waiting], waited: int) -> None:
+    """Take that the server's direction lost step, while so many ``waited``; ``later`` waits for what comes behind."""
     if what.missing:
+        if not later:
+            talk.turns.owed.requests += waited
+            talk.turns.owed.lose(what.behind)
         talk.turns.missing_at = what.behind
         talk.torn = bool(talk.early and not later)
         talk.turns.doubtful |= not (talk.early or later)
@@ -224,9 +250,11 @@ def passes_by(talk: Talk, message: Message, *, forgotten: bool) -> bool:
     if message.unasked or not forgotten or not message.whole or message.part or 100 <= message.status < 200:
         return message.unasked
     talk.happened["response to a forgotten request"] += 1
+    talk.turns.owed.pass_by(message.behind, message.told)
     begin = note_passed(talk, message)
     had = [one.message.told for one in talk.waiting]
     if any(begin is None or ((behind(begin, one) or 0) >= 0 and one is not None) for one in had):
+        talk.turns.owed.requests += len(talk.waiting)
         talk.waiting.clear()
         talk.turns.doubtful = True
     return True
@@ -254,6 +282,7 @@ def wait(talk: Talk, one: Waiting) -> None:
         talk.waiting.append(one)
         return
     talk.happened["nobody knows what answers it"] += 1
+    talk.turns.owed.requests += len(talk.waiting)
     talk.waiting.clear()
     talk.early.clear()
     talk.torn = False
@@ -281,6 +310,7 @@ def keep(talk: Talk, response: Message) -> bool:
         response.told, response.has = None, response.told
         talk.early.append(response)
         return True
+    talk.turns.owed.pass_by(response.behind, response.told)
     if response.told is None:
         return False
     if talk.early and talk.torn:

@@ -1,7 +1,7 @@
 """Drawn conversations of a page, of whose segments a capture lacks some, has some twice, or in another order.
 
-A client takes turns: it sends one request, or several at once, and waits for all replies. What becomes of each write is
-known: its reply has a status of its own.
+A client takes turns: it sends one request, or several at once, and waits for all replies; or it overlaps: it sends more
+while replies are still to come. What becomes of each write is known: its reply has a status of its own.
 """
 
 from __future__ import annotations
@@ -31,17 +31,30 @@ class Said(NamedTuple):
 
 
 class Capture(NamedTuple):
-    """How likely it is that a segment is missing, comes twice, or behind the next ones; and that several are asked."""
+    """How likely it is that a segment is missing, comes twice, or behind the next ones; and that several are asked.
+
+    ``overlap`` is how likely it is that one more is asked in front of a reply.
+    """
 
     loss: float
     twice: float
     late: float
     several: float
+    overlap: float = 0
 
 
 CAPTURES = (
     Capture(0.04, 0, 0, 0), Capture(0.06, 0, 0, 0.4), Capture(0, 0.1, 0.2, 0.3), Capture(0.04, 0.1, 0.1, 0.3),
 )  # fmt: skip
+
+OVERLAPPING = (
+    Capture(0.06, 0, 0, 0.3), Capture(0.06, 0, 0, 0, 0.3), Capture(0.1, 0, 0, 0.3, 0.1),
+    Capture(0.06, 0.05, 0.1, 0.2, 0.2),
+)  # fmt: skip
+"""Of clients that overlap, or send several requests at once in segments of their own."""
+
+_MOST_AHEAD = 3
+"""No more are asked ahead in a turn, so that it ends."""
 
 
 @dataclass
@@ -105,17 +118,76 @@ def conversation(seed: int, several: float) -> Drawn:
                 drawn.statuses[value] = None
         if rng.random() < 0.3:
             drawn.segment(True)
-    first = rng.random() < 0.5
-    for side, flags in rng.choice(((), ((first, FIN),), ((first, FIN), (not first, FIN)), ((first, RST),))):
-        drawn.segment(side, flags | ACK)
+    end(drawn)
     return drawn
 
 
-def captured(seed: int) -> tuple[list[Frame], dict[str, int | None]]:
+def end(drawn: Drawn) -> None:
+    """End a conversation, or leave it open."""
+    first = drawn.rng.random() < 0.5
+    for side, flags in drawn.rng.choice(((), ((first, FIN),), ((first, FIN), (not first, FIN)), ((first, RST),))):
+        drawn.segment(side, flags | ACK)
+
+
+def overlapping(seed: int, several: float, overlap: float) -> Drawn:
+    """Return a conversation in which more may be asked before all is answered; the last may be left without a reply."""
+    rng = random.Random(seed)
+    drawn = Drawn(rng, sent={side: rng.randrange(2**32) for side in (True, False)}, had={True: 0, False: 0})
+    drawn.segment(True, SYN)
+    drawn.segment(False, SYN | ACK)
+    drawn.segment(True)
+    turns, is_silent = rng.randint(2, 9), rng.random() < 0.3
+    for turn in range(turns):
+        waiting = asked(drawn, rng.randint(2, 3) if rng.random() < several else 1)
+        ahead = _MOST_AHEAD
+        while waiting:
+            if ahead and rng.random() < overlap:
+                ahead -= 1
+                if rng.random() < 0.5:
+                    drawn.segment(False)
+                waiting += asked(drawn, 1)
+            if rng.random() < 0.3:
+                drawn.segment(False)
+            if is_silent and turn == turns - 1 and rng.random() < 0.3:
+                drawn.statuses |= {value: None for _, value, _ in waiting if value}
+                break
+            response, _, behind = waiting.pop(0)
+            # It has what it answers, and may not have the rest yet.
+            if waiting and rng.random() < 0.3:
+                drawn.had[False] = max(drawn.had[False], behind)
+                drawn.segment(False, PSH | ACK, response, has_all=False)
+            else:
+                drawn.say(False, response)
+            if rng.random() < 0.3:
+                drawn.segment(True)
+    end(drawn)
+    return drawn
+
+
+def asked(drawn: Drawn, count: int) -> list[tuple[bytes, str, int]]:
+    """Ask so many at once; return their replies, what they write, and where they end."""
+    found, is_apart = [], drawn.rng.random() < 0.5
+    data, at = b"", drawn.sent[True]
+    for _ in range(count):
+        request, response, value = drawn.exchange()
+        at += len(request)
+        found.append((response, value, at))
+        data += request
+        if is_apart:
+            drawn.say(True, data)
+            data = b""
+    drawn.say(True, data)
+    return found
+
+
+def captured(
+    seed: int, captures: tuple[Capture, ...] = CAPTURES
+) -> tuple[list[Frame], dict[str, int | None]]:  # fmt: skip
     """Return what was captured of a conversation, and of another list long behind it; and what became of its writes."""
     rng = random.Random(seed)
-    how = rng.choice(CAPTURES)
-    drawn = conversation(seed, how.several)
+    how = rng.choice(captures)
+    turns = captures is not OVERLAPPING
+    drawn = conversation(seed, how.several) if turns else overlapping(seed, how.several, how.overlap)
     seen = [one for one in drawn.segments if rng.random() >= how.loss]
     seen = [one for one in seen for _ in range(2 if rng.random() < how.twice else 1)]
     for place in range(len(seen) - 1):

@@ -99,6 +99,34 @@ def test_what_is_asked_behind_a_lost_reply_and_never_answered_is_unanswered() ->
     assert (told(state)[1], writes_of(state)) == (rules.findings(), writes_by_the_rules(rules))
 
 
+def test_who_asks_more_while_a_reply_is_known_to_be_owed_may_get_that() -> None:
+    """Of two requests sent at once the first is missing, and so it is seen for the first time that this client does."""
+    line = polled().lose(True, len(READ)).ask(ASKS).answer(READ_DONE).ask(ASKS).answer(REFUSED).answer(IS_DONE)
+    assert became(line.frames) == ["open", "open"]
+
+
+def test_two_replies_to_what_came_at_once_show_that_several_are_missing() -> None:
+    line = polled().lose(True, 3 * len(READ)).answer(READ_DONE).answer(READ_DONE)
+    assert became(line.ask(ASKS).answer(REFUSED).answer(IS_DONE).frames) == ["open"]
+
+
+def test_replies_each_with_more_of_the_client_show_that_it_takes_turns() -> None:
+    line = polled()
+    for _ in range(3):
+        line.lose(True, len(READ)).answer(READ_DONE)
+    assert became(write(line).frames) == ["confirmed"]
+
+
+@pytest.mark.parametrize(("turns", "outcome"), [(0, "open"), (2, "open"), (3, "confirmed")])
+def test_who_was_seen_to_wait_for_several_replies_has_all_of_them_behind_a_hole(turns: int, outcome: str) -> None:
+    """That the first turn was waited for shows with the request behind it, and so on."""
+    line = polled()
+    for _ in range(turns):
+        line.ask(READ).ask(READ).answer(READ_DONE).answer(READ_DONE)
+    line.ask(READ).ask(READ).lose(False, 2 * len(READ_DONE))
+    assert became(write(write(line)).frames) == ["open", outcome]
+
+
 @pytest.mark.parametrize("first", range(3))
 def test_a_client_that_is_captured_ahead_of_its_server_is_told_the_same_in_any_batches(first: int) -> None:
     line = write(write(Line().open()))
