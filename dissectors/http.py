@@ -144,6 +144,18 @@ def start_line_at(data: bytes, start: int, stop: int, side: Side) -> int:
     return -1 if stop < most else 0
 
 
+def no_start_line_at(data: bytes, start: int, side: Side) -> int:
+    """Return up to where one has to read to know that no start line begins at a place, where none does."""
+    begins = _BEGINS[side]
+    if data.startswith(begins, start):
+        most = start + LONGEST_LINE[side]
+        return data.find(b"\n", start, most) + 1 or most
+    begin = data[start : start + _LONGEST_BEGIN]
+    return start + next(
+        count for count in range(1, _LONGEST_BEGIN + 1) if not any(one.startswith(begin[:count]) for one in begins)
+    )
+
+
 def target_of(head: bytes) -> str:
     """Return the target of a request of whose head the first line is there, '' where that is not."""
     line = _LINES[Side.CLIENT].match(head)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dissectors.http import Head, Side
+from dissectors.http import Body, Head, Side
 from dissectors.webvisu import Likeness
-from nvscope.tracker.visu.part_requests import behind_body
+from nvscope.tracker.visu.part_requests import behind_body, bodied_at
 
 if TYPE_CHECKING:
     from nvscope.tracker.visu.waiting_requests import WaitingRequests
@@ -54,9 +54,20 @@ class Answering:
             self.is_late = self.is_wary = False
         return nobody
 
-    def _may_lack_body(self, rest: bytes, head_end: int) -> bool:
+    def _line_in_place_of_body(self, data: bytes, head_end: int, end: int, head: Head) -> int:
+        """Return as ``behind_body`` does; below 0 where more has to come to go on. Note up to where one had to read."""
+        line = behind_body(data, head_end, end, head, self.side)
+        if self.side is Side.CLIENT and head.body is not Body.LENGTH:
+            return max(line, 0)
+        if not line:
+            self.known_at = max(self.known_at, bodied_at(data, head_end, head, self.side))
+        return line
+
+    def _may_lack_body(self, rest: bytes, head_end: int, head: Head) -> bool:
         """Tell whether nothing that is there behind a head shows that a message has a body."""
-        return self.is_wary and not self.is_late and behind_body(rest, head_end, len(rest), self.side) != 0
+        if not self.is_wary or self.is_late:
+            return False
+        return behind_body(rest, head_end, len(rest), head, self.side) != 0
 
     def _if_answers(self) -> Likeness:
         """Tell whether what has begun is a response to the first request that waits."""

@@ -101,9 +101,9 @@ class HttpReader(Answering):
                 begin = http.behind_blank_lines(data, begin, end)
                 first = len(found.at)
                 behind = self._read_one(data, begin, end, found)
+                known_at = self.known_at
                 if known_at:
                     found.note_late(first, known_at)
-                known_at = self.known_at
                 if behind < 0:
                     break
                 begin, plain = behind, self.requests is None and not self._answers_nobody
@@ -159,10 +159,10 @@ class HttpReader(Answering):
                 if self.pauses:
                     return -1
         if head.has_body and (head.expects or self.may_answer_head):
-            line = behind_body(data, head_end, end, self.side)
+            line = self._line_in_place_of_body(data, head_end, end, head)
             if line > 0:
                 return self._skip_body(data[start:head_end], head_end, line, head, found)
-            if line < 0 and (head.body is Body.LENGTH or self.side is Side.SERVER):
+            if line < 0:
                 self.begun_at = head_end
                 return -1
         if head.body is Body.LENGTH:
@@ -276,7 +276,7 @@ class HttpReader(Answering):
         body = begin + self.open.head_bytes
         if self._passes:
             return True
-        is_none = self.open.head.expects and behind_body(data, body, end, self.side) > 0
+        is_none = self.open.head.expects and behind_body(data, body, end, self.open.head, self.side) > 0
         if is_none or (self.open.head.is_unbounded and http.start_of_message(data, body, end, self.side) >= 0):
             return False
         if self.open.head.body is Body.END:
@@ -317,7 +317,7 @@ class HttpReader(Answering):
         if in_step and not self._passes and rest:
             head_end, head = head_in(rest, self.side)
             lost = lost_form(rest, head_end, head, self.side)
-            if head is not None and head.body is Body.LENGTH and not self._may_lack_body(rest, head_end):
+            if head is not None and head.body is Body.LENGTH and not self._may_lack_body(rest, head_end, head):
                 length = 0 if self._answers_head else head.length
                 self._passes = length - (len(rest) - head_end)
                 self._passed = replace(lost, what=What.CUT)
@@ -380,7 +380,7 @@ class HttpReader(Answering):
                 content = None if head.is_unbounded else http.decoded(rest[head_end:], head.coding)
                 late, nobody = self.is_late, self._answered(at, head)
                 form = Form(What.WHOLE, head, 0, content, is_coded=True, answers_nobody=nobody, is_late=late)
-                found.tell(at, form)
+                found.tell(at, form if head.is_unbounded else self._or_unread(form, rest[head_end:]))
             # Of a response that was not sent whole nothing is missing: it is none, though a list lacks something.
             elif self.side is Side.SERVER and self._passed is not None and self._passed.what is What.CUT:
                 found.tell(at, replace(self._passed, answers_nobody=self._answered(at, self._passed.head)))

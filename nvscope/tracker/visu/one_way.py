@@ -51,7 +51,7 @@ class OneWay:
     def _by_stream(self) -> tuple[I64, I64, I64]:
         """Return the streams of what acknowledges something and begins nothing, by stream; frames, and how far."""
         segments = self._segments
-        places = np.flatnonzero((segments.flags & (ACK | SYN)) == ACK)
+        places = np.flatnonzero(((segments.flags & (ACK | SYN)) == ACK) & (self._stream >= 0))
         places = places[stable_order(self._stream[places], 2 * len(self._connections) + 1)]
         frame = segments.row[places] + self.first_frame
         return self._stream[places], frame, segments.acknowledgement[places].astype(np.int64)

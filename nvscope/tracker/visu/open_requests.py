@@ -9,11 +9,11 @@ from msgspec.structs import replace
 
 from dissectors import http
 from dissectors.http import Body, Chunks, Head
-from dissectors.webvisu import read_request
+from dissectors.webvisu import Likeness, likeness, read_request
 from nvscope.tracker.visu.asking import asks_whole
 from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.part_requests import part_form
-from nvscope.tracker.visu.unread_requests import unread_form
+from nvscope.tracker.visu.unread_requests import BEGIN_BYTES, unread_form
 
 
 def open_form(text: bytes, head_end: int, head: Head, chunks: Chunks | None, end: Form | None = None) -> Form:
@@ -33,7 +33,7 @@ def open_form(text: bytes, head_end: int, head: Head, chunks: Chunks | None, end
         return unread_form(head, 0, body, is_broken_off=end is not None)
     is_asked = content is not None and asks_whole(read_request(content), content)
     if end is not None and head.method == "POST" and not is_asked:
-        return replace(part_form(text, head_end, head, end), is_broken_off=True)
+        return replace(_decoded_part(text, head_end, head, end), is_broken_off=True)
     return Form(What.WHOLE, head, 0, content, is_coded=True, is_broken_off=end is not None)
 
 
@@ -45,5 +45,15 @@ def unbounded_form(text: bytes, head_end: int, head: Head, end: Form | None = No
     """
     content = http.decoded(text[head_end:], head.coding)
     if head.method == "POST" and (content is None or not asks_whole(read_request(content), content)):
-        return part_form(text, head_end, head, end)
+        return _decoded_part(text, head_end, head, end)
     return Form(What.WHOLE, head, 0, content, is_coded=True, is_broken_off=end is not None)
+
+
+def _decoded_part(text: bytes, head_end: int, head: Head, end: Form | None) -> Form:
+    """Return what is told of a part of a request, by what it was before it was coded, as far as that is known."""
+    part = part_form(text, head_end, head, end)
+    if not head.coding or part.content is None:
+        return part
+    content = http.begin_of(part.content, head.coding, BEGIN_BYTES)
+    touched = likeness(content, head.target) if head.method == "POST" else Likeness.NO
+    return replace(part, content=content, touched=touched)

@@ -1,7 +1,8 @@
 """Part requests: what there is of requests that never become whole, and whether they may be those of WebVisu pages.
 
 Who expects an interim response sends no body where it gets none (RFC 9110, 10.1.1), and the response to HEAD has
-none: there another message begins in its place. No body of a page begins as a message of HTTP does.
+none: there another message begins in its place, behind empty lines that are not all of the body that is said. No body
+of a page begins as a message of HTTP does.
 """
 
 from __future__ import annotations
@@ -63,11 +64,24 @@ def head_in(rest: bytes, side: Side) -> tuple[int, Head | None]:
     return head_end, http.read_head(rest[:head_end], side) if head_end >= 0 else None
 
 
-def behind_body(data: bytes, head_end: int, end: int, side: Side) -> int:
-    """Return where the first line of another message ends that is in the place of a body, as ``start_line_at`` does."""
+def behind_body(data: bytes, head_end: int, end: int, head: Head, side: Side) -> int:
+    """Return where the first line of another message ends that is in the place of a body, as ``start_line_at`` does.
+
+    Empty lines stand in front of that, but for so many that they are the body.
+    """
     if data[head_end : head_end + 1] == b"|":  # as nearly all bodies of pages begin
         return 0
-    return http.start_line_at(data, http.behind_blank_lines(data, head_end, end), end, side)
+    begin = http.behind_blank_lines(data, head_end, end)
+    if head.body is Body.LENGTH and begin >= head_end + head.length:
+        return 0
+    return http.start_line_at(data, begin, end, side)
+
+
+def bodied_at(data: bytes, head_end: int, head: Head, side: Side) -> int:
+    """Return up to where one has to read to know that no other message begins in the place of a body."""
+    begin = http.behind_blank_lines(data, head_end, len(data))
+    behind = head_end + head.length
+    return behind if head.body is Body.LENGTH and begin >= behind else http.no_start_line_at(data, begin, side)
 
 
 def bodiless(head: Head, answers_nobody: bool) -> Form:

@@ -71,8 +71,11 @@ def distance(sequence: int, known: int) -> int:
 
 
 def is_had(behind: int, had: int) -> bool:
-    """Tell whether a message that ends there is known to be had by a receiver that has so much."""
-    return UNKNOWN not in (behind, had) and distance(behind, had) <= 0
+    """Tell whether a message that ends there is known to be had by a receiver that has so much.
+
+    What is half of all numbers away lies neither in front nor behind.
+    """
+    return UNKNOWN not in (behind, had) and -HALF < distance(behind, had) <= 0
 
 
 def are_had(behind: I64, had: I64) -> Bool:
@@ -80,7 +83,8 @@ def are_had(behind: I64, had: I64) -> Bool:
     ahead = behind - had
     if len(ahead) and int(ahead.min()) > 0 and int(ahead.max()) < HALF and int(behind.min()) >= 0:
         return np.zeros(len(ahead), np.bool_)
-    found: Bool = (behind != UNKNOWN) & (had != UNKNOWN) & (distances(behind, had) <= 0)
+    ahead = distances(behind, had)
+    found: Bool = (behind != UNKNOWN) & (had != UNKNOWN) & (ahead <= 0) & (ahead > -HALF)
     return found
 
 

@@ -157,13 +157,19 @@ class WaitingRequests:
             self._talk.take_from_server(_TO_NOBODY if to_nobody else _RESPONSE, order, 0, -1, _tell_nobody, reach)
             return
         what = self._answers(at, order)
-        if what is Ended.BEGUN or (what is Ended.NOTHING and reach.acknowledged != UNKNOWN):
+        if what is Ended.OPEN:
+            self._take_asked(Asked(order, _OPEN))
+            self._talk.take_from_server(_RESPONSE, order, 0, -1, _tell_nobody, reach)
+        elif what is Ended.BEGUN or (what is Ended.NOTHING and reach.acknowledged != UNKNOWN):
             self._talk.keep(Early(_RESPONSE, 0, reach, what is Ended.BEGUN))
 
     def lost(self, at: int) -> None:
         """Take that there was a response of which bytes are missing, or that nobody reads."""
         order = self._go_on(at)
-        if not self._talk.waits and self._answers(at, order) is Ended.BEGUN:
+        what = Ended.NOTHING if self._talk.waits else self._answers(at, order)
+        if what is Ended.OPEN:
+            self._take_asked(Asked(order, _OPEN))
+        elif what is Ended.BEGUN:
             self._talk.keep(Early(_RESPONSE, 0, self._reach(at), has_begun=True))
 
     def _answers(self, at: int, order: int) -> Ended:
@@ -193,14 +199,17 @@ class WaitingRequests:
 
     def _go_on(self, at: int) -> int:
         """Take what the client shows in front of a place of the data; return the order of that."""
-        order, talk = int(self._pieces.order[self._piece(at)]), self._talk
+        order = int(self._pieces.order[self._piece(at)])
         while self._asked and self._asked[0].order < order:
-            one = self._asked.popleft()
-            talk.take_from_client(one.form, NOTHING, one.order, 0, -1, _tell_nobody, one.reach)
-            is_request = one.form.what in (What.WHOLE, What.CUT, What.PART)
-            if is_request and talk.has_early(one.form, one.reach):
-                talk.answer_early(one.order, -1, _tell_nobody)
+            self._take_asked(self._asked.popleft())
         return order
+
+    def _take_asked(self, one: Asked) -> None:
+        talk = self._talk
+        talk.take_from_client(one.form, NOTHING, one.order, 0, -1, _tell_nobody, one.reach)
+        is_request = one.form.what in (What.WHOLE, What.CUT, What.PART)
+        if is_request and talk.has_early(one.form, one.reach):
+            talk.answer_early(one.order, -1, _tell_nobody)
 
     def _piece(self, at: int) -> int:
         return ~at if at < 0 else int(self._ends.searchsorted(at))
@@ -214,6 +223,8 @@ class WaitingRequests:
 
 
 _RESPONSE, _GAP, _BROKEN, _END = (Form(what) for what in (What.WHOLE, What.GAP, What.BROKEN, What.END))
+_OPEN = Form(What.WHOLE)
+"""A request that ends where it is answered: nobody knows where it lies."""
 _TO_NOBODY = Form(What.WHOLE, answers_nobody=True)
 
 

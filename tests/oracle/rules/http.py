@@ -35,6 +35,7 @@ Readings, where the rules leave a choice:
 - who sends Expect: 100-continue may send no body: where a whole start line stands in its place, the request is a part,
   and so is an open one that is answered before anything of its body. Where a direction began before the capture, its
   final responses are late up to the first one that has a body: those may be ones to HEAD, of which the same tells.
+  Empty lines in front of that are none of a body, unless so many are there that they are all of it.
   While what is there may become a start line, it is none of a body of known length, or of such a response. The same
   tells it of all responses behind that, and behind a place where one of both directions lost step: how many requests
   are missing there nobody knows. Up to the first one with a body, bytes that are missing there, behind a head, are not
@@ -137,7 +138,7 @@ class Reader:
         message.body, message.part = None if body is None else decoded(head.fields, body), is_part
         message.unread = message.body is None and not (by_reset and body is None)
         if body is None:
-            message.seen = chunks_so_far if by_reset else begin(head.fields, chunks_so_far)
+            message.seen = begin(head.fields, chunks_so_far)
         return message
 
     def malformed(self, content: bytes) -> Lost:
@@ -293,7 +294,10 @@ class Reader:
         return self.head.fields.get(b"expect", [b""])[-1].lower() == b"100-continue"
 
     def other_begins(self, at: int) -> bool | None:
-        """Tell whether a start line stands at a place; None where more has to come to know."""
+        """Tell whether a start line stands in the place of a body; None where more has to come to know."""
+        body, at = at, len(self.buffer) - len(self.buffer[at:].lstrip(b"\r\n"))
+        if isinstance(self.framing, int) and at - body >= self.framing:
+            return False
         most = LONGEST_STATUS_LINE if self.response else LONGEST_REQUEST_LINE
         text = self.buffer[at : at + most]
         if b"\n" in text:

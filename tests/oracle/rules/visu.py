@@ -81,9 +81,8 @@ class Visu:
                 talk.gap_bytes[False] += size
                 self.lost(talk, False, Lost(in_step=True))
         for event in self.delivered(frame):
-            if event.connection not in self.talks:
-                self.talks[event.connection] = Talk(event.connection, self.happened)
-            talk = self.talks[event.connection]
+            talk = self.talks.setdefault(event.connection, Talk(event.connection, self.happened))
+            begin([talk])  # it may have begun with this very event
             if isinstance(event, Others):
                 if visu_others.note(talk, event):
                     self.known[talk.pair].counts["asked by others"] += 1

@@ -7,6 +7,7 @@ Readings, where the rules leave a choice:
 - it waits for its reply unless its client broke the connection off and nothing answered it: one of another status than
   200 refuses it (NV802, without a variable, and `refused` where its body begins as that of a write); any other is none
 - one that touches missing bytes is cut
+- what such a one is about is told by what it was before it was coded, as far as that is known
 - one of which nobody knows where it ends is a part unless what it asks for is whole where it is taken to end: as many
   variables as it declares, unambiguously, and a bar behind the last. So is one that does not say where it ends, and is
   broken off by a reset or another connection
@@ -47,3 +48,4 @@ def settle(message: Message) -> None:
         body = message.body
         asked = None if body is None else visu_body.asked(b"POST", message.target, body)
         message.part = body is None or not visu_body.is_whole(asked, body)
+        message.seen = message.seen if body is None else body

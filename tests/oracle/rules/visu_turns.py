@@ -58,6 +58,12 @@ def behind(one: int | None, other: int | None) -> int | None:
     return None if one is None or other is None else (one - other + 2**31) % 2**32 - 2**31
 
 
+def has(told: int | None, end: int | None) -> bool:
+    """Tell whether who says so has all up to an end; half of all numbers away is neither in front nor behind."""
+    ahead = behind(end, told)
+    return ahead is not None and -(2**31) < ahead <= 0
+
+
 def last(one: int | None, other: int | None) -> int | None:
     """Return the later one of two sequence numbers."""
     if one is None or other is None:
@@ -156,8 +162,8 @@ class Turns:
 
     def answers_first(self, response: Message, request: Message, *, is_behind: bool) -> bool:
         """Tell whether a response answers the first request that waits, behind missing bytes or not."""
-        ahead, may = behind(response.behind, request.told), may_answer(response, request)
-        has_all = ahead is not None and ahead <= 0 and not response.early
+        may = may_answer(response, request)
+        has_all = has(request.told, response.behind) and not response.early
         if has_all and (is_behind or may is False or self.acknowledges):
             return False
         self.acknowledges |= may is True
@@ -264,8 +270,8 @@ def asked_behind(talk: Talk, what: Lost) -> list[Waiting]:
     """Return what waits and was asked for behind the bytes of the server that are missing."""
     if not what.missing or not talk.turns.takes_turns():
         return []
-    had = [behind(one.message.told, what.behind) for one in talk.waiting]
-    first = next((place for place, one in enumerate(had) if one is not None and one >= 0), len(had))
+    had = [has(one.message.told, what.behind) for one in talk.waiting]
+    first = had.index(True) if True in had else len(had)
     if first > 1:
         return []
     for one in talk.waiting[first:]:
@@ -292,8 +298,7 @@ def may_answer_late(talk: Talk, response: Message, request: Message) -> bool:
     if response.told is not None:
         return may_answer(response, request) or False
     lacks_head = request.begin_at is not None and (behind(response.has, request.head_at) or 0) < 0
-    ahead = behind(response.behind, request.told)
-    return not (lacks_head and (talk.turns.acknowledges or (ahead is not None and ahead <= 0)))
+    return not (lacks_head and (talk.turns.acknowledges or has(request.told, response.behind)))
 
 
 def has_early(talk: Talk, request: Message) -> bool:

@@ -121,3 +121,14 @@ def test_any_traffic_of_one_direction_is_what_the_rules_say(seed: int, client: b
 @given(seed=st.integers(0, 20_000), client=st.booleans(), packets=st.integers(1, 90))
 def test_so_it_is_however_it_is_cut(seed: int, client: bool, packets: int) -> None:
     check(of_one(conversations(seed), client=client), packets)
+
+
+@pytest.mark.parametrize("port", [80, 8080])
+def test_what_strangers_acknowledge_says_nothing_of_it(port: int) -> None:
+    """Others, of which nothing but acknowledgements is captured, speak over such a port."""
+    line = Line().segment(True).ask(WRITE)
+    stranger = tcp_frame(line.now, ("10.0.0.9", port), CLIENT, ack=line.sent[False] + 5000)
+    for frames in ([*line.frames, stranger], [stranger, *line.frames], [line.frames[0], stranger, line.frames[1]]):
+        rows, findings = told(followed([batch_of(frames)]))
+        assert (rows[0]["cut"], rows[0]["gap_bytes"]) == (0, 0)
+        assert [one["code"] for one in findings] == ["NV801"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -65,11 +66,24 @@ AN_OPEN_REQUEST_BEHIND_A_HOLE = 46
 HEARD_BEHIND_WHAT_WAS_ACKNOWLEDGED = 201
 """The server's direction begins behind what its client had, and one of the requests has no end."""
 
+AN_OPEN_REQUEST_IN_FRONT_OF_HEAD = 244210881
+"""Behind missing bytes, a request that does not say how long it is ends where bytes of the server are missing."""
+
+HALF_OF_ALL_NUMBERS_AWAY = 374262756
+"""A bit of an acknowledgement is wrong, so that it lies neither in front of what the server sends nor behind."""
+
+CODED_AND_OF_NO_LENGTH = 56403007
+"""Of a request, nobody knows where it ends, nor how it is coded."""
+
+A_CLIENT_THAT_BEGINS_BEHIND_WHAT_ITS_SERVER_HAD = 526077621
+"""Bytes of the client are missing in front of its first request, which is the first of the connection but SYN."""
+
 SINGULAR = (
     BODIES_THAT_ASK_THE_SAME, A_RESET_FIRST, NO_BODY_OF_NO_LENGTH, NO_STATUS, CUT_AND_OF_NO_LENGTH, A_LONG_VALUE,
     A_RESPONSE_IN_CHUNKS, A_HOLE_BEFORE_THE_REQUEST_IS_WHOLE, A_SERVER_THAT_IS_HEARD_LATE,
     A_REPLY_BEFORE_ITS_REQUEST, HEAD_BEHIND_A_REPLY_BEFORE_ITS_REQUEST, AN_OPEN_REQUEST_BEHIND_A_HOLE,
-    HEARD_BEHIND_WHAT_WAS_ACKNOWLEDGED,
+    HEARD_BEHIND_WHAT_WAS_ACKNOWLEDGED, AN_OPEN_REQUEST_IN_FRONT_OF_HEAD, HALF_OF_ALL_NUMBERS_AWAY,
+    CODED_AND_OF_NO_LENGTH, A_CLIENT_THAT_BEGINS_BEHIND_WHAT_ITS_SERVER_HAD,
 )  # fmt: skip
 
 
@@ -90,13 +104,35 @@ def later(frames: list[Frame]) -> list[Frame]:
     return [*frames, tcp_frame(end_ns + 20 * SECOND, ("10.0.0.1", 50_000), ("10.0.0.5", 1202))]
 
 
+def expected(findings: list[dict[str, Any]], rules: Visu, frames: list[Frame]) -> list[dict[str, Any]]:
+    """Return the findings of the rules; where the clock goes back, first and last may be times of any of their events.
+
+    Events of several kinds are one finding, and nobody counts in which order one kind and another one came.
+    """
+    by_rules = rules.findings()
+    goes_back = any(later.ts_ns < one.ts_ns for one, later in pairwise(frames))
+    if not goes_back or len(by_rules) != len(findings):
+        return by_rules
+    times = {
+        (code, str(client), variable): {time for time, _ in events}
+        for (code, client, variable), events in rules.found.items()
+    }
+    return [
+        one | {
+            name: said[name] for name in ("first_ns", "last_ns")
+            if said[name] in times[one["code"], one["client"], one["variable"]]
+        }
+        for one, said in zip(by_rules, findings, strict=True)
+    ]  # fmt: skip
+
+
 def check(frames: list[Frame]) -> None:
     rules: Visu = by_the_rules(frames)
     state = followed([batch_of(frames)])
     assert writes_of(state) == writes_by_the_rules(rules)
     rows, findings = told(state)
     assert rows == [near(row) for row in rules.rows()]
-    assert findings == rules.findings()
+    assert findings == expected(findings, rules, frames)
 
 
 @pytest.mark.parametrize("seed", [*some(range(160)), *SINGULAR])
