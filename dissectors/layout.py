@@ -117,9 +117,12 @@ def take_rows(rows: Records, which: I64 | Bool) -> Records:
 def gather_bytes(data: U8, offsets: I64, size_bytes: int) -> Records:
     """Copy ``size_bytes`` bytes at every offset, as a void array of shape (n,).
 
-    The buffer is looked at as overlapping records one byte apart, so that one indexing call copies them all.
-    Raises IndexError where a record would end behind the buffer.
+    One indexing call copies them all. Raises IndexError where a record would end behind the buffer.
     """
+    return overlapping_records(data, size_bytes)[offsets]
+
+
+def overlapping_records(data: U8, size_bytes: int) -> Records:
+    """Return a view of a buffer as records one byte apart, a void array of shape (n,), as far as they are in it."""
     count = max(len(data) - size_bytes + 1, 0)
-    overlapping = np.ndarray((count,), np.dtype((np.void, size_bytes)), data, 0, (1,))
-    return overlapping[offsets]
+    return np.ndarray((count,), np.dtype((np.void, size_bytes)), data, 0, (1,))

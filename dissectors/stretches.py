@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dissectors.batch import I64, U8, Records
+from dissectors.batch import I64, U8
+from dissectors.layout import overlapping_records
 
 _WIDTH = 192
 """So many bytes are copied at a time. To copy a few more, or less, takes as long as to say what is copied."""
@@ -54,14 +55,14 @@ def copy_stretches(data: U8, start: I64, size: I64, at: I64, into: U8) -> None:
         return
     if min(int(start.min()), int(at.min())) < 0:
         raise IndexError("a stretch begins in front of its buffer")
-    # Both buffers are looked at as overlapping records of one width. What the last one of a stretch has too much is
+    # Both buffers are looked at as records of one width. What the last one of a stretch has too much is
     # written over by those of the next stretch, as records are assigned in turn. Where there is no room for that, at
     # the end of a buffer, a stretch is copied by itself.
     count = -(-size // _WIDTH)
     too_far = np.maximum(start + count * _WIDTH - len(data), at + count * _WIDTH - len(into))
     singly = (too_far > 0).nonzero()[0]
     count[singly] = 0
-    source, target = _records(data), _records(into)
+    source, target = overlapping_records(data, _WIDTH), overlapping_records(into, _WIDTH)
     at_a_time = max(_BYTES_AT_A_TIME // max(int(size.mean()), 1), 1)
     for first in range(0, len(size), at_a_time):
         own = slice(first, first + at_a_time)
@@ -76,8 +77,3 @@ def copy_stretches(data: U8, start: I64, size: I64, at: I64, into: U8) -> None:
         if end > len(data) or place_end > len(into):
             raise IndexError("a stretch ends behind its buffer")
         into[at[place] : place_end] = data[begin:end]
-
-
-def _records(data: U8) -> Records:
-    count = max(len(data) - _WIDTH + 1, 0)
-    return np.ndarray((count,), np.dtype((np.void, _WIDTH)), data, 0, (1,))

@@ -137,11 +137,10 @@ class Brought(Struct, frozen=True):
     def data(self, buffer: U8) -> Uncopied:
         """Return the data of all pieces, one behind the other; ``buffer`` is that of the packets."""
         sizes = self.sizes()
-        ends = sizes.cumsum()
-        return Uncopied(int(sizes.sum()), partial(self._copy, buffer, sizes, ends))
+        return Uncopied(int(sizes.sum()), partial(self._copy, buffer, sizes))
 
-    def _copy(self, buffer: U8, sizes: I64, ends: I64, place: U8) -> None:
-        start = self.pieces.start
+    def _copy(self, buffer: U8, sizes: I64, place: U8) -> None:
+        start, ends = self.pieces.start, sizes.cumsum()
         is_here = (sizes > 0) & (start >= 0)
         copy_stretches(buffer, start[is_here], sizes[is_here], (ends - sizes)[is_here], place)
         for kept in ((sizes > 0) & (start < 0)).nonzero()[0].tolist():

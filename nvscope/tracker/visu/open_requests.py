@@ -9,11 +9,11 @@ from msgspec.structs import replace
 
 from dissectors import http
 from dissectors.http import Body, Chunks, Head
-from dissectors.webvisu import Likeness, likeness, read_request
+from dissectors.webvisu import read_request
 from nvscope.tracker.visu.asking import asks_whole
 from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.part_requests import part_form
-from nvscope.tracker.visu.unread_requests import BEGIN_BYTES, unread_form
+from nvscope.tracker.visu.unread_requests import decoded_begin, unread_form
 
 
 def open_form(text: bytes, head_end: int, head: Head, chunks: Chunks | None, end: Form | None = None) -> Form:
@@ -54,6 +54,5 @@ def _decoded_part(text: bytes, head_end: int, head: Head, end: Form | None) -> F
     part = part_form(text, head_end, head, end)
     if not head.coding or part.content is None:
         return part
-    content = http.begin_of(part.content, head.coding, BEGIN_BYTES)
-    touched = likeness(content, head.target) if head.method == "POST" else Likeness.NO
+    content, touched = decoded_begin(head, part.content)
     return replace(part, content=content, touched=touched)

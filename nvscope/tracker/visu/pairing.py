@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -68,7 +69,6 @@ class Pairing:
         self._http = http
         self._is_plain = is_plain
         self._asked, self._asked_for = asked, asked_for
-        self._columns = columns_of(http, asked)
         self._conversations = conversations
         self._going_on, self._closed = going_on, closed
         self._one_way, self._unheard, self._missing = one_way, unheard, missing
@@ -76,6 +76,11 @@ class Pairing:
         self._later: list[tuple[Form, int, int, int]] = []
         self.left_out = 0
         self.over: dict[tuple[int, int], Over] = {}
+
+    @cached_property
+    def _columns(self) -> I64:
+        # Not of a batch in which nothing is paired at once.
+        return columns_of(self._http, self._asked)
 
     @property
     def messages(self) -> HttpMessages:
