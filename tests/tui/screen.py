@@ -16,7 +16,7 @@ from nvscope.tui.app import WatchApp
 from nvscope.tui.feed import SessionFeed
 from nvscope.tui.replay.feed import ReplayFeed
 
-_PATIENCE_S = 30
+_PATIENCE_S = 100
 
 
 class Screen:
