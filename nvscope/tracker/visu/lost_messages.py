@@ -28,7 +28,8 @@ def lost_form(rest: bytes, head_end: int, head: Head | None, side: Side) -> Form
         return Form(What.BROKEN, head, is_coded=True, touched=likeness_of(rest, head_end, head))
     if head is None:
         return Form(What.BROKEN, _by_first_line(rest), is_coded=True)
-    return Form(What.BROKEN, head, is_coded=True, begin=content_so_far(rest, head_end, head)[:LIST_BEGIN_BYTES])
+    begin = content_so_far(rest, head_end, head, LIST_BEGIN_BYTES)[:LIST_BEGIN_BYTES]
+    return Form(What.BROKEN, head, is_coded=True, begin=begin)
 
 
 def long_head_form(data: bytes, start: int, answers: Likeness, side: Side) -> Form:

@@ -13,7 +13,7 @@ from dissectors.webvisu import read_request
 from nvscope.tracker.visu.asking import asks_whole
 from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.part_requests import part_form
-from nvscope.tracker.visu.unread_requests import decoded_begin, unread_form
+from nvscope.tracker.visu.unread_requests import unread_form
 
 
 def open_form(text: bytes, head_end: int, head: Head, chunks: Chunks | None, end: Form | None = None) -> Form:
@@ -33,7 +33,7 @@ def open_form(text: bytes, head_end: int, head: Head, chunks: Chunks | None, end
         return unread_form(head, 0, body, is_broken_off=end is not None)
     is_asked = content is not None and asks_whole(read_request(content), content)
     if end is not None and head.method == "POST" and not is_asked:
-        return replace(_decoded_part(text, head_end, head, end), is_broken_off=True)
+        return replace(part_form(text, head_end, head, end), is_broken_off=True)
     return Form(What.WHOLE, head, 0, content, is_coded=True, is_broken_off=end is not None)
 
 
@@ -45,14 +45,5 @@ def unbounded_form(text: bytes, head_end: int, head: Head, end: Form | None = No
     """
     content = http.decoded(text[head_end:], head.coding)
     if head.method == "POST" and (content is None or not asks_whole(read_request(content), content)):
-        return _decoded_part(text, head_end, head, end)
+        return part_form(text, head_end, head, end)
     return Form(What.WHOLE, head, 0, content, is_coded=True, is_broken_off=end is not None)
-
-
-def _decoded_part(text: bytes, head_end: int, head: Head, end: Form | None) -> Form:
-    """Return what is told of a part of a request, by what it was before it was coded, as far as that is known."""
-    part = part_form(text, head_end, head, end)
-    if not head.coding or part.content is None:
-        return part
-    content, touched = decoded_begin(head, part.content)
-    return replace(part, content=content, touched=touched)

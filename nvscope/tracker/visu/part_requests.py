@@ -15,6 +15,7 @@ from dissectors import http
 from dissectors.http import Body, Head, Side
 from dissectors.webvisu import Likeness, likeness
 from nvscope.tracker.visu.http_forms import Form, What
+from nvscope.tracker.visu.unread_requests import BEGIN_BYTES
 
 _POST = b"POST "
 
@@ -33,13 +34,14 @@ def likeness_of(rest: bytes, head_end: int, head: Head | None) -> Likeness:
     """
     if not (rest == _POST[:-1] or rest.startswith(_POST)):
         return Likeness.NO
-    return likeness(b"" if head is None else content_so_far(rest, head_end, head), http.target_of(rest))
+    content = b"" if head is None else content_so_far(rest, head_end, head, BEGIN_BYTES)
+    return likeness(content, http.target_of(rest))
 
 
 def part_form(rest: bytes, head_end: int, head: Head, end: Form | None = None) -> Form:
     """Return what is told of a request whose body is not whole where its direction ends, or another request begins."""
     return Form(
-        What.PART, head, 0, content_so_far(rest, head_end, head), is_coded=True,
+        What.PART, head, 0, content_so_far(rest, head_end, head, BEGIN_BYTES), is_coded=True,
         touched=likeness_of(rest, head_end, head), broken_by=None if end is None else end.broken_by,
     )  # fmt: skip
 
@@ -90,6 +92,10 @@ def bodiless(head: Head, answers_nobody: bool) -> Form:
     return Form(What.WHOLE, head, answers_nobody=answers_nobody, is_unasked=True)
 
 
-def content_so_far(rest: bytes, head_end: int, head: Head) -> bytes:
-    """Return what there is of the content of a message whose head ends at ``head_end``, in its coding."""
-    return http.read_chunks(rest, head_end, len(rest)).content if head.body is Body.CHUNKS else rest[head_end:]
+def content_so_far(rest: bytes, head_end: int, head: Head, most_coded: int) -> bytes:
+    """Return what there is of the content of a message whose head ends at ``head_end``.
+
+    Of one that is coded, that is how it began before it was, up to so many bytes and as far as that is known.
+    """
+    body = http.read_chunks(rest, head_end, len(rest)).content if head.body is Body.CHUNKS else rest[head_end:]
+    return http.begin_of(body, head.coding, most_coded) if head.coding else body

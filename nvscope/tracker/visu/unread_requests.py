@@ -49,17 +49,12 @@ def unread_form(head: Head, size: int, body: bytes, *, is_broken_off: bool = Fal
 
     ``body`` is what there is of it, in its coding, which takes ``size`` bytes.
     """
-    begin, touched = decoded_begin(head, body)
+    begin = http.begin_of(body, head.coding, BEGIN_BYTES)
+    touched = likeness(begin, head.target) if head.method == "POST" else Likeness.NO
     return Form(
         What.WHOLE, head, size, is_coded=True, touched=touched, is_beyond=True, begin=begin,
         is_broken_off=is_broken_off,
     )  # fmt: skip
-
-
-def decoded_begin(head: Head, body: bytes) -> tuple[bytes, Likeness]:
-    """Return how the content of a request begins, of whose coded body there is so much, and whether a page asks so."""
-    begin = http.begin_of(body, head.coding, BEGIN_BYTES)
-    return begin, likeness(begin, head.target) if head.method == "POST" else Likeness.NO
 
 
 def likeness_of_head(head: bytes) -> Likeness:

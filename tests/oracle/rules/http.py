@@ -220,6 +220,7 @@ class Reader:
             seen = self.buffer[self.head.end : end]
             if self.framing == CHUNKED:
                 seen, _ = chunks(self.buffer, self.head.end)
+            seen = self.begin_of(seen)
             return Message(known.method, known.target, known.status, None, seen, True, False, self.latest or 0)
         started = start_line(self.buffer, self.response)
         if started is not None:
@@ -334,13 +335,13 @@ class Reader:
         message = self.head.message
         message.cut = self.missing_at is not None
         if message.cut:
-            message.seen = self.buffer[self.head.end : self.missing_at]
+            message.seen = self.begin_of(self.buffer[self.head.end : self.missing_at])
         else:
             message.seen = content or b""
             message.body = b"" if content is None else decoded(self.head.fields, content)
             message.unread = message.body is None
             if message.unread:
-                message.seen = begin(self.head.fields, content or b"", BEGIN_OF_LIST if self.response else BEGIN)
+                message.seen = self.begin_of(message.seen)
             self.happened["body not known"] += message.body is None
             self.happened["body decoded"] += message.body not in (None, message.seen)
         message.arrival, message.told = self.latest or 0, self.told
@@ -355,6 +356,14 @@ class Reader:
             self.is_late = self.is_wary = False
         self.next_message(self.buffer[end:])
         return message
+
+    def begin_of(self, seen: bytes) -> bytes:
+        """Return what is known of a body of which so much was seen: the first bytes where it is coded."""
+        assert self.head is not None
+        coding = b",".join(self.head.fields.get(b"content-encoding", [])).lower()
+        if coding in (b"", b"identity") and len(seen) <= MOST_BODY:
+            return seen
+        return begin(self.head.fields, seen, BEGIN_OF_LIST if self.response else BEGIN)
 
     def next_message(self, buffer: bytes) -> None:
         self.buffer, self.missing_at, self.head, self.framing = buffer, None, None, NO_BODY

@@ -67,3 +67,39 @@ def test_a_reply_to_the_end_in_place_of_a_list_is_one_that_nobody_reads(coding: 
     said = b"HTTP/1.1 200 OK\r\nContent-Encoding: %b\r\n\r\n%b" % (coding, body)
     line = Line().open().ask(b"GET /plc/visu_ini.xml HTTP/1.1\r\n\r\n").answer(said).close(False)
     seen(line)
+
+
+REFUSED = b"HTTP/1.1 400 Bad Request\r\nContent-Length: 0\r\n\r\n"
+READ = b"|0|1|0|4|0|4|"
+
+
+def begun(coding: bytes, body: bytes, target: bytes = b"/plc/webvisu.htm") -> bytes:
+    """Return a request of which ten bytes are missing at the end."""
+    return post(coding, body, b"Content-Length: %d\r\n" % (len(body) + 10), target)
+
+
+@pytest.mark.parametrize(("coding", "body"), CODED)
+@pytest.mark.parametrize("end", ["server closes", "server resets", "client resets", "client closes"])
+def test_a_part_of_known_length_is_one_by_what_it_was(coding: bytes, body: bytes, end: str) -> None:
+    line = Line().open().ask(begun(coding, body)).answer(REFUSED)
+    by_client = "client" in end
+    (row,), codes = seen(line.close(by_client).close(not by_client) if "closes" in end else line.reset(by_client))
+    assert codes == ["NV802"]
+    assert row["refused"] == (coding == b"gzip" and body != b"broken")  # of which it is known that it writes
+
+
+@pytest.mark.parametrize("body", [WRITE, READ])
+@pytest.mark.parametrize("lost", ["rest", "rest and more"])
+def test_what_is_cut_is_one_of_a_page_by_what_it_was(body: bytes, lost: str) -> None:
+    coded = gzip.compress(body, mtime=0)
+    line = Line().open().ask(post(b"gzip", coded, b"Content-Length: %d\r\n" % (len(coded) + 10), b"/else"))
+    line = line.lose(True, 10 if lost == "rest" else 30).ask(post(b"", READ, b"Content-Length: %d\r\n" % len(READ)))
+    (row,), _ = seen(line.answer(DONE).answer(DONE).close(True).close(False))
+    assert row["cut"] == 1
+
+
+@pytest.mark.parametrize("coding", [b"br", b"gzip"])
+@pytest.mark.parametrize("by_client", [None, True, False])
+def test_parts_of_other_pages_are_none(coding: bytes, by_client: bool | None) -> None:
+    line = Line().open().ask(begun(coding, b"broken", b"/upload"))
+    assert seen(line.close(True) if by_client is None else line.reset(by_client)) == ([], [])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import random
 
 import pytest
 
@@ -60,6 +61,16 @@ def test_a_list_with_a_hole_is_told(reply: bytes, at: int) -> None:
     if at > 100:  # its first tag tells what it is, whatever it is called
         assert why(with_hole(reply, at, 30, asked(b"/any.xml")).frames) == [LOST]
         assert why(with_hole(reply.replace(b"visualis", b"no_visua"), at, 30, asked()).frames) == []
+
+
+@pytest.mark.parametrize("at", [200, 700])
+def test_a_coded_list_with_a_hole_is_told_by_what_it_was(at: int) -> None:
+    page = DECLARED + b"<visualisation>" + random.Random(1).randbytes(900)
+    reply = sized(gzip.compress(page, mtime=0), b"Content-Encoding: gzip\r\n")
+    assert why(with_hole(reply, at, 30, asked(b"/any.xml")).frames) == [LOST]
+    other = page.replace(b"visualis", b"no_visua")
+    reply = sized(gzip.compress(other, mtime=0), b"Content-Encoding: gzip\r\n")
+    assert why(with_hole(reply, at, 30, asked()).frames) == []
 
 
 def test_what_does_not_tell_that_it_is_a_list_is_none_but_on_connections_of_pages() -> None:
