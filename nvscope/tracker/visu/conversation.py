@@ -178,7 +178,7 @@ class Conversation(Struct):
             self.turns.is_doubtful = not self.waiting
         if self.turns.begin(told=reach.acknowledged):
             self.turns.owed.wait(self._tell_unclear(order, tell))
-        self.turns.answered = begin
+        self.turns.begin_server(begin)
 
     def _take_from_server(
         self, form: Form, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None], reach: Reach

@@ -22,7 +22,7 @@ from dissectors.batch import I64
 from nvscope.tracker.segments import HALF, WRAP
 from nvscope.tracker.segments_aside import NEAR
 from nvscope.tracker.visu.owed_replies import OwedReplies
-from nvscope.tracker.visu.reach import UNKNOWN, Reach, distance, distances, latest, latest_of
+from nvscope.tracker.visu.reach import UNKNOWN, Reach, distance, distances, is_had, latest, latest_of
 
 _OFTEN = 3
 """Who has waited so many times for all replies to several requests takes turns."""
@@ -40,7 +40,8 @@ class Turns(Struct):
     the client ends in front of the first one that is known. ``is_guess``: what was asked last is in step if it
     was asked alone: nothing behind it has told that yet. ``began`` is where the client begins, ``told`` how far its
     server had its bytes where that does. ``waited`` is how often it waited for all replies to several requests, which
-    the last one that was answered is one of, if ``of_several``.
+    the last one that was answered is one of, if ``of_several``. ``starts`` is where the server begins, until its client
+    has asked with all that is in front of that.
     """
 
     had: int = UNKNOWN
@@ -59,6 +60,7 @@ class Turns(Struct):
     told: int = UNKNOWN
     waited: int = 0
     of_several: bool = False
+    starts: int = UNKNOWN
     owed: OwedReplies = field(default_factory=OwedReplies)
 
     def begin(self, *, began: int = UNKNOWN, told: int = UNKNOWN) -> bool:
@@ -73,7 +75,11 @@ class Turns(Struct):
     @property
     def is_unsure(self) -> bool:
         """Whether what comes next matters to what answers the requests that wait, or are still to come."""
-        return self.is_doubtful or self.is_guess
+        return self.is_doubtful or self.is_guess or self.starts != UNKNOWN
+
+    def begin_server(self, begin: int) -> None:
+        """Take where the server begins."""
+        self.answered = self.starts = begin
 
     def lose(self) -> None:
         """Take that bytes of the server are missing, and with them replies, so many that nobody knows."""
@@ -125,6 +131,10 @@ class Turns(Struct):
         is_same_turn = had == self.asked
         self.several |= is_same_turn
         self.is_doubtful |= was_guess and is_same_turn
+        if is_had(self.starts, had):
+            self.starts = UNKNOWN
+        # What answers it may be among what the server sent in front of where it begins.
+        self.is_doubtful |= distance(self.starts, had) > 0
         if self.is_doubtful:
             others = list(others)
             without = (one.behind for one in others if distance(one.acknowledged, self.lost_at) < 0)
