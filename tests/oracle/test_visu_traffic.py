@@ -43,6 +43,7 @@ HAPPENINGS = {
     "read with an HTTP error", "reply of a server that nobody heard", "request of a client that nobody heard",
     "request that was not seen",
     "response to a forgotten request", "response to nobody", "response to what was not captured", "server lost step",
+    "response to what is missing in front",
     "several wait", "slow", "waiting forgotten",
 }  # fmt: skip
 FIGURES = {

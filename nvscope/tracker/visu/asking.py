@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dissectors.http import Head
-from dissectors.webvisu import Answer, Likeness, Request, read_query, read_reply, read_request
+from dissectors.webvisu import Answer, Likeness, Request, fields_in_reply, read_query, read_reply, read_request
 from dissectors.webvisu_lists import is_list, list_likeness
 from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.http_forms import Form
@@ -59,6 +59,22 @@ def fits(ask: Ask, response: Form) -> bool:
     if request is None or ask.is_part or head is None or head.status != OK or response.content is None:
         return False
     return read_reply(request, response.content).answer is Answer.DONE
+
+
+def may_be_reply(ask: Ask, response: Form) -> bool | None:
+    """Tell whether a response, whose content is in its form, may be one to a request; None where nothing tells.
+
+    It may not where it has another number of values, or several fields in place of that with which a write is answered.
+    """
+    request, head = ask.request, response.head
+    if request is None or ask.is_part or request.is_miscounted or request.ambiguous:
+        return None
+    if head is None or head.status != OK or response.content is None:
+        return None
+    answer = read_reply(request, response.content).answer
+    if answer is Answer.REFUSED:
+        return False if fields_in_reply(response.content) > 1 else None
+    return None if answer is Answer.AMBIGUOUS else answer is Answer.DONE
 
 
 def is_list_of(ask: Ask, response: Form, *, is_visu: bool) -> bool:

@@ -28,6 +28,10 @@ class Waiting(NamedTuple):
     is_early: bool = False
     is_behind: bool = False
 
+    def had(self, response: Reach) -> bool:
+        """Tell whether its client had all of a response when it asked; of an early one, it had not asked all yet."""
+        return not self.is_early and is_had(response.behind, self.reach.acknowledged)
+
 
 def asked_behind(waiting: Iterable[Waiting], behind: int) -> list[Waiting]:
     """Return what waits of a client that takes turns, and was asked for when it had what is missing up to a place.

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from dissectors.http import Side
 from dissectors.webvisu import Likeness
 from nvscope.tracker.pieces import ORDER_BITS
-from nvscope.tracker.visu.asking import NOTHING, Ask, fits, is_list_of
+from nvscope.tracker.visu.asking import NOTHING, Ask, fits, is_list_of, may_be_reply
 from nvscope.tracker.visu.awaited import Early, Happened, Waiting, asked_behind
 from nvscope.tracker.visu.early_replies import EarlyReplies
 from nvscope.tracker.visu.events import OK
@@ -23,7 +23,7 @@ from nvscope.tracker.visu.going_on import Closed
 from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.limits import MOST_WAITING
 from nvscope.tracker.visu.messages import UNMEASURED_NS, Kind
-from nvscope.tracker.visu.reach import NOWHERE, UNKNOWN, Reach, distance, is_had
+from nvscope.tracker.visu.reach import NOWHERE, UNKNOWN, Reach, distance
 from nvscope.tracker.visu.turns import Turns
 from nvscope.tracker.visu.unseen_requests import Answered, UnseenRequests
 
@@ -35,9 +35,8 @@ class Conversation(Struct):
     those of WebVisu pages of which that has not been told yet. ``closed`` is when the client closed its side: what
     waits then may still be answered. ``is_heard``: something that the server sent was captured, ``is_spoken``: the same
     of the client. ``early`` are responses that were captured before the requests that they may answer. ``acknowledged``
-    is up to where the server had the client's bytes, while none of them was captured, or -1. ``acknowledges``: the
-    server was seen to acknowledge what it answers, so that its acknowledgements tell what it does not answer.
-    ``began`` is the order with which the connection did, -1 where nobody remembers it.
+    is up to where the server had the client's bytes, while none of them was captured, or -1. ``began`` is the order
+    with which the connection did, -1 where nobody remembers it.
     """
 
     connection: int
@@ -51,7 +50,6 @@ class Conversation(Struct):
     is_spoken: bool = False
     acknowledged: int = UNKNOWN
     early: EarlyReplies = field(default_factory=EarlyReplies)
-    acknowledges: bool = False
     began: int = -1
     turns: Turns = field(default_factory=Turns)
     unseen: UnseenRequests = field(default_factory=UnseenRequests)
@@ -191,7 +189,13 @@ class Conversation(Struct):
                     self._pass_by(reach, form.head_bytes, order, tell)
                 return
             is_cut = form.what is What.CUT
-            if self.waiting and not self._may_answer(reach):
+            if self.waiting and not self.turns.may_answer(self.waiting[0], reach):
+                # What the client had not when it asked is to something in front, which may be missing.
+                if self.turns.is_tried and not self.waiting[0].had(reach):
+                    self._pass_by(reach, form.head_bytes, order, tell, is_other=True)
+                return
+            if self.waiting and not is_cut and self.turns.refutes(may_be_reply(self.waiting[0].asked, form)):
+                self._pass_by(reach, form.head_bytes, order, tell, is_other=True)
                 return
             if form.is_late and not is_cut and self.waiting and not fits(self.waiting[0].asked, form):
                 self._doubt(order, tell)
@@ -246,13 +250,18 @@ class Conversation(Struct):
         elif form.what is not What.ANEW:
             self._take_other(form, order, tell)
 
-    def _pass_by(self, reach: Reach, head_bytes: int, order: int, tell: Callable[[Happened], None]) -> None:
-        """Take that a response with such a head answers nobody, or what was asked by a client that had none of it."""
+    def _pass_by(
+        self, reach: Reach, head_bytes: int, order: int, tell: Callable[[Happened], None], *, is_other: bool = False
+    ) -> None:  # fmt: skip
+        """Take that a response with such a head answers nobody, or what was asked by a client that had none of it.
+
+        ``is_other``: it shows that it answers none that waits in front.
+        """
         begin = reach.begin(head_bytes)
         self.turns.owed.pass_by(reach)
         self.turns.pass_by(begin)
         had = (one.reach.acknowledged for one in self.waiting)
-        if any(begin == UNKNOWN or (one != UNKNOWN and distance(begin, one) >= 0) for one in had):
+        if is_other or any(begin == UNKNOWN or (one != UNKNOWN and distance(begin, one) >= 0) for one in had):
             self.turns.owed.wait(self._tell_unclear(order, tell))
             self.turns.lose()
 
@@ -263,20 +272,6 @@ class Conversation(Struct):
         if asked.asked.is_list and (not form.lacks_content or is_list_of(asked.asked, form, is_visu=self.is_visu)):
             after_ns, frame = arrival_ns - asked.arrival_ns, asked.order >> ORDER_BITS
             tell(Happened(Kind.NAMES, self.connection, order, message, asked.asked, after_ns, frame, 0, False))
-
-    def _may_answer(self, reach: Reach) -> bool:
-        """Tell whether a response may answer the first request that waits."""
-        first = self.waiting[0]
-        had, told, body_at = first.reach.acknowledged, reach.acknowledged, first.reach.body_at
-        lacks_head = distance(told, body_at) < 0
-        has_all = is_had(reach.behind, had)
-        # The client had all of it before it asked, if acknowledgements are real; an early one before all was asked.
-        if has_all and not first.is_early and (first.is_behind or lacks_head or self.acknowledges):
-            return False
-        if UNKNOWN in (told, body_at):
-            return True
-        self.acknowledges |= not lacks_head
-        return not (lacks_head and self.acknowledges)
 
     def _doubt(self, order: int, tell: Callable[[Happened], None]) -> None:
         """Take that a response may answer a request from before the capture: so may those that follow."""
@@ -293,7 +288,7 @@ class Conversation(Struct):
 
     def has_early(self, form: Form, reach: Reach) -> bool:
         """Tell whether a request was answered before it was whole."""
-        return self.early.fit(reach, knows_head=form.head_bytes > 0, acknowledges=self.acknowledges)
+        return self.early.fit(reach, knows_head=form.head_bytes > 0, acknowledges=self.turns.acknowledges)
 
     def keep(self, early: Early) -> None:
         """Keep a response that may answer a request that is still to come."""
@@ -388,7 +383,7 @@ class Conversation(Struct):
             self._forget_waiting()
             self.is_visu, self.gap_bytes, self.closed = False, 0, None
             self.early = EarlyReplies()
-            self.turns, self.acknowledges, self.unseen = Turns(), False, UnseenRequests()
+            self.turns, self.unseen = Turns(), UnseenRequests()
             self.is_heard, self.is_spoken, self.acknowledged, self.began = False, False, UNKNOWN, order
         elif form.what is What.GAP:
             if reach is not None:  # they are the client's

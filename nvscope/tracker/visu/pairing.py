@@ -184,7 +184,8 @@ class Pairing:
                 if not conversation.waits and (early := self._early(conversation, row, order)) is not None:
                     conversation.keep(early)
                     continue
-                conversation.take_from_server(self._form(row), order, arrival_ns, row, tell, http.reach.at(row))
+                whole = self._form(row, is_needed=conversation.turns.is_tried)
+                conversation.take_from_server(whole, order, arrival_ns, row, tell, http.reach.at(row))
                 if not conversation.is_spoken and http.forms[form].what in (What.BEGIN, What.ANEW):
                     conversation.acknowledged = self._one_way.acknowledged_at(stream, order)
             else:
@@ -198,10 +199,12 @@ class Pairing:
                     self._later.append((early.form, stream + 1, order, early.arrival_ns))
                     conversation.answer_early(order, len(http) + len(self._later) - 1, tell)
 
-    def _form(self, row: int) -> Form:
+    def _form(self, row: int, *, is_needed: bool) -> Form:
         """Return the form of a message, with its content where that says whether it answers what waits."""
         form = self._http.forms[int(self._http.form[row])]
-        return replace(form, content=self._http.content(row), is_coded=True) if form.is_late else form
+        if not (form.is_late or (is_needed and form.what is What.WHOLE)):
+            return form
+        return replace(form, content=self._http.content(row), is_coded=True)
 
     def _early(self, conversation: Conversation, row: int, order: int) -> Early | None:
         """Return a response that is told when the request is whole that it answers, else None; no request waits.

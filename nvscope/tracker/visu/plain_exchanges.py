@@ -117,14 +117,14 @@ def paired(columns: I64, asked_for: AskedFor, conversation: Conversation, asks: 
     replies = len(answers)
     if replies > len(order) or (order[:replies] >= answer_order).any():
         return None
-    acknowledges = _acknowledges(told, body_at[:replies], conversation.acknowledges)
+    acknowledges = _acknowledges(told, body_at[:replies], conversation.turns.acknowledges)
     if acknowledges is None or are_had(behind, had[:replies]).any():
         return None
     if len(order) > MOST_WAITING:
         answered = np.searchsorted(answer_order, order)
         if (np.arange(1, len(order) + 1) - answered > MOST_WAITING).any():
             return None
-    conversation.acknowledges = acknowledges
+    conversation.turns.acknowledges = acknowledges
     conversation.turns.answer_all(had[:replies], behind, had[first:])
     waiting.clear()
     left = (column[replies:].tolist() for column in (own, order, arrival_ns, body_at, had))

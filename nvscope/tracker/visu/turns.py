@@ -7,7 +7,8 @@ and whose replies come first. What the server sent without all that is missing o
 answered; what it sent with all of that shows that a later turn begins. Of a client that was seen to send more while
 replies were still to come, nobody knows; nor while it is owed replies to requests that were seen (``owed_replies``). Of
 one that was seen to send several at once, the first of a turn may be missing, where no reply is there that shows the
-turn: so the next turn is.
+turn: so the next turn is. A reply that cannot be the one to what it would answer shows that all of this was wrong,
+unless several have fitted since.
 """
 
 from __future__ import annotations
@@ -21,11 +22,15 @@ from msgspec.structs import replace
 from dissectors.batch import I64
 from nvscope.tracker.segments import HALF, WRAP
 from nvscope.tracker.segments_aside import NEAR
+from nvscope.tracker.visu.awaited import Waiting
 from nvscope.tracker.visu.owed_replies import OwedReplies
 from nvscope.tracker.visu.reach import UNKNOWN, Reach, distance, distances, is_had, latest, latest_of
 
 _OFTEN = 3
 """Who has waited so many times for all replies to several requests takes turns."""
+
+_TRIED = 3
+"""Behind missing bytes, it is believed after so many replies that they are those to what they are paired with."""
 
 
 class Turns(Struct):
@@ -41,7 +46,9 @@ class Turns(Struct):
     was asked alone: nothing behind it has told that yet. ``began`` is where the client begins, ``told`` how far its
     server had its bytes where that does. ``waited`` is how often it waited for all replies to several requests, which
     the last one that was answered is one of, if ``of_several``. ``starts`` is where the server begins, until its client
-    has asked with all that is in front of that.
+    has asked with all that is in front of that. ``fitted`` is how many replies since bytes were missing could be those
+    to what they are paired with, as far as that matters. ``acknowledges``: the server was seen to acknowledge what it
+    answers, so that its acknowledgements tell what it does not answer.
     """
 
     had: int = UNKNOWN
@@ -61,6 +68,8 @@ class Turns(Struct):
     waited: int = 0
     of_several: bool = False
     starts: int = UNKNOWN
+    fitted: int = _TRIED
+    acknowledges: bool = False
     owed: OwedReplies = field(default_factory=OwedReplies)
 
     def begin(self, *, began: int = UNKNOWN, told: int = UNKNOWN) -> bool:
@@ -75,7 +84,23 @@ class Turns(Struct):
     @property
     def is_unsure(self) -> bool:
         """Whether what comes next matters to what answers the requests that wait, or are still to come."""
-        return self.is_doubtful or self.is_guess or self.starts != UNKNOWN
+        return self.is_doubtful or self.is_guess or self.starts != UNKNOWN or self.is_tried
+
+    @property
+    def is_tried(self) -> bool:
+        """Whether a reply that cannot be the one to what it is paired with shows that it answers something else."""
+        return self.fitted < _TRIED
+
+    def refutes(self, may_be: bool | None) -> bool:
+        """Take whether a reply may be the one to what it is paired with, None where nobody knows; return if it is not.
+
+        That of a controller that counts wrong is, where nothing is missing.
+        """
+        if may_be is False and self.is_tried:
+            self.fitted = 0
+            return True
+        self.fitted += may_be is True
+        return False
 
     def begin_server(self, begin: int) -> None:
         """Take where the server begins."""
@@ -90,7 +115,7 @@ class Turns(Struct):
 
         ``lose`` tells the rest.
         """
-        self.missing_at = behind
+        self.missing_at, self.fitted = behind, 0
         if waited is not None:
             self.owed.wait(waited)
             self.owed.lose(behind)
@@ -102,7 +127,7 @@ class Turns(Struct):
         """
         self.owed.wait(waited + (not self.lost))
         self.is_doubtful = self.lost = True
-        self.lost_at, self.has_rest = behind, False
+        self.lost_at, self.has_rest, self.fitted = behind, False, 0
 
     def pass_rest(self, begin: int) -> None:
         """Take that a request comes that begins there."""
@@ -166,6 +191,18 @@ class Turns(Struct):
         if UNKNOWN in (self.lost_at, response.acknowledged, response.behind):
             return False
         return distance(response.acknowledged, self.lost_at) >= 0 and distance(response.behind, had) <= 0
+
+    def may_answer(self, first: Waiting, reach: Reach) -> bool:
+        """Tell whether a response may answer the first request that waits."""
+        told, body_at = reach.acknowledged, first.reach.body_at
+        lacks_head = distance(told, body_at) < 0
+        # If acknowledgements are real.
+        if first.had(reach) and (first.is_behind or lacks_head or self.acknowledges):
+            return False
+        if UNKNOWN in (told, body_at):
+            return True
+        self.acknowledges |= not lacks_head
+        return not (lacks_head and self.acknowledges)
 
     def answer(self, had: int, behind: int) -> None:
         """Take that a request was answered with which the client had so much, by a response that ends there."""

@@ -124,5 +124,5 @@ def _note(
     for place, *bound in zip(places.tolist(), *(bound.tolist() for bound in bounds), strict=True):
         number, own = int(connection[place]), slice(*bound)
         conversations[number] = one = Conversation(number, is_visu=bool(spoke[place]), is_heard=True, is_spoken=True)
-        one.acknowledges = bool(acknowledges[own].any())
+        one.turns.acknowledges = bool(acknowledges[own].any())
         one.turns.answer_all(had[own], behind[own], had[own])

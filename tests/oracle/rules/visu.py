@@ -273,8 +273,7 @@ class Visu:
         if forgotten or not talk.waiting:
             self.happened["response to a forgotten request" if forgotten else "response to nobody"] += 1
             return
-        if not talk.turns.answers_first(message, talk.waiting[0].message, is_behind=talk.waiting[0].is_behind):
-            self.happened["response to what was not captured"] += 1
+        if not visu_turns.answers_first(talk, message):
             return
         self.happened["may answer what was not captured"] += doubt(talk, message)
         waiting = talk.waiting.pop(0)

@@ -22,11 +22,14 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import unquote_to_bytes
 from xml.etree import ElementTree
 
 from tests.oracle.rules.visu_write import Write
+
+if TYPE_CHECKING:
+    from tests.oracle.rules.http_message import Message
 
 MOST_ENTRIES = 10_000
 STRING = 8
@@ -170,6 +173,17 @@ def answered(request: Asked, status: int, body: bytes) -> Answered:
         surplus = 0
     values = tuple(None if field == b"???" else field for field in fields[: len(request.entries)])
     return Answered(values, tuple(value is not None for value in values), miscounted=surplus != 0)
+
+
+def fit(request: Asked, response: Message) -> bool | None:
+    """Tell whether a response may be the one to a request; None where nothing in it tells."""
+    if response.status != 200 or response.body is None or request.miscounted or request.ambiguous:
+        return None
+    told = answered(request, 200, response.body)
+    if request.write and told.refused:
+        body = response.body.strip(b"\r\n")
+        return False if body.startswith(b"|") and len(fields_of(body)) > 1 else None
+    return None if told.ambiguous else not told.miscounted
 
 
 def seen_anyway(fields: Sequence[bytes], strings: Sequence[int], entries: int) -> Iterator[bool]:

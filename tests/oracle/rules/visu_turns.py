@@ -36,6 +36,11 @@ Readings, where the rules leave a choice:
   are missing that the client had, or the server has not the head, or has acknowledged the head of what it answers
 - of a client that sent more when it had more than with the request before, and not all of what answered that, nobody
   knows for the rest of the connection
+- where bytes are missing and a direction lost step with that, a reply of 200 that cannot be the one to what it is
+  paired with (another number of values, or several fields in place of what a write is answered with) answers something
+  else, unless three have fitted since: then nobody knows what answers anything that waits. So does a response whose
+  server had not the head of the first that waits, and of which the client had not all when it asked. A query is fitted
+  by whatever is said; what has another number of variables than it says, or nobody knows which, by nothing
 """
 
 from __future__ import annotations
@@ -44,6 +49,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from tests.oracle.rules import visu_body
 from tests.oracle.rules.visu_owed import OFTEN, Owed, waited_for_several
 
 if TYPE_CHECKING:
@@ -104,6 +110,8 @@ class Turns:
     client_begin: int | None = None
     owed: Owed = field(default_factory=Owed)
     acknowledges: bool = False
+    fitted: int = OFTEN
+    """How many replies have fitted what they answered since bytes were missing."""
 
     def takes_turns(self) -> bool:
         for (had_before, end), (had, _) in zip(self.answers, self.answers[1:], strict=False):
@@ -162,19 +170,20 @@ class Turns:
         self.asked.append(request.told)
         return not self.doubtful
 
-    def answers_first(self, response: Message, request: Message, *, is_behind: bool) -> bool:
-        """Tell whether a response answers the first request that waits, behind missing bytes or not."""
+    def may_be_first(self, response: Message, request: Message, *, is_behind: bool) -> bool:
+        """Tell whether a response may answer the first request that waits, behind missing bytes or not."""
         may = may_answer(response, request)
         has_all = has(request.told, response.behind) and not response.early
         if has_all and (is_behind or may is False or self.acknowledges):
             return False
         self.acknowledges |= may is True
-        if may is False and self.acknowledges:
-            return False
+        return not (may is False and self.acknowledges)
+
+    def answer(self, response: Message, request: Message) -> None:
+        """Take that a response answers a request."""
         self.guessed = None
         self.owed.passed = [one for one in self.owed.passed if one[0] != response.behind]
         self.answers.append((request.told, response.behind))
-        return True
 
 
 def begin(talks: Iterable[Talk]) -> None:
@@ -214,7 +223,7 @@ def miss_begin(talk: Talk) -> bool:
         return False
     talk.happened["begin of a client that is missing"] += 1
     turns.owed.requests += not turns.lost
-    turns.doubtful, turns.lost = True, not turns.requests
+    turns.doubtful, turns.lost, turns.fitted = True, not turns.requests, 0
     turns.lost_at, turns.rest = turns.client_begin, False
     return True
 
@@ -230,7 +239,7 @@ def lose_client(talk: Talk, what: Lost) -> None:
     talk.turns.doubtful |= what.missing
     talk.turns.lost |= what.missing
     if what.missing:
-        talk.turns.lost_at, talk.turns.rest = what.behind, False
+        talk.turns.lost_at, talk.turns.rest, talk.turns.fitted = what.behind, False, 0
     talk.be_wary()
 
 
@@ -240,7 +249,7 @@ def lose_server(talk: Talk, what: Lost, later: list[Waiting], waited: int) -> No
         if not later:
             talk.turns.owed.requests += waited
             talk.turns.owed.lose(what.behind)
-        talk.turns.missing_at = what.behind
+        talk.turns.missing_at, talk.turns.fitted = what.behind, 0
         talk.torn = bool(talk.early and not later)
         talk.turns.doubtful |= not (talk.early or later)
 
@@ -279,6 +288,34 @@ def asked_behind(talk: Talk, what: Lost) -> list[Waiting]:
     for one in talk.waiting[first:]:
         one.is_behind = True
     return talk.waiting[first:]
+
+
+def pass_all_by(talk: Talk, response: Message) -> None:
+    """Take that a response answers something in front of all that waits, so that nobody knows what answers that."""
+    talk.happened["response to what is missing in front"] += 1
+    talk.turns.owed.pass_by(response.behind, response.told)
+    note_passed(talk, response)
+    talk.turns.owed.requests += len(talk.waiting)
+    talk.waiting.clear()
+    talk.turns.doubtful = True
+
+
+def answers_first(talk: Talk, response: Message) -> bool:
+    """Take a response while something waits; return whether it answers the first of that, which is noted."""
+    first, turns = talk.waiting[0], talk.turns
+    if not turns.may_be_first(response, first.message, is_behind=first.is_behind):
+        talk.happened["response to what was not captured"] += 1
+        if turns.fitted < OFTEN and not (has(first.message.told, response.behind) and not response.early):
+            pass_all_by(talk, response)
+        return False
+    fit = None if first.asked is None or first.part else visu_body.fit(first.asked, response)
+    if fit is False and turns.fitted < OFTEN:
+        turns.fitted = 0
+        pass_all_by(talk, response)
+        return False
+    turns.fitted += fit is True
+    turns.answer(response, first.message)
+    return True
 
 
 def wait(talk: Talk, one: Waiting) -> None:

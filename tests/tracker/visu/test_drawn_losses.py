@@ -15,9 +15,11 @@ SINGULAR = (81, 223, 311, 670, 1185, 1330, 3519, 6590)
 """In each of these a reply was taken for another one, or what was told depended on the batches."""
 
 AHEAD = (
-    71, 94, 101, 144, 169, 184, 280, 290, 412, 416, 495, 498, 550, 574, 601, 617, 649, 771, 805, 969, 981, 997, 6012,
+    60, 68, 71, 94, 101, 144, 169, 184, 280, 290, 412, 416, 495, 498, 550, 574, 601, 617, 649, 694, 771, 805, 921, 969,
+    981, 997, 5011, 5068, 5351, 5514, 5626, 6012, 6406, 6459,
 )  # fmt: skip
-"""In each of these a reply was taken for another one, of a client that had not been seen before to send more ahead."""
+"""In each of these a reply was taken for another one, of a client that had not been seen before to send more ahead, or
+that was out of step once and for all."""
 
 
 @pytest.mark.parametrize("seed", [*some(range(80)), *SINGULAR])
@@ -27,7 +29,7 @@ def test_no_reply_is_taken_for_another_one(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", [*some(range(60)), *AHEAD])
 def test_nor_is_it_where_more_is_asked_before_all_is_answered(seed: int) -> None:
-    """Four of a thousand conversations are wrong still, of which so much is missing that nothing shows it."""
+    """One of some two thousand is wrong still, of which so much is missing that nothing shows it."""
     check(*captured(seed, OVERLAPPING), seed)
 
 
