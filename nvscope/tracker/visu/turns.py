@@ -104,7 +104,8 @@ class Turns(Struct):
 
     def begin_server(self, begin: int) -> None:
         """Take where the server begins."""
-        self.answered = self.starts = begin
+        self.answered = begin
+        self.starts = UNKNOWN if is_had(begin, self.had) else begin
 
     def lose(self) -> None:
         """Take that bytes of the server are missing, and with them replies, so many that nobody knows."""
@@ -142,6 +143,8 @@ class Turns(Struct):
     def miss(self, had: int) -> None:
         """Take that the client had so much in front of what is missing of it."""
         self.had = latest([self.had, had])
+        if is_had(self.starts, had):
+            self.starts = UNKNOWN
 
     def ask(self, reach: Reach, others: Iterable[Reach] = ()) -> bool:
         """Take a request; return whether the next response that comes is known to be its own, but for what waits.

@@ -11,7 +11,7 @@ Readings, where the rules leave a choice:
 - one that comes while a request is being received, of which the head is there, answers that, unless the server does not
   acknowledge the head with it, though it has done so with others, or though the client had all of it when it asked
 - where the server's direction begins behind what a client acknowledged with a request, nobody knows what answers that,
-  whether it waits then or is known only later, up to the first request whose client had that much
+  whether it waits then or is known only later, until its client had that much
 - while requests wait of which nobody knows what answers them (``visu_owed``), none is in step
 - where bytes are missing and a direction loses step with that, nobody knows how many requests wait: of the next request
   nobody knows what answers it, unless its client had more then than with any request before, than in front of the
@@ -132,7 +132,7 @@ class Turns:
             self.several |= self.requests[-1:] == [request.told]
             self.requests.append(request.told)
             self.doubtful |= guessed == request.told
-            if not any(has(one, self.begin) for one in self.requests):
+            if not any(has(one, self.begin) for one in [*self.asked, request.told]):
                 self.doubtful |= (behind(self.begin, request.told) or 0) > 0
         if self.doubtful and request.told is not None:
             known: int | None = None
