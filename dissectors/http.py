@@ -17,6 +17,10 @@ MOST_HEAD_BYTES = 1 << 16
 MOST_BODY_BYTES = 1 << 20
 """Longer bodies are passed over, and longer ones are not made of compressed ones."""
 
+_GZIP, _MAGIC_OF_GZIP, _OF_GZIP = ("gzip", "x-gzip"), b"\x1f\x8b", 16 + zlib.MAX_WBITS
+_MOST_MEMBERS, _PIECE_BYTES = 256, 1 << 14
+"""What is zipped in more members is not read, and it is taken by pieces: each member costs a copy of what is left."""
+
 _MOST_OTHER_BYTES = 2048
 _MOST_LENGTH = 1 << 30
 _METHODS = b"GET|HEAD|POST|PUT|DELETE|OPTIONS|PATCH|CONNECT|TRACE"
@@ -321,11 +325,12 @@ def decoded(content: bytes, coding: str) -> bytes | None:
     """Return what a coded content was; None where it cannot be decoded, or is longer than ``MOST_BODY_BYTES``."""
     if not coding:
         return content if len(content) <= MOST_BODY_BYTES else None
-    if coding in ("gzip", "x-gzip"):
-        return _inflated(content, 16 + zlib.MAX_WBITS)
+    if coding in _GZIP:
+        found, is_whole = _unzipped(content, MOST_BODY_BYTES + 1)
+        return found if is_whole and len(found) <= MOST_BODY_BYTES else None
     if coding == "deflate":
-        found = _inflated(content, zlib.MAX_WBITS)
-        return _inflated(content, -zlib.MAX_WBITS) if found is None else found
+        inflated = _inflated(content, zlib.MAX_WBITS)
+        return _inflated(content, -zlib.MAX_WBITS) if inflated is None else inflated
     return None
 
 
@@ -333,12 +338,38 @@ def begin_of(content: bytes, coding: str, most_bytes: int) -> bytes:
     """Return the first bytes of what a coded content was, as far as it can be decoded."""
     if not coding:
         return content[:most_bytes]
-    for bits in {"gzip": (31,), "x-gzip": (31,), "deflate": (15, -15)}.get(coding, ()):
+    if coding in _GZIP:
+        return _unzipped(content, most_bytes)[0]
+    for bits in (zlib.MAX_WBITS, -zlib.MAX_WBITS) if coding == "deflate" else ():
         try:
             return zlib.decompressobj(bits).decompress(content, most_bytes)
         except zlib.error:
             continue
     return b""
+
+
+def _unzipped(content: bytes, most_bytes: int) -> tuple[bytes, bool]:
+    """Return the first bytes of what was zipped, and whether all of it is there: all members of it (RFC 1952, 2.2).
+
+    What is behind them, and no member, is ignored. Of a member that is damaged there is nothing.
+    """
+    found, at = b"", 0
+    for _ in range(_MOST_MEMBERS):
+        inflater, parts, room = zlib.decompressobj(_OF_GZIP), [found], most_bytes - len(found)
+        while not inflater.eof and room and at < len(content):
+            piece = content[at : at + _PIECE_BYTES]
+            try:
+                parts.append(inflater.decompress(piece, room))
+            except zlib.error:
+                return found, False
+            room -= len(parts[-1])
+            at += len(piece) - len(inflater.unconsumed_tail) - len(inflater.unused_data)
+        found = b"".join(parts)
+        if not inflater.eof:
+            return found, False
+        if not content.startswith(_MAGIC_OF_GZIP, at):
+            return found, True
+    return found, False
 
 
 def _inflated(content: bytes, bits: int) -> bytes | None:

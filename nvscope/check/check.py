@@ -196,7 +196,8 @@ class Check(Struct, frozen=True):
     ``[[rule]]`` beside the id. ``watch`` makes an observer for a rule whose figures nobody counts otherwise; the judge
     finds it under "watched" beside the parameters. ``by_moment``: it looks at telegrams one by one, so that it can be
     judged only ``when`` something is so; ``at_times``: so it can be, though it does not. ``needs_definitions``: without
-    any, it cannot be judged. ``of_requests``: it is about requests and replies, and can be judged without any list.
+    any, it cannot be judged. ``of_requests``: it is about requests and replies, and can be judged without any list;
+    ``of_all``: so can it be where it names none, since it is about all that came.
     """
 
     name: str
@@ -212,3 +213,4 @@ class Check(Struct, frozen=True):
     at_times: bool = False
     needs_definitions: bool = False
     of_requests: bool = False
+    of_all: bool = False

@@ -78,7 +78,8 @@ def decided(watched: WatchedRule, evidence: Mapping[StageKey, Evidence], called:
         came = (known.keys[one.list] for one in known.of(Of.LIST, lists) if one.list is not None)
         told_of = {one.list for one in judged}.union(came)
         judged += [_never_came(key) for key in lists if key not in told_of]
-    is_heard = known.heard and (rule.check.of_requests or are_all_read(rule.parameters))
+    needs_no_list = rule.check.of_requests or (rule.check.of_all and not rule.lists) or are_all_read(rule.parameters)
+    is_heard = known.heard and needs_no_list
     if not is_heard and not any(one.measured.telegrams for one in known.of(Of.LIST, known.keys.values())):
         # What must not be there never is where nothing was recorded: that keeps no rule.
         nothing = Judged(Verdict.INCONCLUSIVE, reason="no telegram was recorded", vacuous=True)

@@ -29,6 +29,7 @@ from nvscope.findings.finding import Finding
 from nvscope.list_key import ListKey
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.subjects import subjects
+from nvscope.tracker.visu.on_demand import OTHERS
 
 _RING_BYTES = 0
 _LOOK_S = 1.0
@@ -264,7 +265,7 @@ def _evidence(inquiry: Inquiry, scene: Scene, stage: Stage) -> Evidence:
         matching, begin_ns, known.summary.end_ns, drops, truncated,
         [info.start_ns for info in known.infos if info.start_ns is not None], known.infos, counted.is_ahead,
         stage.telegrams.of, *_open_waits(stage.state, since_ns), stage.state.parameters.known,
-        stage.state.parameters.known is not None or any(known.summary.others.values()),
+        stage.state.parameters.known is not None or any(name != OTHERS for name in known.summary.others),
     )  # fmt: skip
 
 

@@ -53,7 +53,11 @@ def test_what_cannot_be_read_has_none_over_the_network_and_is_an_error_as_a_file
         read_visu_variables("plc_visu.xml", content)
 
 
-@pytest.mark.parametrize("name", ["CurrentPasswords[7]", ".CurrentPassword", "currentPASSWORD", "PLC.CurrentPassword"])
+@pytest.mark.parametrize(
+    "name",
+    ["CurrentPasswords[7]", ".CurrentPassword", "currentPASSWORD", "PLC.CurrentPassword", " .CurrentPassword ",
+     ".CurrentPasswords [1]", ".CurrentPasswords[0, 1]"],
+)  # fmt: skip
 def test_passwords(name: str) -> None:
     assert is_password(name)
 

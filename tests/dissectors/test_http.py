@@ -22,6 +22,10 @@ def response(*lines: str, status: int = 200) -> Head | None:
     return http.read_head("\r\n".join([f"HTTP/1.0 {status} OK", *lines, "", ""]).encode("latin-1"), Side.SERVER)
 
 
+def _zipped(*members: bytes) -> bytes:
+    return b"".join(gzip.compress(one, mtime=0) for one in members)
+
+
 def test_a_request() -> None:
     assert request("Host: a", "Content-Length: 15") == Head(Body.LENGTH, 15, "POST", "/plc/webvisu.htm")
     assert request("cONTENT-lENGTH:15 ") == request("Content-Length: 15", "content-length: 15, 15")
@@ -135,6 +139,8 @@ def test_what_are_no_chunks(data: bytes) -> None:
     [
         ("", b"abc"), ("gzip", gzip.compress(b"abc", mtime=0)), ("x-gzip", gzip.compress(b"abc", mtime=0)),
         ("deflate", zlib.compress(b"abc")), ("deflate", zlib.compress(b"abc")[2:-4]),
+        ("gzip", _zipped(b"a", b"", b"bc")), ("gzip", _zipped(b"ab", b"c") + b"\0\0 behind"),
+        ("gzip", _zipped(*[b""] * 255, b"abc")),
     ],
 )  # fmt: skip
 def test_content_is_decoded(coding: str, content: bytes) -> None:
@@ -145,12 +151,19 @@ def test_content_is_decoded(coding: str, content: bytes) -> None:
     ("coding", "content"),
     [
         ("gzip", b"abc"), ("gzip", gzip.compress(b"abc", mtime=0)[:-9]), ("deflate", b"\xff"), ("br", b"abc"),
-        ("gzip", b""),
+        ("gzip", b""), ("gzip", _zipped(b"abc", b"d")[:-1]), ("gzip", _zipped(b"abc") + b"\x1f\x8b damaged"),
+        ("gzip", _zipped(*[b""] * 256, b"abc")), ("gzip", _zipped(bytes(MOST_BODY_BYTES), b"a")),
         ("gzip", gzip.compress(bytes(MOST_BODY_BYTES + 1), mtime=0)), ("", bytes(MOST_BODY_BYTES + 1)),
     ],
 )  # fmt: skip
 def test_what_cannot_be_decoded(coding: str, content: bytes) -> None:
     assert http.decoded(content, coding) is None
+
+
+def test_how_content_begins() -> None:
+    assert http.begin_of(_zipped(b"|", b"", b"0|", b"1|0|"), "gzip", 4) == b"|0|1"
+    assert http.begin_of(_zipped(b"|0", b"|1|")[:-9], "x-gzip", 64) == b"|0|1|"
+    assert http.begin_of(_zipped(b"|0") + b"\x1f\x8b damaged", "gzip", 64) == b"|0"
 
 
 @examples(100)

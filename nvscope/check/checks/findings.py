@@ -116,7 +116,7 @@ CHECKS = (
             Parameter("severity", _SEVERITY, "from which on they count", "warning"),
             Parameter("allow", array(_FINDINGS, single=True), "codes or names of those that may be", ()), _NODE,
         ),
-        watch_what_happens, at_times=True,
+        watch_what_happens, at_times=True, of_all=True,
     ),
     Check(
         "causes", "capture", "A report has no causes but those that are allowed.", "causes", "there is one",
@@ -125,7 +125,7 @@ CHECKS = (
             Parameter("severity", _SEVERITY, "from which on they count", "warning"),
             Parameter("allow", array(_CAUSES, single=True), "kinds of those that may be", ()), _NODE,
         ),
-        watch_what_happens, at_times=True,
+        watch_what_happens, at_times=True, of_all=True,
     ),
     Check(
         "capture_quality", "capture", "The capture is good enough to be judged.", "frames that it lost",

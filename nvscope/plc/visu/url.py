@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import re
 from urllib.parse import quote, urlsplit
 
 from msgspec import Struct
@@ -17,6 +18,8 @@ _EXAMPLE = "for example http://192.168.1.3/plc/webvisu.htm, or 192.168.1.3"
 _PORT, _TLS_PORT = 80, 443
 _LONGEST = 1_000
 _PLAIN = "/%:@!$&'()*+,;=~-._"
+_USER = re.compile(r"^([^:/?#]*://)?[^/?#]*@")
+"""A user in front of a host, perhaps with a password, which no message repeats."""
 
 
 class VisuUrl(Struct, frozen=True):
@@ -44,7 +47,7 @@ def beside(path: str, name: str) -> str:
 
 def visu_url(text: str) -> VisuUrl:
     """Return what a text names; UsageError where that is nothing that can be asked."""
-    shown = text[:80]
+    shown = _USER.sub(r"\1(hidden)@", text)[:80]
     if len(text) > _LONGEST or any(not one.isprintable() or one.isspace() for one in text):
         raise UsageError(f"{shown}: no URL", next_step=_EXAMPLE)
     scheme, sign, rest = text.partition("://")

@@ -13,10 +13,10 @@ from nvscope.tracker.visu.reach import UNKNOWN, Reach, distance, is_had
 
 
 class EarlyReplies(Struct):
-    """Those of a connection, the last ``MOST_EARLY`` ones.
+    """Those of a connection, the first ``MOST_EARLY`` ones.
 
-    ``is_torn``: bytes of the server are missing behind them, with which it lost step. What comes there may answer
-    another request than the next one.
+    ``is_torn``: bytes of the server are missing behind them, with which it lost step, or there was no room for a
+    response. What comes there may answer another request than the next one.
     """
 
     kept: deque[Early] = field(default_factory=deque)
@@ -44,11 +44,11 @@ class EarlyReplies(Struct):
 
     def keep(self, one: Early) -> bool:
         """Keep a response that may answer a request that is still to come, if that is known to be the next one."""
+        # What there is no room for is missing behind them: without the first one, each would answer another request.
+        self.is_torn |= len(self.kept) == MOST_EARLY
         if self.kept and self.is_torn:
             return False
         self.kept.append(one)
-        if len(self.kept) > MOST_EARLY:
-            self.kept.popleft()
         return True
 
     def take(self) -> Early:

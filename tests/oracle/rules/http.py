@@ -24,8 +24,9 @@ Readings, where the rules leave a choice:
   one that is being received, of which the head is there, and that nothing has answered
 - the size of a chunk is 1 to 8 digits, at most 2^30, with blanks at most around it; its line, and the trailers, have at
   most 64 KiB; where that is not so, nobody knows where the message ends, and nobody reads it
-- Content-Encoding: identity, and nothing, are none; all that is neither those nor known cannot be decoded. What follows
-  a whole stream of gzip or deflate is ignored. An empty body that is said to be encoded is not decoded either
+- Content-Encoding: identity, and nothing, are none; all that is neither those nor known cannot be decoded. A stream of
+  gzip has up to 256 members (RFC 1952); what follows them, or a whole stream of deflate, is ignored. An empty body that
+  is said to be encoded is not decoded either
 - a hole while the direction searches breaks the pairing once more; in step, one from the server is where the response
   is to the first request that waits
 - a response is being received where its status line is whole

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 
 MOST_HEAD, MOST_LENGTH, MOST_BODY = 64 * 1024, 2**30, 2**20
 BEGIN, BEGIN_OF_LIST = 64, 256
+MOST_MEMBERS = 256
 CHUNK_LINE = re.compile(rb"[ \t]*([0-9A-Fa-f]{1,8})[ \t]*(?:;.*)?", re.DOTALL)
 
 
@@ -95,7 +96,10 @@ def decoded(fields: Mapping[bytes, Sequence[bytes]], content: bytes) -> bytes | 
         return None
     if encoding in (b"", b"identity"):
         return content
-    for wbits in {b"gzip": (31,), b"x-gzip": (31,), b"deflate": (15, -15)}.get(encoding, ()):
+    if encoding in (b"gzip", b"x-gzip"):
+        found, rest = members(content, MOST_BODY + 1)
+        return found if rest is not None and len(found) <= MOST_BODY else None
+    for wbits in (15, -15) if encoding == b"deflate" else ():
         stream = zlib.decompressobj(wbits)
         try:
             found = stream.decompress(content, MOST_BODY + 1)
@@ -106,12 +110,33 @@ def decoded(fields: Mapping[bytes, Sequence[bytes]], content: bytes) -> bytes | 
     return None
 
 
+def members(content: bytes, most: int) -> tuple[bytes, bytes | None]:
+    """Return how what the members of a gzip stream were begins, and what follows them; None where one is not whole."""
+    found = b""
+    for _ in range(MOST_MEMBERS):
+        member = zlib.decompressobj(31)
+        if len(found) == most:
+            break
+        try:
+            found += member.decompress(content, most - len(found))
+        except zlib.error:
+            return found, None
+        if not member.eof:
+            return found, None
+        content = member.unused_data
+        if content[:2] != b"\x1f\x8b":
+            return found, content
+    return found, None
+
+
 def begin(fields: Mapping[bytes, Sequence[bytes]], content: bytes, most: int = BEGIN) -> bytes:
     """Return the first bytes of what a body was before it was compressed, as far as that is known."""
     encoding = b",".join(fields.get(b"content-encoding", [])).lower()
     if encoding in (b"", b"identity"):
         return content[:most]
-    for wbits in {b"gzip": (31,), b"x-gzip": (31,), b"deflate": (15, -15)}.get(encoding, ()):
+    if encoding in (b"gzip", b"x-gzip"):
+        return members(content, most)[0]
+    for wbits in (15, -15) if encoding == b"deflate" else ():
         try:
             return zlib.decompressobj(wbits).decompress(content, most)
         except zlib.error:

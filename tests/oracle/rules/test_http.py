@@ -175,6 +175,7 @@ def test_behind_malformed_chunks_the_next_message_is_looked_for(body: bytes, see
 @pytest.mark.parametrize(
     ("coding", "body"),
     [("gzip", gzip.compress(b"abc", mtime=0)), ("X-Gzip", gzip.compress(b"abc", mtime=0)),
+     ("gzip", gzip.compress(b"ab", mtime=0) + gzip.compress(b"c", mtime=0) + b"\0"),
      ("deflate", zlib.compress(b"abc")), ("deflate", zlib.compress(b"abc")[2:-4]), ("identity", b"abc")],
 )  # fmt: skip
 def test_bodies_are_decoded(coding: str, body: bytes) -> None:
@@ -186,6 +187,7 @@ def test_bodies_are_decoded(coding: str, body: bytes) -> None:
 @pytest.mark.parametrize(
     ("coding", "body"),
     [("gzip", b"abc"), ("gzip", gzip.compress(b"abc", mtime=0)[:-1]), ("deflate", b"\xff"), ("br", b"abc"),
+     ("gzip", gzip.compress(b"abc", mtime=0) + gzip.compress(b"d", mtime=0)[:-1]),
      ("gzip, gzip", b"abc"), ("gzip", gzip.compress(bytes(MOST_BODY + 1), mtime=0)), ("gzip", b"")],
 )  # fmt: skip
 def test_bodies_that_are_not_known(coding: str, body: bytes) -> None:

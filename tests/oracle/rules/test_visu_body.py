@@ -223,7 +223,8 @@ def test_pages(target: bytes, page: bool) -> None:
 @pytest.mark.parametrize(
     ("name", "password"),
     [(".CurrentPassword", True), ("CurrentPasswords[7]", True), ("currentPASSWORD", True),
-     ("a.b.CurrentPasswords[10]", True), ("CurrentPasswords", False), ("CurrentPassword[0]", False),
+     ("a.b.CurrentPasswords[10]", True), (" .CurrentPasswords [0, 1] ", True), ("CurrentPasswords", True),
+     ("CurrentPassword[0]", True), ("CurrentPasswords[0].x", False),
      ("MyCurrentPassword", False), ("CurrentPassword.x", False), (None, False)],
 )  # fmt: skip
 def test_passwords(name: str | None, password: bool) -> None:

@@ -38,7 +38,7 @@ REQUEST = re.compile(rb"\|[01]\|\d+\|")
 BEGIN_OF_REQUEST = re.compile(rb"\|([01](\|(\d+(\|.*)?)?)?)?", re.DOTALL)
 QUERY = re.compile(rb"(READ|WRITE)PI\?", re.IGNORECASE)
 NUMBER = re.compile(rb"[ \t]*\+?\d{1,10}[ \t]*")
-PASSWORD = re.compile(r"(?:.*\.)?(?:currentpassword|currentpasswords\[[0-9]+\])", re.IGNORECASE | re.DOTALL)
+PASSWORD = re.compile(r"(?:.*\.)?\s*currentpasswords?\s*(?:\[[\d\s,]*\]\s*)?", re.IGNORECASE | re.DOTALL)
 
 Address = tuple[int, int, int, int] | str
 """Ref, offset, size, type; or the text of an ADR."""

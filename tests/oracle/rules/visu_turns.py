@@ -357,10 +357,11 @@ def keep(talk: Talk, response: Message) -> bool:
     talk.turns.owed.pass_by(response.behind, response.told)
     if response.told is None:
         return False
+    talk.torn = talk.torn or len(talk.early) == MOST_EARLY
     if talk.early and talk.torn:
         note_passed(talk, response)
     else:
-        talk.early = [*talk.early, response][-MOST_EARLY:]
+        talk.early.append(response)
     return True
 
 

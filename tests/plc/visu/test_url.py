@@ -58,3 +58,14 @@ def test_every_text_is_a_url_or_a_mistake(text: str) -> None:
 def test_lists_lie_beside_the_page() -> None:
     assert beside("/plc/webvisu.htm", "plc_visu.xml") == "/plc/plc_visu.xml"
     assert beside("/webvisu.htm", "a b.xml") == "/a%20b.xml"
+
+
+@pytest.mark.parametrize(
+    "text", ["http://u:geheim@x/", "u:geheim@x", "https://u:geheim@x/", "ftp://u:geheim@x/", "http://u:geheim@x:0/",
+             "http://u:geheim@x/a b", "http://u@geheim@x/?q=1"],
+)  # fmt: skip
+def test_no_message_repeats_a_password(text: str) -> None:
+    with pytest.raises(UsageError) as raised:
+        visu_url(text)
+    assert "geheim" not in str(raised.value)
+    assert "(hidden)@x" in str(raised.value)

@@ -98,3 +98,17 @@ def test_a_request_behind_one_without_a_length_may_be_answered_early() -> None:
 def test_of_a_request_that_lacks_bytes_the_reply_is_not_that_of_the_next_one() -> None:
     line = Line().open().ask(HEAD).answer(REFUSED).say(True, BODY, captured=9).ask(HEAD + OTHER).answer(DONE)
     assert became(line.frames) == [("8.5", "confirmed")]
+
+
+def test_where_more_come_early_than_there_is_room_for_the_others_are_nobodys() -> None:
+    """Two captures, one of each direction, by clocks that differ: the server's is ahead by several replies."""
+    right = ["confirmed", "refused"] * 5
+    for ahead in range(1, 10):
+        line = Line().open()
+        for outcome in right:
+            line.ask(HEAD + BODY).answer(DONE if outcome == "confirmed" else REFUSED)
+        opened, asked, answered = line.frames[:-20], line.frames[-20::2], line.frames[-19::2]
+        later = [frame for pair in zip(asked, answered[ahead:], strict=False) for frame in pair]
+        found = [outcome for _, outcome in became([*opened, *answered[:ahead], *later, *asked[10 - ahead :]])]
+        known = right if ahead <= 4 else [*right[:4], *["open"] * 6]
+        assert found == known
