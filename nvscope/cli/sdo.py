@@ -160,7 +160,7 @@ def write(
 
     Without a terminal nobody can be asked, and nothing is written without --yes. What has another size than what is to
     be written is left alone. Exits as read does, with 1 also where something else is read back than was written, with 3
-    where nothing could be, with 1 where the answer was no.
+    where nothing could be, but for what can only be written, with 1 where the answer was no.
     """
     patience = _patience(timeout, retries)
     if wrong := next((word for word in words if _OPTION.match(word)), None):
