@@ -47,7 +47,7 @@ from tests.oracle.builders import MILLISECOND, SECOND
 from tests.oracle.frame import Frame
 from tests.oracle.tcp_line import CLIENT, SERVER, Line
 from tests.packets import batch_of, cut
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.simulate.simulation import Simulation
 
 FAIL, PASS, OPEN = Verdict.FAIL, Verdict.PASS, Verdict.INCONCLUSIVE

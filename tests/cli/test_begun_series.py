@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.test_series_as_sources import rolled
-from tests.program import run_text
+from tests.program_here import run_text
 
 NOTHING = "nothing is in it: its logger had only begun it when it had closed the file before, or it was emptied"
 CLOSED = ["x.db.0", "x.db.1", "x.db.2"]
