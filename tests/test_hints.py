@@ -22,7 +22,7 @@ from nvscope.cli.program import VERBS, program
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.view.fields.frame import EITHER_OF, FIELDS
 from tests.other_frames import write_kinds
-from tests.program import run_text
+from tests.program_here import run_text
 
 ROOT = Path(__file__).parents[1]
 PEERS = ROOT / "captures" / "peers"

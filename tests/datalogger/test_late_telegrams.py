@@ -19,7 +19,7 @@ from tests.datalogger.oracle_files import Recorder
 from tests.datalogger.plant_faults import MS
 from tests.datalogger.recording import files_of, record_in_batches, rows_in, told
 from tests.laws import examples
-from tests.program import run
+from tests.program_here import run
 
 COUNTS = ["cycles", "telegrams", "all lists"]
 SEEDS = st.integers(0, 1_000_000)

@@ -15,7 +15,7 @@ from tests.datalogger.audit.built import Row, later, write
 from tests.datalogger.audit.test_planted import told
 from tests.datalogger.audit.test_tasks import MS, tasks
 from tests.datalogger.plants import configuration, gvl, rows_of, simulated
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.records import replace
 
 PAUSE_MS = 60_000
