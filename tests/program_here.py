@@ -23,7 +23,7 @@ from tests import program
 def run(
     *words: str | Path, cwd: Path | None = None, stdin: bytes = b"", environment: Mapping[str, str] | None = None
 ) -> subprocess.CompletedProcess[bytes]:
-    """Run ``nvscope`` with these words; ``environment`` is what is to differ from that of the tests, '' is not there."""
+    """Run ``nvscope`` with these words; ``environment`` is what is to differ; a variable that is '' is not there."""
     asked = [str(word) for word in words]
     if stdin or any(word == "-" or word.startswith("-.") for word in asked):
         return program.run(*asked, cwd=cwd, stdin=stdin, environment=environment)

@@ -17,8 +17,8 @@ from typing import Any
 import pytest
 
 from nvscope.view.lines.text_width import display_width
-from tests.datalogger.audit.built import DECLARED, Row, altered, every_value, only_changes, without, write
 from tests import program as process
+from tests.datalogger.audit.built import DECLARED, Row, altered, every_value, only_changes, without, write
 from tests.program_here import run, run_text
 from tests.test_captures_index import CAPTURES
 
