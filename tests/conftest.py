@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import gc
 import os
+import re
 from collections.abc import Iterator
 from contextlib import suppress
 from importlib import import_module
+from itertools import count
 from pathlib import Path
 from uuid import uuid4
 
@@ -21,6 +23,7 @@ from tests import once
 from tests.laws import FULL_EXAMPLES
 
 QUICK_EXAMPLES = 8
+_FOLDERS = count()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -56,11 +59,11 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
 
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Let each of several processes import another part of the tests first, which the others then find compiled."""
-    number, count = (os.environ.get(name, "") for name in ("PYTEST_XDIST_WORKER", "PYTEST_XDIST_WORKER_COUNT"))
-    if not count:
+    number, several = (os.environ.get(name, "") for name in ("PYTEST_XDIST_WORKER", "PYTEST_XDIST_WORKER_COUNT"))
+    if not several:
         return
     files = sorted(session.config.rootpath.glob("tests/**/test_*.py"))
-    for path in files[int(number.removeprefix("gw")) :: int(count)]:
+    for path in files[int(number.removeprefix("gw")) :: int(several)]:
         name = ".".join(path.relative_to(session.config.rootpath).with_suffix("").parts)
         with suppress(Exception, pytest.skip.Exception):  # to be told when its turn comes
             import_module(name)
@@ -75,6 +78,15 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(50_000, 20, 100)  # as the program does it
+
+
+@pytest.fixture
+def tmp_path(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder of a test's own, as pytest does, which looks for a name among those of all tests before."""
+    name = re.sub(r"\W", "_", request.node.name)[:30]
+    folder = tmp_path_factory.getbasetemp() / f"{name}-{next(_FOLDERS)}"
+    folder.mkdir(mode=0o700)
+    return folder
 
 
 @pytest.fixture
