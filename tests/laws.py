@@ -47,7 +47,7 @@ def cut_sizes(packets: int) -> list[int]:
     wrong at an edge of batches does so for many sizes, or where each packet is alone.
     """
     sizes = list(range(1, packets + 1))
-    if _in_full():
+    if in_full():
         return sizes
     few, grown = [1], 1
     while few[-1] < packets:
@@ -61,7 +61,7 @@ def every_other(*sizes: int) -> list[int]:
 
     With 1 each packet is alone, with 3 those of a pair are together and apart, as they are with 2.
     """
-    return list(sizes) if _in_full() else sorted({*sizes[::2], sizes[-1]})
+    return list(sizes) if in_full() else sorted({*sizes[::2], sizes[-1]})
 
 
 def crossed(*axes: Sequence[Any]) -> list[tuple[Any, ...]]:
@@ -71,7 +71,7 @@ def crossed(*axes: Sequence[Any]) -> list[tuple[Any, ...]]:
     each other axis, or nearly so. What is wrong with one, or with two of them at once, shows all the same.
     """
     *others, last = axes
-    if _in_full():
+    if in_full():
         return list(product(*axes))
     # The sums of the places go from 0 to this; where that is less than there are last ones, several come each time.
     sums = sum(len(axis) - 1 for axis in others) + 1
@@ -84,8 +84,9 @@ def crossed(*axes: Sequence[Any]) -> list[tuple[Any, ...]]:
 
 def in_turn(full: Sequence[Drawn], number: int, step: int) -> list[Drawn]:
     """Return all in full, else each of so many, from the one with a number: so several tests share them."""
-    return list(full) if _in_full() else list(full[number::step])
+    return list(full) if in_full() else list(full[number::step])
 
 
-def _in_full() -> bool:
+def in_full() -> bool:
+    """Tell whether all is tried."""
     return share_of(FULL_EXAMPLES) == FULL_EXAMPLES

@@ -12,7 +12,7 @@ from tests.laws import crossed, cut_sizes, every_other, in_turn
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(laws, "_in_full", lambda: False)
+    monkeypatch.setattr(laws, "in_full", lambda: False)
 
 
 @pytest.mark.parametrize("lengths", [(3,), (1, 4), (6, 5), (2, 5), (3, 2, 7), (4, 4, 2), (2, 2, 9), (6, 2, 5)])

@@ -13,6 +13,7 @@ from jsonschema import Draft202012Validator
 
 from nvscope.plc.parameter.document import Verdict
 from nvscope.plc.visu.document import Verdict as VisuVerdict
+from tests.laws import in_full
 from tests.once import made_once
 from tests.report_laws import broken_laws
 from tests.schemas.asked_parameters import documents_of_parameters
@@ -263,6 +264,8 @@ def test_what_is_changed_is_not_valid(name: str) -> None:
     chosen = sorted(documents, key=lambda document: -len({path for path, _ in seen_in(document)}))[:2]
     done = set[str]()
     for document in chosen:
+        if in_full():  # what has the same path may be of another kind here
+            done.clear()
         assert mistakes_in(document) == []
         before = deepcopy(document)
         assert list(still_valid(document, done)) == []
