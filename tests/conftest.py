@@ -83,7 +83,7 @@ def pytest_collection_finish() -> None:
 @pytest.fixture
 def tmp_path(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder of a test's own, as pytest does, which looks for a name among those of all tests before."""
-    name = re.sub(r"\W", "_", request.node.name)[:30]
+    name = re.sub(r"\W", "_", request.node.name)[:25]
     folder = tmp_path_factory.getbasetemp() / f"{name}-{next(_FOLDERS)}"
     folder.mkdir(mode=0o700)
     return folder
