@@ -8,7 +8,11 @@ from __future__ import annotations
 
 import gc
 import os
+import re
 from collections.abc import Iterator
+from contextlib import suppress
+from importlib import import_module
+from itertools import count
 from pathlib import Path
 from uuid import uuid4
 
@@ -19,6 +23,7 @@ from tests import once
 from tests.laws import FULL_EXAMPLES
 
 QUICK_EXAMPLES = 8
+_FOLDERS = count()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -52,6 +57,18 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
     return (os.cpu_count() or 1) * 2
 
 
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Let each of several processes import another part of the tests first, which the others then find compiled."""
+    number, several = (os.environ.get(name, "") for name in ("PYTEST_XDIST_WORKER", "PYTEST_XDIST_WORKER_COUNT"))
+    if not several:
+        return
+    files = sorted(session.config.rootpath.glob("tests/**/test_*.py"))
+    for path in files[int(number.removeprefix("gw")) :: int(several)]:
+        name = ".".join(path.relative_to(session.config.rootpath).with_suffix("").parts)
+        with suppress(Exception, pytest.skip.Exception):  # to be told when its turn comes
+            import_module(name)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: item.get_closest_marker("long") is None)
 
@@ -60,6 +77,16 @@ def pytest_collection_finish() -> None:
     # Thousands of tests live as long as the run does: no look for garbage need go through them again.
     gc.collect()
     gc.freeze()
+    gc.set_threshold(50_000, 20, 100)  # as the program does it
+
+
+@pytest.fixture
+def tmp_path(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder of a test's own, as pytest does, which looks for a name among those of all tests before."""
+    name = re.sub(r"\W", "_", request.node.name)[:25]
+    folder = tmp_path_factory.getbasetemp() / f"{name}-{next(_FOLDERS)}"
+    folder.mkdir(mode=0o700)
+    return folder
 
 
 @pytest.fixture

@@ -97,7 +97,10 @@ def run_text(
     *words: str | Path, cwd: Path | None = None, stdin: bytes = b"", environment: Mapping[str, str] | None = None
 ) -> subprocess.CompletedProcess[str]:
     """Run ``nvscope`` and return what it wrote as text, with the line ends of this system as line feeds."""
-    done = run(*words, cwd=cwd, stdin=stdin, environment=environment)
+    return as_text(run(*words, cwd=cwd, stdin=stdin, environment=environment))
+
+
+def as_text(done: subprocess.CompletedProcess[bytes]) -> subprocess.CompletedProcess[str]:
     out, err = (wrote.decode("utf-8").replace(os.linesep, "\n") for wrote in (done.stdout, done.stderr))
     return subprocess.CompletedProcess(done.args, done.returncode, out, err)
 

@@ -21,8 +21,9 @@ from typer.main import get_command
 from nvscope.cli.program import VERBS, program
 from nvscope.findings.catalogue import CATALOGUE
 from nvscope.view.fields.frame import EITHER_OF, FIELDS
+from tests.once import made_once
 from tests.other_frames import write_kinds
-from tests.program import run_text
+from tests.program_here import run_text
 
 ROOT = Path(__file__).parents[1]
 PEERS = ROOT / "captures" / "peers"
@@ -105,8 +106,13 @@ def commands_of(paths: Iterable[Path]) -> list[str]:
     return sorted({one for path in paths if path != HELP for _, text in texts_of(path) for one in commands_in(text)})
 
 
-# Of files that only import from nvscope, there is no use in reading them as Python: every process of the tests does it.
-COMMANDS = commands_of(path for path in SOURCES if "nvscope" in IMPORTED.sub("", path.read_text(encoding="utf-8")))
+@made_once
+def commands() -> list[str]:
+    # Of files that only import from nvscope, there is no use in reading them as Python.
+    return commands_of(path for path in SOURCES if "nvscope" in IMPORTED.sub("", path.read_text(encoding="utf-8")))
+
+
+COMMANDS = commands()
 
 
 @cache

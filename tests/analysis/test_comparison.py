@@ -15,7 +15,7 @@ from nvscope.analysis.inquiry import Inquiry
 from nvscope.definition.project import Project
 from nvscope.tracker.histograms import Histogram
 from tests.check.scenario_captures import capture_of
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.records import replace
 
 _SAMPLES = st.lists(st.integers(0, 12), min_size=1, max_size=25)

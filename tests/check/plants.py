@@ -10,7 +10,7 @@ from typing import Any
 
 from tests.capture.mcap.recordings import Packet, write
 from tests.oracle.builders import data_frame, telegram
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.schemas.validation import mistakes_in
 
 BEGIN_NS = 1_790_000_000 * 10**9

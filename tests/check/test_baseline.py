@@ -23,7 +23,7 @@ from nvscope.definition.project import Project
 from nvscope.schemas.schema_files import schema_text
 from tests.check.plants import captured, definitions, judged, ruled
 from tests.check.scenario_captures import capture_of
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.schemas.corpus import SCENARIOS as EVERY_SCENARIO
 from tests.simulate.simulation import simulated
 

@@ -12,7 +12,7 @@ from tests.capture.mcap.recordings import Packet, write
 from tests.check.plants import BEGIN_NS, captured, definitions, ruled
 from tests.check.test_verdicts import STEADY, sent
 from tests.oracle.builders import data_frame, telegram
-from tests.program import run_text
+from tests.program_here import run_text
 
 LOSSY = [one for one in STEADY if one != 5]
 """What is lost is lost at half a second."""

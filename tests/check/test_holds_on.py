@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from tests.check.plants import Sending, captured, definitions, judged, of_plant, ruled
-from tests.program import run_text
+from tests.program_here import run_text
 
 OTHERS: list[Sending] = [(at_ms, 8, [False]) for at_ms in range(0, 5_000, 50)]
 

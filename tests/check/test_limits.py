@@ -14,7 +14,7 @@ from tests.capture.mcap.recordings import Packet, write
 from tests.check.plants import Sending, captured, definitions, judged, ruled
 from tests.check.scenario_captures import capture_of
 from tests.oracle.builders import data_frame, telegram
-from tests.program import run_text
+from tests.program_here import run_text
 
 
 def refused(folder: Path, *words: Any) -> str:

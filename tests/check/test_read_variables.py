@@ -17,7 +17,7 @@ from nvscope.check.check import Setting
 from nvscope.check.read_variables import ReadWatcher
 from nvscope.check.variables import FrozenWatch, RangeWatch
 from tests.laws import examples
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.tracker.datalogger.logs import START_NS, Row, as_changes, write_log
 from tests.tracker.datalogger.plain_readings import read
 

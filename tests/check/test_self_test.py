@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from nvscope.check.self_test import _values
 from nvscope.errors import UsageError
 from tests.laws import examples
-from tests.program import run_text
+from tests.program_here import run_text
 
 RULES = """
 [[rule]]

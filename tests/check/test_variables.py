@@ -18,7 +18,7 @@ from tests.capture.mcap.recordings import Packet, write
 from tests.check.plants import BEGIN_NS, Sending, captured, definitions, judged, of_plant, packed, ruled
 from tests.laws import examples
 from tests.oracle.builders import data_frame, telegram
-from tests.program import run_text
+from tests.program_here import run_text
 
 
 def valve(values: Callable[[int], list[Any]], count: int = 50) -> list[Sending]:

@@ -21,7 +21,7 @@ from tests.check.plants import BEGIN_NS, captured, definitions, judged, ruled
 from tests.laws import examples
 from tests.oracle.builders import data_frame, telegram
 from tests.packets import Batches, batch_of
-from tests.program import run_text
+from tests.program_here import run_text
 
 ROOT = Path(__file__).parents[2]
 PLANT = ROOT / "captures" / "plant.pcapng.gz"

@@ -27,7 +27,7 @@ from tests.engine.traffic import CHANNELS, length_of, reading_of, traffic
 from tests.laws import examples
 from tests.oracle.builders import data_frame, telegram
 from tests.packets import Batches
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.simulate.simulation import simulated
 from tests.tracker.test_windows import watched
 

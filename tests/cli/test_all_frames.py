@@ -23,7 +23,7 @@ from tests.laws import examples
 from tests.oracle.frame import ETHERNET, Frame
 from tests.oracle.pcap import write_pcap
 from tests.other_frames import NAMES, START_S, kinds, write_kinds
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.tshark_choices import choices_of_tshark
 
 needs_tshark = pytest.mark.skipif(shutil.which("tshark") is None, reason="needs tshark")

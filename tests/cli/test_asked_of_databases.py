@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.tracker.datalogger.logs import Row, at_ms, write_log
 
 ROOT = Path(__file__).parents[2]

@@ -17,8 +17,9 @@ from typing import Any
 import pytest
 
 from nvscope.view.lines.text_width import display_width
+from tests import program as process
 from tests.datalogger.audit.built import DECLARED, Row, altered, every_value, only_changes, without, write
-from tests.program import run, run_text
+from tests.program_here import run, run_text
 from tests.test_captures_index import CAPTURES
 
 GENUINE = CAPTURES / "datalogger" / "genuine-5min.db"
@@ -244,7 +245,9 @@ def test_who_writes_to_a_database_is_told(tmp_path: Path) -> None:
     path = write(tmp_path / "x.db", every_value(), DECLARED, changes=False)
     with closing(sqlite3.connect(path, isolation_level=None)) as writer:
         writer.execute("BEGIN IMMEDIATE")
-        (note,) = document(path)["files"][0]["notes"]
+        # In a process of its own, which locks are between.
+        told = json.loads(process.run_text("audit", path, "--json").stdout)
+        (note,) = told["files"][0]["notes"]
         writer.execute("ROLLBACK")
     assert note.startswith("locked: process ")
     assert document(path)["files"][0]["notes"] == []

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.datalogger.audit.built import Row, without, write
-from tests.program import run_text
+from tests.program_here import run_text
 
 TASKS = '[datalogger.tasks]\nFast = "axis"\n'
 NAME = "Arp.Plc.Eclr/Fast/a"

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.laws import some
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.test_captures_index import CAPTURES
 
 GENUINE = (CAPTURES / "datalogger" / "genuine-5min.db").read_bytes()

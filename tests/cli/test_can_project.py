@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.program import run_text
+from tests.program_here import run_text
 
 GVL = """<GVL><Declarations><![CDATA[VAR_GLOBAL {variables} END_VAR]]></Declarations>
 <NetvarSettings Protocol="{protocol}"><ListIdentifier>{identifier}</ListIdentifier><Interval>T#50ms</Interval>

@@ -12,7 +12,7 @@ import nvscope
 from nvscope.view.fields.frame import DEFAULT_CAN_FIELDS, DEFAULT_FIELDS
 from tests.definition.lists import telegram
 from tests.export.given import written
-from tests.program import run, run_text
+from tests.program_here import run, run_text
 
 LOG = "(0000000001.000000) can0 110#0102\n(0000000002.000000) can1 18FF0010#R2\n"
 CAN_NAMES = [field.name for field in DEFAULT_CAN_FIELDS]

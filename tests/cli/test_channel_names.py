@@ -12,7 +12,7 @@ from nvscope.capture.capture_file import CaptureFile
 from nvscope.capture.open import open_source
 from tests.capture.can.logs import frames_of
 from tests.capture.can.test_blf import container, file_head, item, message
-from tests.program import run_text as run
+from tests.program_here import run_text as run
 
 DATE = "Sat Sep 30 10:06:13.191 PM 2017"
 ASC = f"date {DATE}\nbase hex  timestamps absolute\n0.1 1 123 Rx d 1 11\n0.2 2 124 Rx d 1 11\n"

@@ -11,7 +11,7 @@ import pytest
 from nvscope.capture.open import open_sink, open_source
 from nvscope.capture.source import Attachment
 from tests.capture.mcap.recordings import Packet, batch, packets_of, read, steady, write
-from tests.program import run, run_text
+from tests.program_here import run, run_text
 
 ROOT = Path(__file__).parents[2]
 CAPTURES = ROOT / "captures"

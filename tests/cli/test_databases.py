@@ -16,7 +16,8 @@ from typing import Any
 import pytest
 
 from nvscope.cli.completion import lists
-from tests.program import run_text
+from tests import program
+from tests.program_here import run_text
 from tests.tracker.datalogger.logs import START_NS, Row, at_ms, write_log
 
 ROOT = Path(__file__).parents[2]
@@ -365,7 +366,7 @@ def test_a_database_that_is_being_written_is_read_as_far_as_it_is(tmp_path: Path
     with closing(sqlite3.connect(path, isolation_level=None)) as database:
         database.execute("BEGIN IMMEDIATE")
         database.execute("INSERT INTO log_1 VALUES ('2026-01-31T08:00:01.000000', 1, 2)")
-        done = run_text("vars", path, "--json")
+        done = program.run_text("vars", path, "--json")  # in a process of its own, which locks are between
         database.execute("COMMIT")
     assert [row["value"] for row in json.loads(done.stdout)["logged_variables"]] == [1]
     assert "is writing to it now" in done.stderr

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.datalogger.plants import configuration, gvl, plant, rows_of, simulated
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.test_captures_index import CAPTURES
 
 LISTS = {1: ["dwFirst"], 2: ["dwSecond"]}

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.datalogger.plants import configuration, rows_of
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.test_captures_index import CAPTURES
 
 GONE = (30, 60, 61)

@@ -17,7 +17,7 @@ from tests.datalogger.drawn_plants import START_NS, frame_of, write_pcap
 from tests.datalogger.oracle_losses import Packet
 from tests.datalogger.plants import configuration, gvl, plant, rows_of, simulated
 from tests.packets import Batches
-from tests.program import run_text
+from tests.program_here import run_text
 
 CYCLES = 'taskContext="list1"'
 FULL = 'writeInterval="10" maxFileSize="12000"'

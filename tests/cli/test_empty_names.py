@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from nvscope.errors import ExitCode
-from tests.program import run_text
+from tests.program_here import run_text
 
 ROOT = Path(__file__).parents[2]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.definition.test_lint import can, gvl
-from tests.program import run_text
+from tests.program_here import run_text
 
 SENDER = gvl("\tbRun : BOOL;\n\tnState : INT;\n\trForce : REAL;\n\taPos : ARRAY [0..9] OF REAL;\n\tnCount : UDINT;")
 READER = gvl("\tbRun : BOOL;\n\tnState : INT;\n\taPos : ARRAY [0..9] OF REAL;\n\tnCount : UDINT;", Interval="T#0ms")

@@ -9,7 +9,7 @@ from nvscope.protocols.table import PROTOCOLS, fields_of
 from nvscope.tui.actions import ACTIONS
 from nvscope.view.fields.frame import EITHER_OF
 from nvscope.view.fields.vocabulary import vocabulary
-from tests.program import run_text
+from tests.program_here import run_text
 
 FIELDS = vocabulary(fields=fields_of(PROTOCOLS))
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from nvscope.errors import ExitCode
+from tests.laws import crossed
 from tests.program import COMMAND, run
 
 ROOT = Path(__file__).parents[2]
@@ -54,8 +55,7 @@ PRINTING = [
 ]
 
 
-@pytest.mark.parametrize("unbuffered", [False, True])
-@pytest.mark.parametrize("words", PRINTING)
+@pytest.mark.parametrize(("words", "unbuffered"), crossed(PRINTING, [False, True]))
 def test_what_does_not_go_to_stdout_as_a_whole_is_no_success(words: str, unbuffered: bool, place: Path) -> None:
     done = limited("ulimit -f 1", words, cwd=place, unbuffered=unbuffered, to="> out")
     assert (done.returncode, (place / "out").stat().st_size) == (ExitCode.CAPTURE, 1024)

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.program import COMMAND, run
+from tests.program import COMMAND
+from tests.program_here import run
 
 CAPTURES = Path(__file__).parents[2] / "captures"
 PEERS, TRUNCATED = str(CAPTURES / "peers" / "peers.pcap"), str(CAPTURES / "truncated.pcap")

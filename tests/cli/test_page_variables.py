@@ -18,7 +18,7 @@ from tests.cli.test_vars import nvscope
 from tests.oracle.builders import ETHERNET, internet_packet, link_frame, unreachable, whole
 from tests.oracle.tcp_line import Line
 from tests.packets import batch_of
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.tracker.visu.shown_and_carried import GVL, plant
 
 ROOT = Path(__file__).parents[2]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from tests.check.requests import WRITE, asked
 from tests.oracle.pcap import write_pcap
-from tests.program import run_text
+from tests.program_here import run_text
 
 PROJECT = (
     '[nodes]\n"10.0.0.2" = { name = "press" }\n[parameters]\n"press/0x2000:1" = { name = "nLimit", type = "INT" }\n'

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from tests.program import run_text
+from tests.program_here import run_text
 
 PEERS = Path(__file__).parents[2] / "captures" / "peers"
 CAPTURE = str(PEERS / "peers.pcap")

@@ -14,7 +14,7 @@ from nvscope.capture.open import open_source
 from tests.capture.live.network import Host, cable, needs_namespaces, send
 from tests.capture.live.test_ring import wait_for_ring
 from tests.capture.mcap.recordings import packets_of, read, steady, write
-from tests.program import run, run_text
+from tests.program_here import run, run_text
 
 ROOT = Path(__file__).parents[2]
 PLANT = ROOT / "captures" / "plant.pcapng.gz"

@@ -12,7 +12,7 @@ from mcap.writer import Writer
 
 from nvscope.capture.mcap.records import MAGIC, Op
 from tests.capture.mcap.recordings import read, steady, write
-from tests.program import run_text
+from tests.program_here import run_text
 
 PEERS = Path(__file__).parents[2] / "captures" / "peers"
 STEP_BYTES = 97

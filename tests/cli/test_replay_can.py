@@ -10,7 +10,7 @@ from pathlib import Path
 
 import can
 
-from tests.program import run_text
+from tests.program_here import run_text
 
 ROOT = Path(__file__).parents[2]
 PRESS = ROOT / "captures" / "can" / "press.log"

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from nvscope.cli.completion import documents
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.schemas.documents import BINARY, SCHEMAS, path_of
 from tests.schemas.shapes import title_of
 

@@ -16,7 +16,8 @@ import pytest
 from nvscope.cli.help import EXAMPLES
 from tests.plc.parameter.peers import LOCAL, WAIT_S, Served, bound, peer, running, served, unused_port
 from tests.plc.parameter.wire import BUSY, INDEX, READ, READ_REPLY, WRITE, WRITE_REPLY, heard, said
-from tests.program import COMMAND, run_text
+from tests.program import COMMAND
+from tests.program_here import run_text
 
 TABLE = """
 "0x2000:1" = { name = "rSetpoint", type = "REAL", value = 12.5 }

@@ -11,7 +11,7 @@ import pytest
 
 from tests.plc.parameter.peers import LOCAL, Served, peer, served
 from tests.plc.parameter.wire import READ_REPLY, heard, said
-from tests.program import run_text
+from tests.program_here import run_text
 
 TYPES = """
 TYPE ST_Limits : STRUCT nLow : INT; nHigh : INT; END_STRUCT END_TYPE

@@ -19,7 +19,8 @@ from tests.capture.mcap.recordings import Packet, write
 from tests.oracle.builders import data_frame
 from tests.plc.parameter.peers import LOCAL, WAIT_S, bound, running, served
 from tests.plc.parameter.wire import INDEX, READ, READ_REPLY, WRITE, WRITE_REPLY, heard, said
-from tests.program import COMMAND, run_text
+from tests.program import COMMAND
+from tests.program_here import run_text
 
 TABLE = """
 [parameters]

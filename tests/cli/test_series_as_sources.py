@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.tracker.datalogger.logs import Row, write_log
 
 MISSING = "offset 0: file 1 of its series is missing before it"

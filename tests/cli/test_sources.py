@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.program import run_text
+from tests.program_here import run_text
 
 CAPTURES = Path(__file__).parent.parent.parent / "captures"
 CAPTURE = CAPTURES / "telegrams.pcap"

@@ -13,7 +13,7 @@ import pytest
 
 from nvscope.capture.open import open_sink, open_source
 from tests.laws import some
-from tests.program import run_text
+from tests.program_here import run_text
 
 CAPTURES = Path(__file__).parent.parent.parent / "captures"
 PEERS, PLANT, PRESS = CAPTURES / "peers" / "peers.pcap", CAPTURES / "plant.pcapng.gz", CAPTURES / "can" / "press.log"

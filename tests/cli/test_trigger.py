@@ -11,7 +11,7 @@ from mcap.reader import SeekingReader
 
 from tests.capture.mcap.recordings import Packet, read, write
 from tests.oracle.builders import data_frame, telegram
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.simulate.simulation import simulated
 
 ROOT = Path(__file__).parents[2]

@@ -29,7 +29,7 @@ from dissectors.scapy_layers import NetVar
 from tests.oracle.frame import Frame
 from tests.oracle.pcap import write_pcap
 from tests.other_frames import A, B, kinds
-from tests.program import run_text
+from tests.program_here import run_text
 
 needs_tshark = pytest.mark.skipif(shutil.which("tshark") is None, reason="needs tshark")
 

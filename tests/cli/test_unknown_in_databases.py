@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.tracker.datalogger.logs import Row, Value, write_log
 
 VARIABLES = [("Plc/n", "INT"), ("Plc/r", "FLOAT")]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tests.definition.lists import telegram
 from tests.fuzz.originals import pcap_of
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.tracker.variables.test_values import START_NS
 
 CAPTURES = Path(__file__).parents[2] / "captures"

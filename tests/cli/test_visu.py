@@ -18,7 +18,8 @@ from nvscope.cli.help import EXAMPLES
 from nvscope.plc.visu.http_request import HttpRequest
 from tests.plc.parameter.peers import LOCAL, WAIT_S
 from tests.plc.visu.peers import Served, peer, replied, served, unused_port
-from tests.program import COMMAND, run_text
+from tests.program import COMMAND
+from tests.program_here import run_text
 
 TABLE = """
 "PLC_PRG.rSpeed" = { address = "4,100,4,REAL", value = 12.5 }
@@ -319,7 +320,10 @@ def test_a_person_is_asked(controller: Served, answer: str, code: int, written: 
     pty = pytest.importorskip("pty")
     ours, theirs = pty.openpty()
     words = "visu", "write", controller.url, "PLC_PRG.rSpeed", "7", "--timeout", "20s"
-    with subprocess.Popen([*COMMAND, *words], stdin=theirs, stderr=theirs, stdout=subprocess.PIPE, text=True) as asking:
+    with subprocess.Popen(
+        [*COMMAND, *words], stdin=theirs, stderr=theirs, stdout=subprocess.PIPE, text=True,
+        env={**os.environ, "COLUMNS": "80"},
+    ) as asking:  # fmt: skip
         os.close(theirs)
         shown = b""
         try:

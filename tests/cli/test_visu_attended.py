@@ -21,7 +21,8 @@ from nvscope.plc.visu.http_request import HttpRequest
 from tests.cli.each_forked import CAUGHT
 from tests.plc.parameter.peers import WAIT_S
 from tests.plc.visu.peers import PAGE, Answering, Peer, peer, replied, served
-from tests.program import COMMAND, run_text
+from tests.program import COMMAND
+from tests.program_here import run_text
 
 ROOT = Path(__file__).parents[2]
 TABLE = '"PLC_PRG.n" = { address = "4,0,2,1", value = 5 }\n"PLC_PRG.gone" = { address = "4,2,2,1", unreadable = true }'

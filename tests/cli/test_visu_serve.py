@@ -16,7 +16,8 @@ import pytest
 from tests.plc.parameter.peers import LOCAL, WAIT_S
 from tests.plc.visu.peers import PAGE, asked, connected, everything, post, served
 from tests.plc.visu.tap import tapped
-from tests.program import COMMAND, run_text
+from tests.program import COMMAND
+from tests.program_here import run_text
 
 TABLE = """
 [variables]

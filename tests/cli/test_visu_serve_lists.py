@@ -19,7 +19,8 @@ from tests.capture.live.test_ring import wait_for_ring
 from tests.capture.mcap.recordings import Packet, write
 from tests.oracle.builders import data_frame, telegram
 from tests.plc.parameter.peers import LOCAL, WAIT_S, unused_port
-from tests.program import COMMAND, run_text
+from tests.program import COMMAND
+from tests.program_here import run_text
 
 GVL = """<GVL><Declarations>VAR_GLOBAL
 nSpeed : INT; xRun : BOOL; sName : STRING(7); CurrentPassword : STRING(3); END_VAR</Declarations>

@@ -12,7 +12,7 @@ from nvscope.report import watch as face
 from tests.analysis.transactions.talk import ESCAPES, both, visu_talk
 from tests.capture.mcap.recordings import Packet, write
 from tests.oracle.frame import Frame
-from tests.program import run_text
+from tests.program_here import run_text
 
 PLANT = Path(__file__).parents[2] / "captures" / "plant.pcapng.gz"
 

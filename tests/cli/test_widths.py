@@ -11,7 +11,8 @@ import pytest
 
 from nvscope.view.lines.text_width import display_width
 from tests.laws import some
-from tests.program import run_on_terminal, run_text
+from tests.program import run_on_terminal
+from tests.program_here import run_text
 
 ROOT = Path(__file__).parents[2]
 PLANT, PEERS, PRESS = (str(ROOT / "captures" / name) for name in ("plant.pcapng.gz", "peers", "can/press.log"))

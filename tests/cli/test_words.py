@@ -15,7 +15,8 @@ from nvscope.cli.help import EXAMPLES, GROUPS, group_of
 from nvscope.cli.program import VERBS, program
 from nvscope.cli.words import in_order
 from nvscope.errors import UsageError
-from tests.program import run, run_text
+from tests import program as process
+from tests.program_here import run, run_text
 
 ROOT = Path(__file__).parents[2]
 PEERS = ROOT / "captures" / "peers"
@@ -178,7 +179,7 @@ def test_examples_do_what_they_say(verb: str, tmp_path: Path) -> None:
             assert run_text("convert", "plant.pcapng", "-w", "cut.mcap", cwd=tmp_path).returncode == 0
         if verb in ("replay", "simulate") and "--to" in words:
             words += ["--port", "9", *(["--rate", "10"] if verb == "replay" else [])]  # where nobody listens
-        done = run_text(*words, cwd=tmp_path)
+        done = process.run_text(*words, cwd=tmp_path)
         if verb == "replay" and "--to" not in words:
             assert "there is no terminal" in done.stderr
             continue

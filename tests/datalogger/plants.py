@@ -8,7 +8,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from tests.program import run_text
+from tests.program_here import run_text
 
 START = "2024-01-01T00:00:"
 

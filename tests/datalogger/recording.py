@@ -18,7 +18,7 @@ from nvscope.definition.project_file import read_project
 from tests.datalogger.drawn_plants import Plant
 from tests.datalogger.oracle import Row, Session
 from tests.datalogger.oracle_files import as_it_is, create_table, rows_of
-from tests.program import run_text
+from tests.program_here import run_text
 
 Told = dict[str, list[tuple[tuple[str, Any], ...]]]
 """Rows by file of a series: '' is the current one; values with their types."""

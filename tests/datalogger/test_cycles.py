@@ -12,7 +12,7 @@ from tests.datalogger.plants import configuration, gvl, rows_of
 from tests.definition.lists import telegram
 from tests.oracle.builders import MILLISECOND, START
 from tests.packets import batch_of
-from tests.program import run_text
+from tests.program_here import run_text
 
 
 def recorded(

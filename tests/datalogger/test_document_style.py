@@ -9,7 +9,7 @@ import pytest
 from nvscope.datalogger.audit.audit import audited
 from tests.datalogger.audit.test_planted import told
 from tests.datalogger.plants import configuration, gvl, plant, rows_of, simulated
-from tests.program import run_text
+from tests.program_here import run_text
 
 REPEATED = ("NV957", "note")
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.datalogger.plants import configuration, gvl, plant, rows_of, simulated
-from tests.program import run_text
+from tests.program_here import run_text
 
 
 @pytest.fixture

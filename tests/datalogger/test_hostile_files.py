@@ -15,7 +15,7 @@ from tests.datalogger.oracle import DefinedList, Session
 from tests.datalogger.oracle_losses import Packet
 from tests.datalogger.plant_faults import MS
 from tests.datalogger.recording import rows_in
-from tests.program import run_text
+from tests.program_here import run_text
 
 AXIS = DefinedList("axis", 1, (("VarA", "INT"), ("VarB", "INT")), 10 * MS)
 SESSION = Session({"VarA": (1, "VarA")}, 10 * MS, 10 * MS)

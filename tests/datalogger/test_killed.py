@@ -19,7 +19,7 @@ from tests.datalogger.oracle import DefinedList, Session
 from tests.datalogger.oracle_losses import Packet
 from tests.datalogger.plant_faults import MS
 from tests.datalogger.recording import opened, record_in_batches, table_in
-from tests.program import run_text
+from tests.program_here import run_text
 
 AXIS = DefinedList("axis", 1, (("VarA", "UINT"),), 10 * MS)
 BLOCK = 10

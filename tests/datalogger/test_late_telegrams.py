@@ -18,8 +18,8 @@ from tests.datalogger.oracle import EPOCH_TICKS, UTC_KIND
 from tests.datalogger.oracle_files import Recorder
 from tests.datalogger.plant_faults import MS
 from tests.datalogger.recording import files_of, record_in_batches, rows_in, told
-from tests.laws import examples
-from tests.program import run
+from tests.laws import crossed, examples
+from tests.program_here import run
 
 COUNTS = ["cycles", "telegrams", "all lists"]
 SEEDS = st.integers(0, 1_000_000)
@@ -88,13 +88,13 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("packets", [1, 2, 3, 7, 100_000])
-@pytest.mark.parametrize("counts", ["cycles", "telegrams"])
-@pytest.mark.parametrize("part", CASES.values(), ids=CASES)
+@pytest.mark.parametrize(
+    ("part", "counts", "packets"), crossed(list(CASES), ["cycles", "telegrams"], [1, 2, 3, 7, 100_000])
+)
 def test_a_loss_is_told_once_where_something_late_is_missing(
     tmp_path: Path, part: str, counts: str, packets: int
 ) -> None:  # fmt: skip
-    cycles = placed(part, counts)
+    cycles = placed(CASES[part], counts)
     rows = logged(tmp_path, cycles, packets)
     assert rows == cycles.rows()
     for before, behind in pairwise(cycles.rows()):
@@ -111,9 +111,7 @@ def test_an_audit_finds_the_losses_and_nothing_else(tmp_path: Path, part: str, c
     assert found == {"NV951": [place + 1 for place, row in enumerate(rows) if not row[1]]}
 
 
-@pytest.mark.parametrize("packets", [1, 2, 3, 7, 100_000])
-@pytest.mark.parametrize("counts", ["cycles", "telegrams"])
-@pytest.mark.parametrize("late", [1, 2])
+@pytest.mark.parametrize(("late", "counts", "packets"), crossed([1, 2], ["cycles", "telegrams"], [1, 2, 3, 7, 100_000]))
 def test_what_comes_later_than_half_an_interval_is_of_its_cycle_by_its_counter(
     tmp_path: Path, late: int, counts: str, packets: int
 ) -> None:  # fmt: skip

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from tests.datalogger.plants import NODE, gvl, rows_of, simulated
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.test_captures_index import CAPTURES
 
 GENUINE = CAPTURES / "datalogger" / "genuine-5min.db"

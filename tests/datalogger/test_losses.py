@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.datalogger.plants import configuration, gvl, plant, rows_of, simulated
-from tests.program import run_text
+from tests.program_here import run_text
 
 LOST_40 = '[[loss]]\nlist = "list1"\ntelegrams = [40]\n'
 LOST_70_TO_72 = '[[loss]]\nlist = "list1"\ntelegrams = [70]\nrun = 3\n'

@@ -17,7 +17,7 @@ from dissectors.datalogger.timestamps import iso_texts, raw_of
 from nvscope.datalogger.begun_files import begin_file
 from nvscope.datalogger.oldest_rows import Deleted, OldestRows
 from tests.datalogger.plants import configuration, gvl, plant, simulated
-from tests.program import run_text
+from tests.program_here import run_text
 
 SECOND_NS = 10**9
 

@@ -16,7 +16,7 @@ from nvscope.datalogger.audit.time_strip import Mark
 from tests.datalogger.audit.built import Row, only_changes, write
 from tests.datalogger.audit.test_planted import told
 from tests.datalogger.plants import configuration, gvl, plant, rows_of, simulated
-from tests.program import run_text
+from tests.program_here import run_text
 
 CHANGES = 'storeChangesOnly="true"'
 CYCLES = 'taskContext="list1"'

@@ -148,8 +148,10 @@ def test_every_telegram_is_dealt_to_one_part(seed: int, parts: int, by: SplitBy)
 
 @pytest.mark.parametrize("by", [SplitBy.LIST, SplitBy.SENDER, SplitBy.BUS])
 def test_telegrams_are_dealt_to_several_parts(by: SplitBy) -> None:
-    busy = set()
+    busy: set[int] = set()
     for seed in range(20):
+        if busy == {0, 1, 2}:
+            break
         chance = random.Random(seed)
         for told in run(
             Batches([*batches_of(seed, chance), *can_batches(chance, 3)]), reading_of(None), [TrackerState()]

@@ -23,7 +23,7 @@ from nvscope.tracker.visu import follower
 from tests.capture import build
 from tests.capture.dying import let_it_die
 from tests.capture.reference import Packet
-from tests.laws import some
+from tests.laws import crossed, some
 from tests.oracle.frame import Frame
 from tests.oracle.tcp_line import tcp_frame
 from tests.oracle.traffic import generate, mutate
@@ -83,8 +83,7 @@ def plant_and_page(seed: int) -> list[Frame]:
     return sorted([*plant, *moved], key=lambda one: one.ts_ns)
 
 
-@pytest.mark.parametrize("slot_bytes", [1, 3000, 1 << 20])
-@pytest.mark.parametrize("seed", some(range(12)))
+@pytest.mark.parametrize(("seed", "slot_bytes"), crossed(some(range(12)), [1, 3000, 1 << 20]))
 def test_a_report_is_the_same_by_whoever_it_is_prepared(
     tmp_path: Path, handed: list[Any], seed: int, slot_bytes: int
 ) -> None:

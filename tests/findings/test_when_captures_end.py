@@ -20,7 +20,7 @@ from nvscope.tracker.summary import summarize
 from tests.definition.lists import telegram
 from tests.oracle.frame import Frame
 from tests.packets import batch_of, document_of, tracked
-from tests.program import run_text
+from tests.program_here import run_text
 
 MS, SECOND, DAY = 1_000_000, 1_000_000_000, 86_400 * 1_000_000_000
 START = 1_700_000_000 * SECOND

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import io
 import json
-import os
 import re
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from nvscope.cli.main import main
 from nvscope.errors import ExitCode
+from tests.program_here import run_text
 from tests.schemas.validation import mistakes_in
 
 SHOWN_WIDTH = 80
@@ -56,38 +51,11 @@ class ProgramBug(AssertionError):  # named as the program names it
 
 def run(*words: str, width: int = SHOWN_WIDTH) -> Ran:
     """Run ``nvscope`` with these words; ProgramBug where it breaks off."""
-    with _streams(words, width) as (out, err):
-        try:
-            main()
-        except SystemExit as end:
-            code = end.code if isinstance(end.code, int) else 1
-    ran = Ran(words, code, out.getvalue().decode("utf-8"), err.getvalue().decode("utf-8"))
-    if code == ExitCode.BUG or "Traceback" in ran.err:
+    done = run_text(*words, environment={"COLUMNS": str(width)})
+    ran = Ran(words, done.returncode, done.stdout, done.stderr)
+    if ran.code == ExitCode.BUG or "Traceback" in ran.err:
         raise ProgramBug(ran)
     return ran
-
-
-@contextmanager
-def _streams(words: tuple[str, ...], width: int) -> Iterator[tuple[io.BytesIO, io.BytesIO]]:
-    """Let the program find its words, its width, and streams that keep what it writes."""
-    before = sys.argv, sys.stdout, sys.stderr, os.environ.get("COLUMNS")
-    out, err = io.BytesIO(), io.BytesIO()
-    sys.argv = ["nvscope", *words]
-    os.environ["COLUMNS"] = str(width)
-    sys.stdout, sys.stderr = io.TextIOWrapper(out, "utf-8"), io.TextIOWrapper(err, "utf-8")
-    try:
-        yield out, err
-    finally:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        # What closes the wrappers must not close what is read afterwards.
-        sys.stdout.detach()
-        sys.stderr.detach()
-        sys.argv, sys.stdout, sys.stderr, columns = before
-        if columns is None:
-            del os.environ["COLUMNS"]
-        else:
-            os.environ["COLUMNS"] = columns
 
 
 def _no_constant(name: str) -> Any:

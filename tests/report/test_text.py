@@ -16,6 +16,7 @@ from nvscope.report import text
 from nvscope.view.lines.plant import tables
 from nvscope.view.lines.table import Tone
 from nvscope.view.lines.text_width import display_width
+from tests.laws import in_turn
 
 from .examples import CLEAN, EXAMPLES, HOSTILE, MS, TROUBLED, at, diag, finding, interval, report, stream, udp_list
 
@@ -47,7 +48,7 @@ def test_golden(example: str, width: int, much: str, golden: Callable[[str, str]
 @pytest.mark.parametrize("details", [False, True])
 @pytest.mark.parametrize("example", EXAMPLES)
 def test_no_line_is_wider_than_the_terminal(example: str, details: bool) -> None:
-    for width in range(40, 200):
+    for width in in_turn(range(40, 200), (2 * list(EXAMPLES).index(example) + details) % 7, 7):
         shown = text.render(EXAMPLES[example], width=width, utc=True, details=details)
         assert max(display_width(line) for line in shown.splitlines()) <= width
         assert all(line == line.rstrip() for line in shown.splitlines())

@@ -15,7 +15,7 @@ from nvscope.analysis.inquiry import Inquiry
 from nvscope.report import markdown, text, timing
 from nvscope.view.interval_shapes import IntervalShapes
 from nvscope.view.lines.text_width import display_width
-from tests.program import run
+from tests.program_here import run
 
 CAPTURES = Path(__file__).parents[2] / "captures"
 BLOCKS = set(timing.LEVELS)

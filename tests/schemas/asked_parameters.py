@@ -15,7 +15,7 @@ from nvscope.plc.parameter.document import Verdict
 from nvscope.plc.parameter.message import REPLY_OF
 from tests.plc.parameter.peers import bound, peer, served, unused_port
 from tests.plc.parameter.wire import READ, READ_REPLY, WRITE, WRITE_REPLY, heard, said
-from tests.program import run
+from tests.program_here import run
 from tests.schemas.shapes import PORT, Schema, document, duration, maybe, record, several, text, whole, word
 from tests.schemas.variables import ANY_VALUE, UNIT
 

@@ -15,7 +15,7 @@ from nvscope.plc.visu.document import Purpose, State, Verdict
 from nvscope.plc.visu.exchange import Ending
 from nvscope.plc.visu.http_request import HttpRequest
 from tests.plc.visu.peers import peer, replied, served, unused_port
-from tests.program import run
+from tests.program_here import run
 from tests.schemas.shapes import (
     PORT,
     Schema,

@@ -12,7 +12,7 @@ from typing import Any
 from nvscope.errors import ExitCode
 from nvscope.view.documents.drawn import plain
 from tests import once
-from tests.program import run
+from tests.program_here import run
 from tests.schemas.asking import make_asking
 from tests.schemas.odd_database import make_odd_database
 from tests.schemas.odd_logs import make_odd_logs

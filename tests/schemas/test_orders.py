@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 from shutil import copyfile
+from tempfile import mkdtemp
 
 import pytest
 
 from nvscope.errors import ExitCode
+from tests import once
+from tests.once import made_once
 from tests.program import run
 from tests.schemas.corpus import ROOT
 
@@ -37,10 +40,10 @@ COMMANDS = {
 }
 
 
-@pytest.fixture(scope="module")
-def plant(tmp_path_factory: pytest.TempPathFactory) -> Path:
+@made_once
+def plant() -> Path:
     """Return a folder with all files; two of them define one list, and neither as the other does."""
-    folder = tmp_path_factory.mktemp("plant")
+    folder = Path(mkdtemp(dir=once.folder()))
     for name in (*CAPTURES, *DEFINITIONS[:-1]):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         copyfile(ROOT / name, folder / name)
@@ -49,14 +52,20 @@ def plant(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_the_order_of_files_and_of_sets_changes_no_byte(command: str, plant: Path) -> None:
-    verb, *words = command.split()
-    written = []
-    for seed, step in (("1", 1), ("2", -1)):
-        captures, definitions = (files[::step] for files in COMMANDS[command])
+@made_once
+def written(seed: str, step: int) -> dict[str, bytes]:
+    """Return what each command writes where sets have this order and files that one, as one server forks all of it."""
+    told = {}
+    for command, files in COMMANDS.items():
+        verb, *words = command.split()
+        captures, definitions = (names[::step] for names in files)
         named = definitions if verb == "gvl" else [word for file in definitions for word in ("--gvl", file)]
-        done = run(verb, *words, *captures, *named, cwd=plant, sets=seed)
+        done = run(verb, *words, *captures, *named, cwd=plant(), sets=seed)
         assert done.returncode in {ExitCode.GOOD, LINTED}, done.stderr.decode()
-        written.append(done.stdout)
-    assert written[0] == written[1] != b""
+        told[command] = done.stdout
+    return told
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_order_of_files_and_of_sets_changes_no_byte(command: str) -> None:
+    assert written("1", 1)[command] == written("2", -1)[command] != b""

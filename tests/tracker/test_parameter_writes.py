@@ -10,7 +10,7 @@ from nvscope.engine.reading import Reading
 from nvscope.findings.judge import judge
 from nvscope.tracker.parameter.writes import Outcome, Write
 from nvscope.tracker.state import TrackerState
-from tests.laws import examples
+from tests.laws import every_other, examples
 from tests.oracle.builders import MILLISECOND, data_frame, telegram
 from tests.oracle.frame import Frame
 from tests.oracle.parameter_traffic import parameter_traffic
@@ -45,8 +45,8 @@ def writes(state: TrackerState) -> list[Write]:
 
 def told(frames: list[Frame]) -> list[tuple[bytes | None, bytes, Outcome]]:
     """Return old value, new value and outcome of each write, the same however the capture is cut."""
-    found = [writes(tracked(cut(batch_of(frames), size))) for size in (1, 2, 3, len(frames))]
-    assert found == [found[0]] * 4
+    found = [writes(tracked(cut(batch_of(frames), size))) for size in every_other(1, 2, 3, len(frames))]
+    assert found == [found[0]] * len(found)
     return [(one.old and one.old.data, one.new.data, one.outcome) for one in found[0]]
 
 

@@ -19,7 +19,7 @@ from dissectors.claims import Claims
 from dissectors.link import peel
 from nvscope.tracker.pieces import BROKEN_OFF, BY_CLIENT, ORDER_BITS, REPLACED, PieceKind
 from nvscope.tracker.streams import ENOUGH, Streams
-from tests.laws import examples, some
+from tests.laws import crossed, examples, some
 from tests.oracle.builders import MILLISECOND, SECOND
 from tests.oracle.capture_faults import Faults, captured
 from tests.oracle.frame import Frame
@@ -173,9 +173,10 @@ def long_talks(seed: int) -> list[Frame]:
 ENDS = {"open": Line.segment, "closed": Line.close, "reset": Line.reset}
 
 
-@pytest.mark.parametrize("end", ENDS)
-@pytest.mark.parametrize("apart", [(2**31, 2**31), (-(2**29), 2**29), (2**29, -(2**21)), (2**30 + 900, 0)])
-@pytest.mark.parametrize("packets", [1, 3, 1000])
+@pytest.mark.parametrize(
+    ("end", "apart", "packets"),
+    crossed(list(ENDS), [(2**31, 2**31), (-(2**29), 2**29), (2**29, -(2**21)), (2**30 + 900, 0)], [1, 3, 1000]),
+)
 def test_where_both_ends_speak_of_another_connection_it_has_begun(
     end: str, apart: tuple[int, int], packets: int
 ) -> None:

@@ -21,7 +21,7 @@ from nvscope.tui.packets.fields_pane import FieldsPane
 from nvscope.tui.packets.list_pane import PacketList
 from nvscope.tui.packets.text import changed_bytes
 from nvscope.view.lines.shown import Spans
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.tui.screen import Screen, on_screen
 
 CAPTURES = Path(__file__).parents[2] / "captures"

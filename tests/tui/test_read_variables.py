@@ -11,7 +11,7 @@ from nvscope.capture.player import Player
 from nvscope.definition.project import Project
 from nvscope.tui.views.variables import VariablesView
 from nvscope.view.lines.read_rows import ReadRow
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.records import replace
 from tests.tracker.datalogger.logs import Row, write_log
 from tests.tui.screen import Screen, on_replay, on_screen

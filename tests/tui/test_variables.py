@@ -10,7 +10,7 @@ from nvscope.definition.project_file import read_project
 from nvscope.tui.views.variables import VariablesView
 from nvscope.view.lines.variable_rows import VariableRow
 from tests.fuzz.definition_floods import gvl
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.tui.screen import Screen, on_screen
 
 CAPTURES = Path(__file__).parents[2] / "captures"

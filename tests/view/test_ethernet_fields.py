@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.program import run_text
+from tests.program_here import run_text
 
 ROOT = Path(__file__).parents[2]
 FIELDS = ("frame.number", "eth.src", "eth.dst", "vlan.id", "ieee8021ad.id")

@@ -18,7 +18,7 @@ from nvscope.capture.text_lines import TextLines
 from tests.capture.can import logs
 from tests.capture.can.logs import Frame, frames_of, line_of
 from tests.laws import examples
-from tests.program import run_text
+from tests.program_here import run_text
 
 _slow = examples(40, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 S_NS = 10**9

@@ -21,7 +21,7 @@ from nvscope.capture.datalogger.names import (
 )
 from nvscope.datalogger.audit.series import series_of as audited_series
 from tests.datalogger.plants import configuration, gvl, plant, rows_of, simulated
-from tests.program import run_text
+from tests.program_here import run_text
 
 FAR = 10**19 - 1
 CLOSED = {f"x.db.{number}": number for number in (0, 7, 10, FAR, FAR + 1, 10**60)}

@@ -27,7 +27,7 @@ from tests.capture.mcap.recordings import (
     steady,
     write,
 )
-from tests.laws import examples
+from tests.laws import examples, some
 
 CHUNK_HEAD_BYTES = 32
 """What is in front of the name of a chunk's compression: two times, the size, a checksum, the length of the name."""
@@ -116,8 +116,11 @@ def test_a_recording_cut_at_any_byte_is_a_prefix_and_says_so(tmp_path: Path) -> 
     whole = write(tmp_path / "x.mcap", *(packets[begin : begin + 10] for begin in range(0, 40, 10)), flushed=True)
     data, part = whole.read_bytes(), tmp_path / "part.mcap"
     header_end = _places(data)[1]
+    # Where a record begins, within what says how long it is, and right behind that.
+    edges = {place + part for place in _places(data) for part in (-1, 0, 1, 8, 9, 10)}
+    everywhere = range(len(MAGIC), len(data))
     counts = []
-    for length in range(len(MAGIC), len(data)):
+    for length in sorted({*some(everywhere), *edges & {*everywhere}}):
         part.write_bytes(data[:length])
         if length < header_end:
             with pytest.raises(UnreadableInput, match="cut short in its header"):

@@ -11,7 +11,7 @@ from nvscope.datalogger.audit.audit import audited
 from nvscope.datalogger.audit.words import coverage
 from tests.datalogger.audit.built import DECLARED, Row, altered, every_value, later, only_changes, write
 from tests.datalogger.audit.test_planted import told
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.tracker.datalogger.logs import Row as LogRow
 from tests.tracker.datalogger.logs import write_log
 

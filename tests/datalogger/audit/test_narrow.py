@@ -13,7 +13,7 @@ from nvscope.datalogger.audit.lines import lines
 from nvscope.view.lines.text_width import display_width
 from tests.datalogger.audit.built import Row, without, write
 from tests.laws import examples
-from tests.program import run_text
+from tests.program_here import run_text
 
 LONG = "Arp.Plc.Eclr/Main." + "x" * 60
 LEAST = 9

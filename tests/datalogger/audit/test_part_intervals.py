@@ -19,7 +19,7 @@ from tests.datalogger.audit.built import Row, later, write
 from tests.datalogger.audit.test_planted import told
 from tests.datalogger.audit.test_tasks import MS, tasks
 from tests.laws import examples
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.records import replace
 
 PAUSE_MS = 60_000

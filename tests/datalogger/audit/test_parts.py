@@ -15,7 +15,8 @@ from tests.datalogger.audit.built import Row, later, write
 from tests.datalogger.audit.test_planted import told
 from tests.datalogger.audit.test_tasks import MS, tasks
 from tests.datalogger.plants import configuration, gvl, rows_of, simulated
-from tests.program import run_text
+from tests.laws import crossed
+from tests.program_here import run_text
 from tests.records import replace
 
 PAUSE_MS = 60_000
@@ -70,14 +71,17 @@ def test_parts_of_other_tasks_lack_nothing(
     assert between - 500 * len(begins) <= missing_ms <= between + 200 * len(begins)
 
 
-@pytest.mark.parametrize("at_a_time", [16_000, 7])
-@pytest.mark.parametrize("kinds", [*permutations(["apart", "together", "longer"]), ("longer", "slow", "together")])
-@pytest.mark.parametrize("part", [0, 1, 2])
-@pytest.mark.parametrize("asked_ms", [None, 100])
+@pytest.mark.parametrize(
+    ("part", "kinds", "how"),
+    crossed(
+        [0, 1, 2], [*permutations(["apart", "together", "longer"]), ("longer", "slow", "together")],
+        [(16_000, None), (7, 100), (16_000, 100), (7, None)],
+    ),
+)  # fmt: skip
 def test_a_row_that_lacks_in_any_part_is_found(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kinds: tuple[str, ...], at_a_time: int, part: int,
-    asked_ms: int | None,
-) -> None:  # fmt: skip
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kinds: tuple[str, ...], part: int, how: tuple[int, int | None]
+) -> None:
+    at_a_time, asked_ms = how
     rows, begins = parts_of(*kinds)
     monkeypatch.setattr(table_rows, "_ROWS", at_a_time)
     place = begins[part] + 20

@@ -11,7 +11,7 @@ from nvscope.datalogger.audit.audit import audited
 from tests.datalogger.audit.built import Row, write
 from tests.datalogger.audit.test_planted import told
 from tests.datalogger.plants import configuration, gvl, plant, simulated
-from tests.program import run_text
+from tests.program_here import run_text
 
 TOLD, GAPS = "NV951", "NV952"
 STEADY = (100, 1_000)

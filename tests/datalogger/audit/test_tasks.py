@@ -15,7 +15,7 @@ from nvscope.datalogger.audit.audit import Audit, audited
 from nvscope.datalogger.audit.time_strip import Mark
 from tests.datalogger.audit.built import DECLARED, Row, later, write
 from tests.datalogger.audit.test_planted import Told, told
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.records import replace
 
 MS = 1_000_000

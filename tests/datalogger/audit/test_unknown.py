@@ -15,7 +15,7 @@ from nvscope.datalogger.audit.audit import audited
 from nvscope.datalogger.audit.values import Figures
 from tests.datalogger.audit.built import only_changes, with_cells, write
 from tests.laws import examples
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.records import replace
 from tests.tracker.datalogger.logs import Row, Value, write_log
 

@@ -25,7 +25,7 @@ from nvscope.simulate.frame_table import make_frame_table
 from nvscope.simulate.scenario_file import load_scenario, read_scenario
 from nvscope.simulate.simulator import channels_of, open_capture, simulate
 from tests.capture.can.logs import frames_of
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.simulate.can.random_scenario import random_can_scenario
 from tests.simulate.collected import Collected
 from tests.simulate.simulation import project_of

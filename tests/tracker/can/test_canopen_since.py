@@ -15,7 +15,7 @@ from nvscope.tracker.can.canopen_since import CanOpenSince
 from tests.laws import examples
 from tests.packets import Batches
 from tests.packets import cut as pieces_of
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.tracker.can.test_canopen import talk
 from tests.tracker.can.test_state import Frame, batch
 

@@ -24,6 +24,7 @@ from nvscope.tracker.summary import summarize
 from nvscope.tracker.variables.values import Values
 from nvscope.view.documents.report import report_document
 from tests.definition.lists import INT, LREAL, list_of, telegram
+from tests.laws import crossed
 from tests.packets import batch_of, observed
 from tests.packets import cut as cut_into
 from tests.records import replace
@@ -100,8 +101,7 @@ def test_identifiers_are_counted_as_they_come(seed: int) -> None:
     assert changes == expected
 
 
-@pytest.mark.parametrize("cut", [1, 7, 64])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(("cut", "seed"), crossed([1, 7, 64], range(4)))
 def test_any_cut_gives_the_same_report(seed: int, cut: int) -> None:
     frames = traffic(seed)
     assert report(frames, cut) == report(frames, len(frames))

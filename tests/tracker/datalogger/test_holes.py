@@ -31,7 +31,7 @@ from nvscope.protocols.table import PROTOCOLS, dissectors_of
 from tests.laws import examples
 from tests.oracle.builders import MILLISECOND
 from tests.packets import batch_of
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.tracker.datalogger.logs import Row, Value, as_changes, table_of, write_log
 from tests.tracker.datalogger.test_logged_hops import VARIABLES, logged
 from tests.tracker.visu.shown_and_carried import GVL, plant

@@ -25,7 +25,7 @@ from nvscope.protocols.table import PROTOCOLS, dissectors_of
 from tests.laws import examples
 from tests.oracle.builders import MILLISECOND, START
 from tests.packets import batch_of
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.records import replace
 from tests.tracker.datalogger.logs import Row, write_log
 from tests.tracker.visu import shown_and_carried

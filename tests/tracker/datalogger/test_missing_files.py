@@ -14,7 +14,7 @@ from nvscope.analysis.read_values import meant, value_history
 from nvscope.capture.open import open_source
 from nvscope.view.documents.read_rows import summary_rows
 from tests.datalogger.audit.built import Row, write
-from tests.program import run_text
+from tests.program_here import run_text
 
 DECLARED = {"fast": "INT", "slow": "INT"}
 STEP_MS, ROWS = 100, 40

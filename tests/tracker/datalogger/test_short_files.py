@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nvscope.capture.open import open_sink
-from tests.laws import examples
+from tests.laws import crossed, examples
 from tests.packets import batch_of
 from tests.tracker.datalogger.logs import as_changes, write_log
 from tests.tracker.datalogger.test_holes import LATE, Plant, write_stored
@@ -44,9 +44,7 @@ class ShortFiles(Plant):
             write_stored(path, [(row, values) for row, values in stored if any(one is not None for one in values)])
 
 
-@pytest.mark.parametrize("only_changes", [False, True], ids=["every value", "changes"])
-@pytest.mark.parametrize("every_ms", [10, 50, 100])
-@pytest.mark.parametrize("size", [1, 2, 3, 4, 5])
+@pytest.mark.parametrize(("only_changes", "every_ms", "size"), crossed([False, True], [10, 50, 100], [1, 2, 3, 4, 5]))
 def test_what_the_newest_closed_file_had_is_not_missed(
     tmp_path: Path, size: int, every_ms: int, only_changes: bool
 ) -> None:  # fmt: skip

@@ -17,6 +17,7 @@ from nvscope.engine.reading import Reading
 from nvscope.tracker.variables.hops import Hops
 from nvscope.view.documents.hops import hop_rows
 from tests.definition.lists import INT, LREAL, list_of, telegram
+from tests.laws import crossed
 from tests.oracle.frame import Frame
 from tests.packets import batch_of, observed
 from tests.records import replace
@@ -129,8 +130,7 @@ def one_by_one(led: list[tuple[int, int]], sent: list[tuple[int, int]]) -> dict[
     return found
 
 
-@pytest.mark.parametrize("cut", [1, 5, 1000])
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize(("seed", "cut"), crossed(range(20), [1, 5, 1000]))
 def test_any_traffic_in_any_cut_is_compared_as_one_by_one(seed: int, cut: int) -> None:
     choice = random.Random(seed)
     samples: list[list[tuple[int, int]]] = [[], []]

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.laws import examples
+from tests.laws import every_other, examples
 from tests.oracle.frame import Frame
 from tests.oracle.tcp import ACK, PSH
 from tests.oracle.tcp_line import Line
@@ -27,7 +27,7 @@ def write(number: int) -> bytes:
 def became(frames: list[Frame]) -> list[str]:
     """Return what became of writes: by the rules, too, and the same however the frames are cut."""
     rules = by_the_rules(frames)
-    for packets in (1, 2, 3, len(frames)):
+    for packets in every_other(1, 2, 3, len(frames)):
         state = followed(cut(batch_of(frames), packets))
         assert told(state)[1] == rules.findings()
         assert writes_of(state) == writes_by_the_rules(rules)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.laws import cut_sizes, examples
+from tests.laws import crossed, cut_sizes, examples
 from tests.oracle.tcp_line import Line
 from tests.packets import batch_of, cut
 from tests.tracker.visu.followed import by_the_rules, followed, told, writes_by_the_rules, writes_of
@@ -40,9 +40,7 @@ def to_head(status: int, says: bytes) -> bytes:
     return b"HTTP/1.1 %d x\r\n%b\r\n" % (status, says)
 
 
-@pytest.mark.parametrize("status", [200, 301, 404, 500])
-@pytest.mark.parametrize("says", WITHOUT_BODY)
-@pytest.mark.parametrize("together", [True, False])
+@pytest.mark.parametrize(("together", "says", "status"), crossed([True, False], WITHOUT_BODY, [200, 301, 404, 500]))
 def test_a_reply_to_head_behind_a_write_is_not_the_writes(status: int, says: bytes, together: bool) -> None:
     line = Line().ask(HEAD + BODY).answer(to_head(status, says))
     line = line.answer(DONE) if together else line.answer(DONE[:5]).answer(DONE[5:])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.laws import cut_sizes
+from tests.laws import crossed, cut_sizes
 from tests.oracle.tcp_line import Line
 from tests.packets import batch_of, cut
 from tests.tracker.visu.followed import by_the_rules, followed, told, writes_by_the_rules, writes_of
@@ -28,9 +28,9 @@ def outcomes(line: Line) -> list[str]:
     return [one.outcome for one in rules.writes]
 
 
-@pytest.mark.parametrize("length", LENGTHS)
-@pytest.mark.parametrize("begin", [Line.open, lambda line: line])
-@pytest.mark.parametrize("together", [True, False])
+@pytest.mark.parametrize(
+    ("length", "together", "begin"), crossed(LENGTHS, [True, False], [Line.open, lambda line: line])
+)
 def test_the_next_reply_is_none_of_it(length: bytes, begin: object, together: bool) -> None:
     assert callable(begin)
     asks = b"HEAD / HTTP/1.1\r\n%b\r\n" % length

@@ -17,7 +17,7 @@ from tests.oracle.frame import Frame
 from tests.oracle.pcap import write_pcap
 from tests.oracle.tcp_line import Line, tcp_frame
 from tests.packets import batch_of, cut, recorded
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.tracker.visu.followed import followed, told, writes_of
 from tests.tracker.visu.test_endings import READ, REPLY, WRITE, figures, left, message, said
 from tests.tracker.visu.test_names import OLD, listed, loads

@@ -14,7 +14,7 @@ from tests.oracle.frame import Frame
 from tests.oracle.pcap import write_pcap
 from tests.oracle.tcp_line import Line
 from tests.packets import Batches, batch_of
-from tests.program import run_text
+from tests.program_here import run_text
 
 OLD = {"PLC_PRG.rSpeed": "4,0,4,6", "PLC_PRG.xStart": "4,4,1,0", ".Level": "4,522,2,1"}
 NEW = {"PLC_PRG.rSpeed": "4,8,4,6", "PLC_PRG.xStart": "4,12,1,0", ".Level": "4,522,2,1"}

@@ -10,7 +10,7 @@ import pytest
 
 from tests.oracle.frame import Frame
 from tests.oracle.pcap import write_pcap
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.tracker.visu.test_names import panel, told, writes
 
 SNAP_BYTES = 100

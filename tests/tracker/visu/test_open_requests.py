@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from tests.laws import every_other
 from tests.oracle.builders import SECOND
 from tests.oracle.frame import Frame
 from tests.oracle.tcp import SYN
@@ -24,7 +25,7 @@ REFUSED = b"HTTP/1.0 413 x\r\nContent-Length: 0\r\n\r\n"
 def became(frames: list[Frame]) -> list[tuple[str | None, str]]:
     """Return what was written, and what became of it; the rules say the same, and so does each cut of the frames."""
     rules = by_the_rules(frames)
-    for packets in (1, 2, 3, len(frames)):
+    for packets in every_other(1, 2, 3, len(frames)):
         state = followed(cut(batch_of(frames), packets))
         assert writes_of(state) == writes_by_the_rules(rules)
         rows, findings = told(state)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from nvscope.check.verdict import Verdict
 from nvscope.engine.run import run
 from nvscope.tracker.visu.messages import Kind, VisuBatch
-from tests.laws import examples
+from tests.laws import every_other, examples
 from tests.oracle.frame import Frame
 from tests.oracle.rules.visu_others import other_bytes
 from tests.oracle.tcp_line import Line
@@ -49,7 +49,7 @@ def what_is_told(frames: list[Frame]) -> Told:
     """Return what `packets` tells: as much as the report, and the rules, and the same however the frames are cut."""
     rules = by_the_rules(frames)
     whole = packets(frames, len(frames))
-    for at_a_time in (1, 2, 3, len(frames)):
+    for at_a_time in every_other(1, 2, 3, len(frames)):
         rows, findings = told(followed(cut(batch_of(frames), at_a_time)))
         assert packets(frames, at_a_time) == whole
         assert [one["other_bytes"] for one in rows] == [one["other_bytes"] for one in rules.rows()]

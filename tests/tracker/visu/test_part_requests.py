@@ -10,7 +10,7 @@ from nvscope.findings.judge import judge
 from nvscope.protocols.table import judges_of
 from nvscope.protocols.visu import VISU
 from tests.analysis.transactions.test_transactions import transactions
-from tests.laws import cut_sizes
+from tests.laws import crossed, cut_sizes
 from tests.oracle.builders import SECOND
 from tests.oracle.frame import Frame
 from tests.oracle.tcp_line import Line
@@ -143,10 +143,13 @@ def test_who_expects_to_go_on_and_is_refused_sends_no_body(cut_at: int) -> None:
     assert len([one for one in messages(line.frames) if "HTTP status 417" in one]) == 1
 
 
-@pytest.mark.parametrize("length", [b"Transfer-Encoding: chunked\r\n", b"Content-Length: 20\r\n", b""])
-@pytest.mark.parametrize("blank", [b"", b"\r\n", b"\r\n\r\n"])
-@pytest.mark.parametrize("behind", [HEAD + OTHER, b"GET / HTTP/1.1\r\n\r\n"])
-@pytest.mark.parametrize("cuts", [(), (3,), (len(HEAD) + 2,)])
+@pytest.mark.parametrize(
+    ("length", "blank", "behind", "cuts"),
+    crossed(
+        [b"Transfer-Encoding: chunked\r\n", b"Content-Length: 20\r\n", b""], [b"", b"\r\n", b"\r\n\r\n"],
+        [HEAD + OTHER, b"GET / HTTP/1.1\r\n\r\n"], [(), (3,), (len(HEAD) + 2,)],
+    ),
+)  # fmt: skip
 def test_no_body_was_sent_whatever_its_length_would_have_been(
     length: bytes, blank: bytes, behind: bytes, cuts: tuple[int, ...]
 ) -> None:

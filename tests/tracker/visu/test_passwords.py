@@ -14,7 +14,7 @@ from tests.oracle.builders import START
 from tests.oracle.pcap import write_pcap
 from tests.oracle.tcp_line import Line
 from tests.packets import batch_of
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.tracker.visu.followed import by_the_rules, followed, seen
 
 NAMES = (

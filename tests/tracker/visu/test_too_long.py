@@ -9,7 +9,7 @@ import pytest
 
 from tests.oracle.pcap import write_pcap
 from tests.oracle.tcp_line import Line
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.tracker.visu.followed import told
 from tests.tracker.visu.test_limits import left_out, state_of
 

@@ -14,7 +14,7 @@ from nvscope.report.packets.text import Text
 from tests.oracle.builders import data_frame, telegram
 from tests.oracle.frame import Frame
 from tests.packets import Batches, batch_of
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.report.packets.written import written
 from tests.simulate.simulation import simulated
 

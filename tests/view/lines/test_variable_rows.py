@@ -14,7 +14,7 @@ from nvscope.definition.project_file import read_project
 from nvscope.definition.variables import type_text
 from nvscope.view.lines.variable_cells import Freshness, Notch, cells, cut, freshness
 from nvscope.view.lines.variable_rows import Order, VariableRow, VariableRows
-from tests.program import run_text
+from tests.program_here import run_text
 
 CAPTURES = Path(__file__).parents[3] / "captures"
 S_NS = 1_000_000_000

@@ -9,7 +9,7 @@ import pytest
 from tests.oracle.pcap import write_pcap
 from tests.oracle.tcp import ACK, RST
 from tests.oracle.tcp_line import CLIENT, SERVER, Line, tcp_frame
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.tracker.visu.test_names import START
 
 HEADERS_BYTES = 14 + 20 + 20

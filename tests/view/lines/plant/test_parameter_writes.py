@@ -16,7 +16,7 @@ from tests.oracle.builders import MILLISECOND, data_frame
 from tests.oracle.builders import telegram as parameter_telegram
 from tests.oracle.frame import Frame
 from tests.packets import batch_of
-from tests.program import run_text
+from tests.program_here import run_text
 from tests.report.examples import at, report
 
 CAPTURE: dict[str, Any] = {
