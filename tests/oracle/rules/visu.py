@@ -135,6 +135,7 @@ class Visu:
             if what.in_step and not (later and len(later) == len(talk.waiting)):
                 # Behind 1xx, the response is in what is missing, too.
                 dropped = None if what.dropped is None or 100 <= what.dropped.status < 200 else what.dropped
+                waited += self.end_open_request(talk) if not (talk.forgotten or talk.waiting) else 0
                 self.response(talk, dropped or Message(cut=True, whole=False))
             talk.forgotten = False
             visu_turns.lose_server(talk, what, later, waited)
@@ -311,10 +312,11 @@ class Visu:
             self.known[talk.pair].counts["ambiguous"] += 1
             self.find("NV804", talk)
 
-    def end_open_request(self, talk: Talk) -> None:
-        """Take a request that does not say where it ends for whole, where one is being received."""
+    def end_open_request(self, talk: Talk) -> int:
+        """Take an open request for whole, where one is being received; return how many wait then."""
         if True in talk.readers and talk.readers[True].open:
             self.request(talk, talk.readers[True].answered())
+        return len(talk.waiting)
 
     def judge(self, talk: Talk, row: Row, asked: Asked, message: Message, answer: Answered) -> None:
         row.counts.update(refused=answer.refused, miscounted=answer.miscounted, ambiguous=answer.ambiguous)
