@@ -2,7 +2,7 @@
 
 For tests that are about what is said and what is written to files. What one run leaves in memory the next one finds:
 that a run begins and ends as a process does is for ``tests.program`` to test. What goes by descriptors, stdin and
-stdout under the name ``-``, is run there anyway.
+stdout under the name ``-``, is run there anyway, and so is what looks at this machine: it gives up privileges.
 """
 
 from __future__ import annotations
@@ -15,7 +15,9 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import chdir, contextmanager
 from pathlib import Path
+from typing import NoReturn
 
+from nvscope.cli import privileges
 from nvscope.cli.main import main
 from tests import program
 
@@ -25,9 +27,9 @@ def run(
 ) -> subprocess.CompletedProcess[bytes]:
     """Run ``nvscope`` with these words; ``environment`` is what is to differ; a variable that is '' is not there."""
     asked = [str(word) for word in words]
-    if stdin or any(word == "-" or word.startswith("-.") for word in asked):
+    if stdin or asked[:1] == ["doctor"] or any(word == "-" or word.startswith("-.") for word in asked):
         return program.run(*asked, cwd=cwd, stdin=stdin, environment=environment)
-    with chdir(cwd or Path.cwd()), _environment(environment or {}), _streams(asked) as (out, err):
+    with chdir(cwd or Path.cwd()), _environment(environment or {}), _privileges(), _streams(asked) as (out, err):
         try:
             main()
         except SystemExit as end:
@@ -40,6 +42,21 @@ def run_text(
 ) -> subprocess.CompletedProcess[str]:
     """Run ``nvscope`` and return what it wrote as text, with the line ends of this system as line feeds."""
     return program.as_text(run(*words, cwd=cwd, stdin=stdin, environment=environment))
+
+
+@contextmanager
+def _privileges() -> Iterator[None]:
+    """See to it that those of this process are not given up, which no test behind this one could take back."""
+    before = privileges.drop_privileges
+    privileges.drop_privileges = _refuse
+    try:
+        yield
+    finally:
+        privileges.drop_privileges = before
+
+
+def _refuse() -> NoReturn:
+    raise AssertionError("a run that opens an interface gives up privileges: have it in a process of its own")
 
 
 @contextmanager
