@@ -198,7 +198,9 @@ class Reader:
         elif self.head is not None and message is not None:
             if self.framing == TO_THE_END:
                 self.happened["body to the end"] += 1
-                message = self.whole(len(self.buffer), self.buffer[self.head.end :])
+                nobody_knows = self.response and self.head.message.unbounded
+                message = self.whole(len(self.buffer), None if nobody_knows else self.buffer[self.head.end :])
+                message.body = None if nobody_knows else message.body
                 message.head_at = message.behind = message.told = None
                 yield message
             elif self.response:
