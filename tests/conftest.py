@@ -19,6 +19,7 @@ from uuid import uuid4
 import pytest
 from hypothesis import HealthCheck, settings
 
+from nvscope.cli.memory import look_for_cycles_seldom
 from tests import once
 from tests.laws import FULL_EXAMPLES
 
@@ -77,7 +78,7 @@ def pytest_collection_finish() -> None:
     # Thousands of tests live as long as the run does: no look for garbage need go through them again.
     gc.collect()
     gc.freeze()
-    gc.set_threshold(50_000, 20, 100)  # as the program does it
+    look_for_cycles_seldom()
 
 
 @pytest.fixture

@@ -10,6 +10,8 @@ from itertools import product
 from typing import Any, TypeVar
 
 from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.strategies import SearchStrategy
 
 FULL_EXAMPLES = 100
 """What a law draws in full that names no number: so a profile that draws 16 draws 16 % of every law."""
@@ -62,6 +64,15 @@ def every_other(*sizes: int) -> list[int]:
     With 1 each packet is alone, with 3 those of a pair are together and apart, as they are with 2.
     """
     return list(sizes) if in_full() else sorted({*sizes[::2], sizes[-1]})
+
+
+def sizes_in_turn(most: int) -> SearchStrategy[list[int]]:
+    """Draw how many packets come in each of some batches, in turn; any of them in full.
+
+    Else a capture does not come in thousands of batches: each of them takes its time.
+    """
+    sizes = st.lists(st.sampled_from([1, 2, 3, 7, 40, 1000]), min_size=1, max_size=most)
+    return sizes if in_full() else sizes.filter(lambda drawn: sum(drawn) >= 7 * len(drawn))
 
 
 def crossed(*axes: Sequence[Any]) -> list[tuple[Any, ...]]:

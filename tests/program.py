@@ -88,9 +88,13 @@ def run_on_terminal(
 
 
 def _request(words: Sequence[str], cwd: Path | None, environment: Mapping[str, str]) -> dict[str, Any]:
-    """Return what the server is asked to run; a variable that is '' is not there."""
-    known = {name: value for name, value in {**os.environ, **environment}.items() if value}
-    return {"words": list(words), "cwd": str(cwd or Path.cwd()), "environment": known}
+    """Return what the server is asked to run."""
+    return {"words": list(words), "cwd": str(cwd or Path.cwd()), "environment": environment_with(environment)}
+
+
+def environment_with(others: Mapping[str, str]) -> dict[str, str]:
+    """Return the environment of the tests with some variables that differ; one that is '' is not there."""
+    return {name: value for name, value in {**os.environ, **others}.items() if value}
 
 
 def run_text(

@@ -62,9 +62,8 @@ def _refuse() -> NoReturn:
 @contextmanager
 def _environment(others: Mapping[str, str]) -> Iterator[None]:
     before = dict(os.environ)
-    wanted = {name: value for name, value in {**before, **others}.items() if value}
     try:
-        _become(wanted)
+        _become(program.environment_with(others))
         yield
     finally:
         _become(before)

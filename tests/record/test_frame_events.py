@@ -20,7 +20,7 @@ from nvscope.record.frame_events import FrameEvents
 from nvscope.simulate.scenario_file import load_scenario
 from nvscope.simulate.simulator import traffic
 from nvscope.tracker.state import TrackerState
-from tests.laws import examples
+from tests.laws import examples, sizes_in_turn
 from tests.packets import Batches
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
@@ -30,11 +30,6 @@ TRIGGERS = (
     "list.malformed > 0 || list.duplicates > 0", "list.missing_acknowledgements > 0 && nv.index == 7",
     "rose(nv.flags.ack)", "nv.counter - last(nv.counter) > 1", "age(list.lost > 0) > 1s", "held(nv.index == 7, 300ms)",
 )  # fmt: skip
-
-
-def enough_at_a_time(sizes: list[int]) -> bool:
-    """Tell whether a capture does not come in thousands of batches: each of them takes its time."""
-    return sum(sizes) >= 7 * len(sizes)
 
 
 @cache
@@ -71,7 +66,7 @@ def events(name: str, trigger: str, sizes: list[int] | None = None) -> list[tupl
 @given(
     st.sampled_from(NAMES),
     st.sampled_from(TRIGGERS),
-    st.lists(st.sampled_from([1, 2, 3, 7, 40, 1000]), min_size=1, max_size=10).filter(enough_at_a_time),
+    sizes_in_turn(10),
 )
 def test_the_cut_does_not_matter(name: str, trigger: str, sizes: list[int]) -> None:
     assert events(name, trigger, sizes) == events(name, trigger)

@@ -16,7 +16,7 @@ from nvscope.simulate.simulator import traffic
 from nvscope.tracker.frame_counts import STEPS, FrameCounts
 from nvscope.tracker.state import TrackerState
 from nvscope.tracker.summary import summarize
-from tests.laws import examples, some
+from tests.laws import examples, sizes_in_turn, some
 from tests.packets import observed
 
 SCENARIOS = sorted(Path(__file__).parents[1].joinpath("scenarios").rglob("*.toml"))
@@ -39,11 +39,6 @@ class Sum(FrameCounts):
                 kept = self.added.setdefault(figure, Counter())
                 for frame, amount in zip(frames.tolist(), amounts.tolist(), strict=True):
                     kept[frame] += amount
-
-
-def enough_at_a_time(sizes: list[int]) -> bool:
-    """Tell whether a capture does not come in thousands of batches: each of them takes its time."""
-    return sum(sizes) >= 7 * len(sizes)
 
 
 def batches_of(path: Path) -> list[PacketBatch]:
@@ -88,10 +83,7 @@ NODES = ("counter-node-telegram", "counter-node-send", "counter-rare-list", "cou
 
 
 @examples(100)
-@given(
-    st.sampled_from(NODES),
-    st.lists(st.sampled_from([1, 2, 3, 7, 40, 1000]), min_size=1, max_size=20).filter(enough_at_a_time),
-)
+@given(st.sampled_from(NODES), sizes_in_turn(20))
 def test_the_cut_into_batches_does_not_matter(name: str, sizes: list[int]) -> None:
     path = next(one for one in SCENARIOS if one.stem == name)
     batches = batches_of(path)

@@ -13,7 +13,7 @@ from dissectors.webvisu import Likeness
 from dissectors.webvisu_lists import LIST_BEGIN_BYTES
 from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.part_requests import content_so_far, likeness_of
-from nvscope.tracker.visu.unread_requests import likeness_of_head
+from nvscope.tracker.visu.unread_requests import BEGIN_BYTES, likeness_of_head
 
 FOREIGN = Form(What.BROKEN)
 """What is no HTTP."""
@@ -25,7 +25,8 @@ def lost_form(rest: bytes, head_end: int, head: Head | None, side: Side) -> Form
     ``head`` is None of one whose head is not whole. Whether a response answers something is not for that to say.
     """
     if side is Side.CLIENT:
-        return Form(What.BROKEN, head, is_coded=True, touched=likeness_of(rest, head_end, head))
+        content = b"" if head is None else content_so_far(rest, head_end, head, BEGIN_BYTES)
+        return Form(What.BROKEN, head, is_coded=True, touched=likeness_of(rest, content))
     if head is None:
         return Form(What.BROKEN, _by_first_line(rest), is_coded=True)
     begin = content_so_far(rest, head_end, head, LIST_BEGIN_BYTES)[:LIST_BEGIN_BYTES]

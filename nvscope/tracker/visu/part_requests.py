@@ -27,22 +27,19 @@ class OpenRequest(NamedTuple):
     head_bytes: int
 
 
-def likeness_of(rest: bytes, head_end: int, head: Head | None) -> Likeness:
-    """Tell whether what there is of a request, up to a hole or its end, may be one of a WebVisu page.
-
-    Its head ends at ``head_end`` of ``rest``; None stands for one that is not whole.
-    """
+def likeness_of(rest: bytes, content: bytes) -> Likeness:
+    """Tell whether what there is of a request, with so much content, may be one of a WebVisu page."""
     if not (rest == _POST[:-1] or rest.startswith(_POST)):
         return Likeness.NO
-    content = b"" if head is None else content_so_far(rest, head_end, head, BEGIN_BYTES)
     return likeness(content, http.target_of(rest))
 
 
 def part_form(rest: bytes, head_end: int, head: Head, end: Form | None = None) -> Form:
     """Return what is told of a request whose body is not whole where its direction ends, or another request begins."""
+    content = content_so_far(rest, head_end, head, BEGIN_BYTES)
     return Form(
-        What.PART, head, 0, content_so_far(rest, head_end, head, BEGIN_BYTES), is_coded=True,
-        touched=likeness_of(rest, head_end, head), broken_by=None if end is None else end.broken_by,
+        What.PART, head, 0, content, is_coded=True, touched=likeness_of(rest, content),
+        broken_by=None if end is None else end.broken_by,
     )  # fmt: skip
 
 

@@ -104,8 +104,13 @@ class Turns(Struct):
 
     def begin_server(self, begin: int) -> None:
         """Take where the server begins."""
-        self.answered = begin
-        self.starts = UNKNOWN if is_had(begin, self.had) else begin
+        self.answered = self.starts = begin
+        self._pass_start(self.had)
+
+    def _pass_start(self, had: int) -> None:
+        """Take that the client has so much: whether that is all in front of where the server begins."""
+        if is_had(self.starts, had):
+            self.starts = UNKNOWN
 
     def lose(self) -> None:
         """Take that bytes of the server are missing, and with them replies, so many that nobody knows."""
@@ -143,8 +148,7 @@ class Turns(Struct):
     def miss(self, had: int) -> None:
         """Take that the client had so much in front of what is missing of it."""
         self.had = latest([self.had, had])
-        if is_had(self.starts, had):
-            self.starts = UNKNOWN
+        self._pass_start(had)
 
     def ask(self, reach: Reach, others: Iterable[Reach] = ()) -> bool:
         """Take a request; return whether the next response that comes is known to be its own, but for what waits.
@@ -159,8 +163,7 @@ class Turns(Struct):
         is_same_turn = had == self.asked
         self.several |= is_same_turn
         self.is_doubtful |= was_guess and is_same_turn
-        if is_had(self.starts, had):
-            self.starts = UNKNOWN
+        self._pass_start(had)
         # What answers it may be among what the server sent in front of where it begins.
         self.is_doubtful |= distance(self.starts, had) > 0
         if self.is_doubtful:

@@ -55,6 +55,7 @@ from tests.oracle.rules.http_bodies import (
     Foreign,
     begin,
     chunks,
+    coding_of,
     decoded,
     whole_chunks,
 )
@@ -363,8 +364,7 @@ class Reader:
     def begin_of(self, seen: bytes) -> bytes:
         """Return what is known of a body of which so much was seen: the first bytes where it is coded."""
         assert self.head is not None
-        coding = b",".join(self.head.fields.get(b"content-encoding", [])).lower()
-        if coding in (b"", b"identity") and len(seen) <= MOST_BODY:
+        if not coding_of(self.head.fields) and len(seen) <= MOST_BODY:
             return seen
         return begin(self.head.fields, seen, BEGIN_OF_LIST if self.response else BEGIN)
 

@@ -89,12 +89,18 @@ def trailers(buffer: bytes, begin: int) -> int | None:
     return None
 
 
+def coding_of(fields: Mapping[bytes, Sequence[bytes]]) -> bytes:
+    """Return what a body is said to be in, b"" where it is as it was."""
+    coding = b",".join(fields.get(b"content-encoding", [])).lower()
+    return b"" if coding == b"identity" else coding
+
+
 def decoded(fields: Mapping[bytes, Sequence[bytes]], content: bytes) -> bytes | None:
     """Return a body as it was before it was compressed; None where that is not known."""
-    encoding = b",".join(fields.get(b"content-encoding", [])).lower()
+    encoding = coding_of(fields)
     if len(content) > MOST_BODY:
         return None
-    if encoding in (b"", b"identity"):
+    if not encoding:
         return content
     if encoding in (b"gzip", b"x-gzip"):
         found, rest = members(content, MOST_BODY + 1)
@@ -131,8 +137,8 @@ def members(content: bytes, most: int) -> tuple[bytes, bytes | None]:
 
 def begin(fields: Mapping[bytes, Sequence[bytes]], content: bytes, most: int = BEGIN) -> bytes:
     """Return the first bytes of what a body was before it was compressed, as far as that is known."""
-    encoding = b",".join(fields.get(b"content-encoding", [])).lower()
-    if encoding in (b"", b"identity"):
+    encoding = coding_of(fields)
+    if not encoding:
         return content[:most]
     if encoding in (b"gzip", b"x-gzip"):
         return members(content, most)[0]
