@@ -25,7 +25,7 @@ class Kept(Struct):
     size: int
     kind: PieceKind
     source: int | bytes | None
-    frame: int
+    place: int
     time_ns: int
     acknowledged: int = -1
     is_passed: bool = False
@@ -43,7 +43,7 @@ class Kept(Struct):
             source += skipped
         elif isinstance(source, bytes):
             source = source[skipped : skipped + end - begin]
-        return Kept(begin, end - begin, self.kind, source, self.frame, self.time_ns, self.acknowledged)
+        return Kept(begin, end - begin, self.kind, source, self.place, self.time_ns, self.acknowledged)
 
 
 BEGIN = attrgetter("begin")

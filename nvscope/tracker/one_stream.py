@@ -23,6 +23,7 @@ class OneStream(Struct):
     number: int
     begun: bool = False
     ended: bool = False
+    disordered: bool = False
     next: int = 0
     first: int = -1
     acknowledged: int = -1
@@ -30,17 +31,24 @@ class OneStream(Struct):
     ahead: int = -1
     told: int = -1
     latest_ns: int = 0
+    # The place (``pieces``) that this is the time of, -1 for one in front of all that are to come.
+    latest_place: int = -1
     at: int = 0
     kept: list[Kept] = field(default_factory=list)
     kept_bytes: int = 0
-    # What is kept by frame, and what was passed on since and has not come to the front.
-    by_frame: list[tuple[int, int, Kept]] = field(default_factory=list)
+    # What is kept by place, and what was passed on since and has not come to the front.
+    by_place: list[tuple[int, int, Kept]] = field(default_factory=list)
 
     def forget(self) -> None:
         """Become a stream that has not begun."""
         self.begun = self.ended = False
         self.first = self.acknowledged = self.had = self.ahead = self.told = -1
-        self.latest_ns = 0
+        self.latest_ns, self.latest_place = 0, -1
+
+    def came_at(self, place: int, time_ns: int) -> None:
+        """Note that something of the stream came at a place; what waited behind a hole came before what filled it."""
+        if place >= self.latest_place:
+            self.latest_place, self.latest_ns = place, time_ns
 
     def begin(self, sequence: int, size: int, told: int) -> None:
         """Begin with a segment, the first ``size`` places of which are no data."""
@@ -81,9 +89,9 @@ class OneStream(Struct):
 
     def waits_longer_than(self, time_ns: int) -> bool:
         """Whether the first of what is kept came so long before a time."""
-        while self.by_frame[0][2].is_passed:
-            heappop(self.by_frame)
-        return time_ns - self.by_frame[0][2].time_ns > PATIENCE_NS
+        while self.by_place[0][2].is_passed:
+            heappop(self.by_place)
+        return time_ns - self.by_place[0][2].time_ns > PATIENCE_NS
 
     def note_had(self, other: OneStream, sequence: int, flags: int, payload_bytes: int, told: int) -> None:
         """Note up to where its speaker has the other stream, by a segment of it that tells so, unless that is -1.

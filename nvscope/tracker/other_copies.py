@@ -13,7 +13,7 @@ import numpy as np
 
 from dissectors.batch import U8
 from nvscope.engine.runs import runs_of
-from nvscope.tracker.pieces import ORDER_BITS, Again, Brought, Order, OtherBytes, PieceKind
+from nvscope.tracker.pieces import Again, Brought, OtherBytes, PieceKind
 
 REACH_BYTES = 1 << 12
 
@@ -58,10 +58,10 @@ class OtherCopies:
             if run is None:
                 run = runs[again.stream] = _Run(buffer, brought, again.stream, self._last.get(again.stream, b""))
             first, skipped = run.in_front_of(again)
-            size = differing(first, buffer[again.payload + skipped : again.payload + again.size].tobytes())
+            copy = _data(buffer, brought, again.payload, again.captured)
+            size = differing(first, copy[skipped : again.size])
             if size:
-                copy = buffer[again.payload : again.payload + again.captured].tobytes()
-                found.append(OtherBytes(again.stream, again.frame << ORDER_BITS | int(Order.OWN), size, copy))
+                found.append(OtherBytes(again.stream, again.order, size, copy))
         ended = pieces.kind[stop - 1] == int(PieceKind.END)
         for stream in streams[ended].tolist():
             self._take_out(stream)
@@ -84,14 +84,13 @@ class OtherCopies:
         if not len(brought.again) or not len(brought.pieces):
             return [Again(*row) for row in brought.again.tolist()]
         pieces = brought.pieces
-        stream, frame, back, payload, size, _ = brought.again.T
-        first = min(int(pieces.order.min()), int(frame.min()) << ORDER_BITS)
-        order = (frame << ORDER_BITS | int(Order.OWN)) - first
-        bits = max(int(pieces.order.max()) - first, int(order.max())).bit_length()
-        place = np.searchsorted(pieces.stream << bits | pieces.order - first, stream << bits | order) - 1
+        stream, order, back, payload, size, _ = brought.again.T
+        first = min(int(pieces.order.min()), int(order.min()))
+        bits = (max(int(pieces.order.max()), int(order.max())) - first).bit_length()
+        place = np.searchsorted(pieces.stream << bits | pieces.order - first, stream << bits | order - first) - 1
         behind = pieces.start[place] + pieces.size[place]
         is_plain = (place >= 0) & (pieces.stream[place] == stream) & (pieces.kind[place] == int(PieceKind.DATA))
-        is_plain &= (pieces.start[place] >= 0) & (back <= pieces.size[place]) & (back <= REACH_BYTES)
+        is_plain &= (payload >= 0) & (pieces.start[place] >= 0) & (back <= pieces.size[place]) & (back <= REACH_BYTES)
         data = memoryview(buffer.data)
         columns = is_plain, behind - back, payload, size
         rest = []
@@ -143,7 +142,7 @@ class _Run:
 
     def in_front_of(self, again: Again) -> tuple[bytes, int]:
         """Return what came first of what comes again, as far as it is known, and how much of its begin is not."""
-        place = int(np.searchsorted(self._order, again.frame << ORDER_BITS | int(Order.OWN)))
+        place = int(np.searchsorted(self._order, again.order))
         end = self._ends[place]
         known_from = max(self._known_from[place], end - REACH_BYTES)
         begin = end - again.back

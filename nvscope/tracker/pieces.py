@@ -35,7 +35,7 @@ BROKEN_OFF, BY_CLIENT, REPLACED = 1, 2, 4
 
 
 class Order(IntEnum):
-    """What comes first of that which happens with one frame.
+    """What comes first of that which happens with one segment.
 
     ``PROVEN`` is what it shows to be of another connection, which came before.
     """
@@ -49,7 +49,11 @@ class Order(IntEnum):
     END_SERVER = 6
 
 
-ORDER_BITS = 3
+MOMENT_BITS = 3
+PLACE_BITS = 8
+"""A frame may let others be taken that were held back (``nvscope.tracker.held_back``): so many, in their order."""
+
+ORDER_BITS = PLACE_BITS + MOMENT_BITS
 
 NEVER = int(np.iinfo(np.int64).max)
 """The order, or the frame, of what does not happen."""
@@ -60,11 +64,12 @@ class Pieces(Columns, Struct, frozen=True):
 
     ``stream`` is twice the number of the connection, plus 1 for what the server sends. ``kind`` is a ``PieceKind``.
     ``start`` is where the data begins in the batch's buffer, or, below 0, ``~start`` which of the ``kept`` pieces it
-    is; ``size`` how many bytes there are. ``order`` is the frame that brought it, shifted left by ``ORDER_BITS``, with
-    what came first in it (``Order``). ``arrival_ns`` is the latest time at which anything up to there came, which may
-    be long before that frame. ``behind`` is the sequence number of the byte behind it, and ``acknowledged`` what the
-    segment that carried it acknowledged, or -1; of a hole, what that in front of it did. Who makes captures up may
-    leave that 0, which says nothing.
+    is; ``size`` how many bytes there are. ``order`` is the frame that brought it, shifted left by ``PLACE_BITS``, with
+    which of the segments it was that are taken with that frame; this, the place of it, shifted left by ``MOMENT_BITS``,
+    with what came first there (``Order``). ``arrival_ns`` is the time of the last frame, as they were captured, that
+    brought anything up to there, which may be one long before that. ``behind`` is the sequence number of the byte
+    behind it, and ``acknowledged`` what the segment that carried it acknowledged, or -1; of a hole, what that in front
+    of it did. Who makes captures up may leave that 0, which says nothing.
     """
 
     stream: I64
@@ -78,15 +83,16 @@ class Pieces(Columns, Struct, frozen=True):
 
 
 class Again(NamedTuple):
-    """Bytes that come again: of which stream, in which frame, how far behind the place where that was.
+    """Bytes that come again: of which stream, with which order, how far behind the place where that was.
 
-    ``payload`` is where they begin in the batch's buffer, ``captured`` how much of the whole segment there is. A single
+    ``payload`` is where they begin in the batch's buffer, or, below 0, ``~payload`` which of the ``kept`` pieces they
+    begin; ``captured`` is how much of the whole segment there is. A single
     byte, at the place of the last one that was sent so far, is none: it may be garbage that asks whether the other end
     is still there (RFC 1122, section 4.2.3.6).
     """
 
     stream: int
-    frame: int
+    order: int
     back: int
     payload: int
     size: int

@@ -28,22 +28,28 @@ class StreamColumns(KeyedColumns):
     one acknowledges that brings something new counts in place of all that was acknowledged before. It was sent later,
     unless something that brought nothing was as far as that before: ``ahead`` is where, -1 without such. ``told`` is
     what the last segment that brought something of it acknowledged, or -1. ``waits``: something is kept of it.
-    ``latest_ns`` is the latest time of what came of it.
+    ``disordered``: something came behind what acknowledges it (``nvscope.tracker.held_back``), in either direction.
+    ``heard``: something of it was captured, in this connection or in one before between the same ends; where nothing
+    was of the other direction, ``said`` is what the last one of its segments acknowledged that does, or -1.
+    ``latest_ns`` is the time of what was captured last of it.
     """
 
     begun: Bool
     ended: Bool
     waits: Bool
+    disordered: Bool
+    heard: Bool
     next: I64
     first: I64
     acknowledged: I64
     had: I64
     ahead: I64
     told: I64
+    said: I64
     latest_ns: I64
     COLUMNS: ClassVar = {
-        **dict.fromkeys(("begun", "ended", "waits"), (np.bool_(False), 1)),
-        **dict.fromkeys(("first", "acknowledged", "had", "ahead", "told"), (np.int64(-1), 1)),
+        **dict.fromkeys(("begun", "ended", "waits", "disordered", "heard"), (np.bool_(False), 1)),
+        **dict.fromkeys(("first", "acknowledged", "had", "ahead", "told", "said"), (np.int64(-1), 1)),
         **dict.fromkeys(("next", "latest_ns"), (np.int64(0), 1)),
     }  # fmt: skip
 

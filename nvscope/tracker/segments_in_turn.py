@@ -7,6 +7,8 @@ bytes do not come any more:
 - more than ``MOST_KEPT_BYTES`` wait behind it in this direction, or more than ``MOST_KEPT_IN_ALL_BYTES`` everywhere, or
 - the first of what is kept came more than ``one_stream.PATIENCE_NS`` before another segment of the connection, or
 - the connection is reset, or another one begins between the same ends.
+
+Where a connection is captured in another order than it was sent in, they are taken in that of ``HeldBack``.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ import numpy as np
 
 from dissectors.batch import U8
 from dissectors.headers import ACK, FIN, RST, SYN
+from nvscope.tracker.held_back import Captured, HeldBack, is_behind_its_acknowledgement, is_early
 from nvscope.tracker.kept_segments import BEGIN, Kept, missing_of, others_of
 from nvscope.tracker.one_stream import OneStream, ahead_of
 from nvscope.tracker.pieces import (
@@ -26,7 +29,9 @@ from nvscope.tracker.pieces import (
     BROKEN_OFF,
     BY_CLIENT,
     IN_STEP,
-    ORDER_BITS,
+    MOMENT_BITS,
+    NEVER,
+    PLACE_BITS,
     REPLACED,
     Again,
     Order,
@@ -35,7 +40,7 @@ from nvscope.tracker.pieces import (
     Pieces,
 )
 from nvscope.tracker.segments import FAR, WRAP, Segments, StreamColumns
-from nvscope.tracker.segments_aside import Aside, Segment, SegmentsAside, missing_behind
+from nvscope.tracker.segments_aside import NEAR, Aside, Segment, SegmentsAside, missing_behind
 
 MOST_KEPT_BYTES = 1 << 18
 MOST_KEPT_IN_ALL_BYTES = 1 << 26
@@ -44,12 +49,17 @@ FORGOTTEN_NS = 240 * 10**9
 
 
 class SegmentsInTurn:
-    """Puts segments in order one at a time; ``columns`` are the state of all streams, which it changes."""
+    """Puts segments in order one at a time; ``columns`` are the state of all streams, which it changes.
+
+    ``opened_late`` is the frame with which a connection was opened behind what answers that, ``NEVER`` without one.
+    """
 
     def __init__(self, columns: StreamColumns) -> None:
         self._columns = columns
         self._waiting: dict[int, OneStream] = {}
         self._aside = SegmentsAside()
+        self._held = HeldBack()
+        self.opened_late = NEVER
         self._kept_bytes = 0
         self._made: list[tuple[int, ...]] = []
         self.kept: list[bytes] = []
@@ -61,12 +71,14 @@ class SegmentsInTurn:
         """Forget what is kept."""
         self._waiting.clear()
         self._aside.clear()
+        self._held.clear()
         self._kept_bytes = 0
 
     def keep(self, numbers: Mapping[int, int], columns: StreamColumns) -> None:
         """Forget all streams but some, which are numbered anew; ``columns`` are their state from now on."""
         self._columns = columns
         self._aside.keep(numbers)
+        self._held.keep(numbers)
         waiting, self._waiting = self._waiting, {}
         for number, stream in waiting.items():
             if number in numbers:
@@ -100,7 +112,7 @@ class SegmentsInTurn:
                 last = stream >> 1
                 ends = self._taken(2 * last), self._taken(2 * last + 1)
             assert ends is not None
-            self._take(ends, stream & 1, *segment)
+            self._take(ends, Captured(stream & 1, *segment))
         if ends is not None:
             self._put_back(data, ends)
 
@@ -115,9 +127,9 @@ class SegmentsInTurn:
         while place < stop:
             behind = min(place + least, stop)
             for stream, *segment in segments.tuples(place, behind):
-                self._take(ends, stream & 1, *segment)
+                self._take(ends, Captured(stream & 1, *segment))
             place = behind
-            if not (ends[0].kept or ends[1].kept or connection in self._aside):
+            if not (ends[0].kept or ends[1].kept or connection in self._aside or connection in self._held):
                 break
         self._put_back(data, ends)
         return place
@@ -133,7 +145,8 @@ class SegmentsInTurn:
             return waiting
         columns = self._columns
         return OneStream(
-            number, bool(columns.begun[number]), bool(columns.ended[number]), int(columns.next[number]),
+            number, bool(columns.begun[number]), bool(columns.ended[number]), bool(columns.disordered[number]),
+            int(columns.next[number]),
             int(columns.first[number]), int(columns.acknowledged[number]), int(columns.had[number]),
             int(columns.ahead[number]), int(columns.told[number]), int(columns.latest_ns[number]),
         )  # fmt: skip
@@ -142,26 +155,33 @@ class SegmentsInTurn:
         columns = self._columns
         connection = ends[0].number >> 1
         self._aside.hold_data(connection, data)
+        self._held.hold_data(connection, data)
         for stream in ends:
             number = stream.number
             columns.begun[number], columns.ended[number] = stream.begun, stream.ended
+            columns.disordered[number] = stream.disordered
             columns.next[number], columns.first[number] = stream.next, stream.first
             columns.acknowledged[number], columns.told[number] = stream.acknowledged, stream.told
             columns.had[number], columns.ahead[number] = stream.had, stream.ahead
             columns.latest_ns[number] = stream.latest_ns
-            columns.waits[number] = bool(stream.kept) or connection in self._aside
+            columns.waits[number] = bool(stream.kept) or connection in self._aside or connection in self._held
             if stream.kept:
                 self._waiting[number] = stream
                 for one in stream.kept:
                     if isinstance(one.source, int):
                         one.source = data[one.source : one.source + one.size].tobytes()
 
-    def _take(
-        self, ends: tuple[OneStream, OneStream], side: int, sequence: int, acknowledgement: int, flags: int,
-        payload: int, payload_bytes: int, captured_bytes: int, frame: int, time_ns: int,
-    ) -> None:  # fmt: skip
-        own, other, connection = ends[side], ends[1 - side], ends[0].number >> 1
-        told = acknowledgement if flags & ACK and acknowledgement else -1
+    def _take(self, ends: tuple[OneStream, OneStream], segment: Captured) -> None:
+        connection, place = ends[0].number >> 1, segment.frame << PLACE_BITS
+        if connection not in self._held and not is_early(ends, segment, self.opened_late):
+            self._take_now(ends, segment, place)
+            return
+        for number, one in enumerate(self._held.released(connection, ends, segment, self.opened_late)):
+            self._take_now(ends, one, place + number)
+
+    def _take_now(self, ends: tuple[OneStream, OneStream], captured: Captured, place: int) -> None:
+        side, sequence, acknowledgement, flags, source, payload_bytes, captured_bytes, _, time_ns = captured
+        own, other, connection, told = ends[side], ends[1 - side], ends[0].number >> 1, captured.told
         if own.ended and other.ended and time_ns - max(own.latest_ns, other.latest_ns) > FORGOTTEN_NS:
             self._aside.drop(connection)
             for stream in ends:
@@ -169,89 +189,101 @@ class SegmentsInTurn:
         if flags & SYN and not flags & RST:
             answers = flags & ACK
             is_new = own.first != (sequence + 1) % WRAP and (not answers or own.first >= 0)
+            # What the other end has acknowledged, it has answered: it was captured before.
+            is_new &= own.begun or not 0 <= ahead_of(own.had, sequence + 1) <= NEAR or own.had < 0
             # What was refused is asked for again with the same number, and so is what an older connection was in the
             # way of (RFC 9293, section 3.5.1).
             is_new |= not answers and own.is_nothing and other.is_nothing
             if is_new and (own.begun or other.begun):
                 # Whoever it is whose SYN is there: it is the client that begins another one.
-                self._begin_anew(ends, frame, time_ns)
+                self._begin_anew(ends, place, time_ns)
         elif not flags & RST and (proven := self._aside.proven_by(connection, side, sequence, told)) is not None:
-            self._begin_anew(ends, frame, time_ns)
-            self._take_proven(ends, proven, frame)
+            self._begin_anew(ends, place, time_ns)
+            self._take_proven(ends, proven, place)
         elif not (own.begun or other.begun) and (flags & RST or not (payload_bytes or flags & FIN)):
             return
         if flags & ACK and (other.acknowledged < 0 or ahead_of(acknowledgement, other.acknowledged) > 0):
             other.acknowledged = acknowledgement
         own.note_had(other, sequence, flags, payload_bytes, told)
         while other.kept and other.hole_is_acknowledged:
-            self._give_up_hole(other, frame, Order.ACKNOWLEDGED)
+            self._give_up_hole(other, place, Order.ACKNOWLEDGED)
         for stream, order in zip(ends, (Order.OLD_CLIENT, Order.OLD_SERVER), strict=True):
             while stream.kept and stream.waits_longer_than(time_ns):
-                self._give_up_hole(stream, frame, order)
+                self._give_up_hole(stream, place, order)
         if flags & RST:
             by_client = 0 if side else BY_CLIENT
             self._aside.drop(connection)
-            self._break_off(ends, frame, time_ns, (Order.END_CLIENT, Order.END_SERVER), by_client, (side, sequence))
+            self._break_off(ends, place, time_ns, (Order.END_CLIENT, Order.END_SERVER), by_client, (side, sequence))
             return
         if not (payload_bytes or flags & (SYN | FIN)):
             return
-        segment = Segment(sequence, flags, payload, payload_bytes, captured_bytes, time_ns, told)
+        segment = Segment(sequence, flags, source, payload_bytes, captured_bytes, time_ns, told)
         if own.begun and not flags & SYN and own.is_elsewhere(sequence):
             self._aside.put(connection, side, segment)
             return
         self._aside.drop(connection)
-        self._bring(own, other, segment, frame, Order.OWN)
+        if is_behind_its_acknowledgement(own, captured):
+            own.disordered = other.disordered = True
+        self._bring(own, other, segment, place, Order.OWN)
 
-    def _begin_anew(self, ends: tuple[OneStream, OneStream], frame: int, time_ns: int) -> None:
+    def _begin_anew(self, ends: tuple[OneStream, OneStream], place: int, time_ns: int) -> None:
         """Take that another connection begins in place of this one."""
-        self._break_off(ends, frame, time_ns, (Order.OLD_CLIENT, Order.OLD_SERVER), BY_CLIENT | REPLACED)
+        self._break_off(ends, place, time_ns, (Order.OLD_CLIENT, Order.OLD_SERVER), BY_CLIENT | REPLACED)
         self._aside.drop(ends[0].number >> 1)
         for stream in ends:
             stream.forget()
 
-    def _take_proven(self, ends: tuple[OneStream, OneStream], proven: Aside, frame: int) -> None:
-        """Take what a frame has shown to be of the connection that has begun."""
+    def _take_proven(self, ends: tuple[OneStream, OneStream], proven: Aside, place: int) -> None:
+        """Take what a place has shown to be of the connection that has begun."""
         for segment in proven.segments:
-            self._bring(ends[proven.side], ends[1 - proven.side], segment, frame, Order.PROVEN)
+            self._bring(ends[proven.side], ends[1 - proven.side], segment, place, Order.PROVEN)
 
-    def _bring(self, own: OneStream, other: OneStream, segment: Segment, frame: int, order: Order) -> None:
+    def _bring(self, own: OneStream, other: OneStream, segment: Segment, place: int, order: Order) -> None:
         """Take what a segment brings of its stream."""
-        sequence, flags, payload, payload_bytes, captured_bytes, time_ns, told = segment
+        sequence, flags, source, payload_bytes, captured_bytes, time_ns, told = segment
         if not own.begun:
             own.begin(sequence, (flags & SYN) // SYN, told)
             size = (IN_STEP if flags & SYN else 0) | (0 if other.begun else ANEW)
-            self._tell(own, PieceKind.BEGIN, (0, size), frame, order, own.first)
+            self._tell(own, PieceKind.BEGIN, (0, size), place, order, own.first)
         begin = own.at + own.distance(sequence)
         if own.ended or abs(begin - own.at) > FAR:
             return
         # A single byte at the place of the last one that was sent may be any (``Again``).
         asks = payload_bytes == 1 and begin + (flags & SYN) // SYN == own.sent - 1
         parts: list[Kept] = []
-        for size, kind, source in (
-            (1 if flags & SYN else 0, PieceKind.BEGIN, None), (captured_bytes, PieceKind.DATA, payload),
+        for size, kind, data in (
+            (1 if flags & SYN else 0, PieceKind.BEGIN, None), (captured_bytes, PieceKind.DATA, source),
             (payload_bytes - captured_bytes, PieceKind.HOLE, None), (flags & FIN, PieceKind.END, None),
         ):  # fmt: skip
-            # Data of another batch begins a connection: nothing has come before.
-            if kind is PieceKind.DATA and size and begin < own.at and not asks and isinstance(payload, int):
-                self.again.append(Again(own.number, frame, own.at - begin, payload, min(size, own.at - begin), size))
+            if kind is PieceKind.DATA and size and begin < own.at and not asks:
+                self._note_again(own, segment, own.at - begin, place << MOMENT_BITS | int(order))
             if size and begin + size > own.at:
-                part = Kept(begin, size, kind, source, frame, time_ns, told)
+                part = Kept(begin, size, kind, data, place, time_ns, told)
                 parts.append(part.part(own.at, part.end) if begin < own.at else part)
             begin += size
         if not parts:
             return
         if own.kept or parts[0].begin > own.at:
             for part in parts:
-                if not asks and (size := others_of(own.kept, part, self._data)) and isinstance(payload, int):
-                    copy = self._data[payload : payload + captured_bytes].tobytes()
-                    self.others.append(OtherBytes(own.number, frame << ORDER_BITS | int(order), size, copy))
+                if not asks and (size := others_of(own.kept, part, self._data)):
+                    copy = segment.with_data(self._data).source
+                    assert isinstance(copy, bytes)
+                    self.others.append(OtherBytes(own.number, place << MOMENT_BITS | int(order), size, copy))
                 self._keep(own, part)
-            self._pass_on_kept(own, frame, order)
+            self._pass_on_kept(own, place, order)
             while own.kept and (own.hole_is_acknowledged or self._is_full(own)):
-                self._give_up_hole(own, frame, order)
+                self._give_up_hole(own, place, order)
         else:
             for part in parts:
-                self._pass_on(own, part, frame, order)
+                self._pass_on(own, part, place, order)
+
+    def _note_again(self, stream: OneStream, segment: Segment, back: int, order: int) -> None:
+        """Note that the first bytes of a segment come again, which lies so far behind the place of its stream."""
+        source, captured = segment.source, segment.captured_bytes
+        if isinstance(source, bytes):
+            self.kept.append(source)
+            source = ~(len(self.kept) - 1)
+        self.again.append(Again(stream.number, order, back, source, min(captured, back), captured))
 
     def _is_full(self, stream: OneStream) -> bool:
         return stream.kept_bytes > MOST_KEPT_BYTES or self._kept_bytes > MOST_KEPT_IN_ALL_BYTES
@@ -260,11 +292,11 @@ class SegmentsInTurn:
         """Keep of a part what is not kept already."""
         for one in list(missing_of(stream.kept, part)):
             stream.kept.insert(bisect_right(stream.kept, one.begin, key=BEGIN), one)
-            heappush(stream.by_frame, (one.frame, one.begin, one))
+            heappush(stream.by_place, (one.place, one.begin, one))
             stream.kept_bytes += one.size
             self._kept_bytes += one.size
 
-    def _pass_on_kept(self, stream: OneStream, frame: int, order: Order) -> None:
+    def _pass_on_kept(self, stream: OneStream, place: int, order: Order) -> None:
         """Pass on what is kept up to the next hole."""
         passed = 0
         for part in stream.kept:
@@ -272,26 +304,26 @@ class SegmentsInTurn:
                 break
             stream.kept_bytes -= part.size
             self._kept_bytes -= part.size
-            self._pass_on(stream, part, frame, order)
+            self._pass_on(stream, part, place, order)
             part.is_passed = True
             passed += 1
         del stream.kept[:passed]
         if not stream.kept:
-            stream.by_frame.clear()
+            stream.by_place.clear()
 
-    def _give_up_hole(self, stream: OneStream, frame: int, order: Order) -> None:
+    def _give_up_hole(self, stream: OneStream, place: int, order: Order) -> None:
         """Take the bytes in front of what is kept for missing."""
         first = stream.kept[0]
-        hole = Kept(stream.at, first.begin - stream.at, PieceKind.HOLE, None, frame, stream.latest_ns)
-        self._pass_on(stream, hole, frame, order)
-        self._pass_on_kept(stream, frame, order)
+        hole = Kept(stream.at, first.begin - stream.at, PieceKind.HOLE, None, place, stream.latest_ns)
+        self._pass_on(stream, hole, place, order)
+        self._pass_on_kept(stream, place, order)
 
-    def _pass_on(self, stream: OneStream, part: Kept, frame: int, order: Order) -> None:
+    def _pass_on(self, stream: OneStream, part: Kept, place: int, order: Order) -> None:
         ended = stream.ended
         stream.at += part.size
         stream.next = (stream.next + part.size) % WRAP
         if part.kind in (PieceKind.DATA, PieceKind.END):
-            stream.latest_ns = max(stream.latest_ns, part.time_ns)
+            stream.came_at(part.place, part.time_ns)
         if part.kind is not PieceKind.HOLE:
             stream.told = part.acknowledged
         if ended:
@@ -306,16 +338,16 @@ class SegmentsInTurn:
         elif isinstance(part.source, bytes):
             start = ~len(self.kept)
             self.kept.append(part.source)
-        self._tell(stream, part.kind, (start, size), frame, order, stream.next)
+        self._tell(stream, part.kind, (start, size), place, order, stream.next)
 
     def _tell(
-        self, stream: OneStream, kind: PieceKind, data: tuple[int, int], frame: int, order: Order, behind: int
+        self, stream: OneStream, kind: PieceKind, data: tuple[int, int], place: int, order: Order, behind: int
     ) -> None:  # fmt: skip
-        at = frame << ORDER_BITS | int(order)
+        at = place << MOMENT_BITS | int(order)
         self._made.append((stream.number, int(kind), *data, at, stream.latest_ns, behind, stream.told))
 
     def _break_off(
-        self, ends: tuple[OneStream, OneStream], frame: int, time_ns: int, orders: tuple[Order, Order], by_client: int,
+        self, ends: tuple[OneStream, OneStream], place: int, time_ns: int, orders: tuple[Order, Order], by_client: int,
         reset_at: tuple[int, int] | None = None,
     ) -> None:  # fmt: skip
         """End both directions behind what is kept, and known to be missing; ``reset_at``: side and number of an RST."""
@@ -325,11 +357,11 @@ class SegmentsInTurn:
         before = Order.OLD_CLIENT, Order.OLD_SERVER
         for side, (stream, order, sent) in enumerate(zip(ends, orders, before, strict=True)):
             while stream.kept:
-                self._give_up_hole(stream, frame, sent)
+                self._give_up_hole(stream, place, sent)
             known = stream.had, reset_at[1] if reset_at and reset_at[0] == side else -1
             if stream.begun and not stream.ended and (size := missing_behind(stream.next, known)):
-                hole = Kept(stream.at, size, PieceKind.HOLE, None, frame, stream.latest_ns)
-                self._pass_on(stream, hole, frame, sent)
+                hole = Kept(stream.at, size, PieceKind.HOLE, None, place, stream.latest_ns)
+                self._pass_on(stream, hole, place, sent)
             stream.begun = stream.ended = True
-            stream.latest_ns = max(stream.latest_ns, time_ns)
-            self._tell(stream, PieceKind.END, (0, BROKEN_OFF | by_client), frame, order, stream.next)
+            stream.came_at(place, time_ns)
+            self._tell(stream, PieceKind.END, (0, BROKEN_OFF | by_client), place, order, stream.next)

@@ -18,6 +18,7 @@ from dissectors.headers import FIN, RST, SYN
 from dissectors.transport import SegmentBatch
 from nvscope.engine.runs import runs_of, stable_order
 from nvscope.tracker.connections import Connections
+from nvscope.tracker.handshakes import opened_late
 from nvscope.tracker.pieces import NEVER, ORDER_BITS, Again, Brought, Pieces, no_pieces
 from nvscope.tracker.segments import Segments
 from nvscope.tracker.segments_at_once import SegmentsAtOnce
@@ -115,6 +116,8 @@ class Streams:
         self._latest_ns = max(self._latest_ns, int(rows.time_ns.max()))
         self.places.columns.resize(2 * len(self.connections))
         self._in_turn.begin()
+        if self._in_turn.opened_late == NEVER:
+            self._in_turn.opened_late = opened_late(rows, carrying, self.places.columns)
         found: list[Pieces] = []
         self._again = []
         put_in_order = self._put_in_order if self._is_room(rows) else self._put_in_order_by_time
@@ -139,7 +142,7 @@ class Streams:
         """Add what segments bring to ``found``: in turn around what is peculiar, else as columns."""
         least = _LEAST
         while len(rows) > _FEW:
-            at_once = SegmentsAtOnce(rows, carrying, self.places.columns)
+            at_once = SegmentsAtOnce(rows, carrying, self.places.columns, self._in_turn.opened_late)
             is_plain = at_once.take_up_to(at_once.since)
             anew = np.empty(0, np.int64)
             if not is_plain.all():
@@ -198,7 +201,7 @@ class Streams:
         if len(rows) <= _FEW:
             self._in_turn.observe(data, rows)
             return
-        at_once = SegmentsAtOnce(rows, carrying, self.places.columns)
+        at_once = SegmentsAtOnce(rows, carrying, self.places.columns, self._in_turn.opened_late)
         is_plain = at_once.take_up_to(np.where(at_once.since == NEVER, NEVER, -1))
         found.append(at_once.told())
         self._again.append(at_once.again())

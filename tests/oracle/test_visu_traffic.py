@@ -20,15 +20,16 @@ from tests.oracle.tcp import ACK, FIN, PSH, RST, SYN, peel_tcp
 from tests.oracle.visu_traffic import conversations, visu_traffic
 
 needs_tshark = pytest.mark.skipif(shutil.which("tshark") is None, reason="needs tshark")
-SEEDS = range(96)
+SEEDS = (*range(96), 485)
 PORTS = (80, 8080, 8888)
 
 HAPPENINGS = {
     # TCP
-    "began before the capture", "began with SYN", "both ports claimed", "cut by the snap length", "elsewhere",
+    "began before the capture", "began with SYN", "behind its acknowledgement", "both ports claimed", "cut by the snap length", "elsewhere",
     "hole final by acknowledgement", "hole final by reset", "hole final by time", "hole final by what is kept",
     "in part late", "kept behind a hole", "late", "missing behind all that is there",
-    "new connection in place of another", "new connection whose SYN is missing", "other bytes", "wrapped",
+    "new connection in place of another", "new connection whose SYN is missing", "other bytes",
+    "taken in another order", "wrapped",
     # HTTP
     "1xx", "body decoded", "body not known", "body to the end", "chunked", "foreign", "found by searching",
     "hole between messages", "hole in a body chunked", "hole in a body of known length", "hole in a body to the end",

@@ -57,7 +57,8 @@ def lacking_by_the_rules(frames: Sequence[Frame]) -> set[tuple[str, int]]:
             continue
         told = own.had.up_to
         is_ahead = told is not None and 1 < distance(told, own.sequence) <= NEAR
-        if own.kept or own.fins or connection.aside or is_ahead:
+        waits = rules.held.waiting.get(frozenset((connection.client, connection.server)))
+        if own.kept or own.fins or connection.aside or is_ahead or waits:
             found.add((str(host), port))
     return found
 

@@ -28,7 +28,7 @@ from nvscope.tracker.visu.http_forms import What
 from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.leaving import Leaving
 from nvscope.tracker.visu.limits import MOST_PAIRS, MOST_POLLED, Beyond
-from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages, no_messages
+from nvscope.tracker.visu.messages import UNMEASURED_NS, Kind, Outcome, VisuBatch, VisuMessages, no_messages
 from nvscope.tracker.visu.missing_replies import MissingReplies
 from nvscope.tracker.visu.names import ListFlaw, Names, UnreadList
 from nvscope.tracker.visu.one_way import OneWay
@@ -218,6 +218,9 @@ class Exchanges:
         self._left_out[Beyond.UNREAD] += int((outcome[cut] == Outcome.UNREAD).sum())
         other = (kind == Kind.OTHER_BYTES) | (kind == Kind.OTHER_REPLY_BYTES)
         fields[other] = said.gap_bytes[other]
+        latency_ns = said.latency_ns.copy()
+        # Of a clock that was set back, or of two, nobody knows how far.
+        latency_ns[(kind == Kind.REPLY) & (latency_ns < 0)] = UNMEASURED_NS
         given_up = kind == Kind.GIVEN_UP
         kind[given_up], outcome[given_up] = int(Kind.UNANSWERED), int(Outcome.GIVEN_UP)
         polls = np.flatnonzero((kind == Kind.READ) & known[said.asked])
@@ -225,7 +228,7 @@ class Exchanges:
         polled_ns[polls] = self._since_read(pair[polls], said.asked[polls], asks, packets.ts_ns[row[polls]])
         messages = VisuMessages(
             kind, row, pair, np.where(said.asked > 0, said.asked, -1), start, stop, status, outcome, fields,
-            said.latency_ns, said.asked_frame, np.where(other, 0, said.gap_bytes), said.opens, polled_ns, naming,
+            latency_ns, said.asked_frame, np.where(other, 0, said.gap_bytes), said.opens, polled_ns, naming,
             _of_messages(spoken, said, kind == Kind.OTHER),
         )  # fmt: skip
         self._left_out[Beyond.NAMES] += self._names.left_out

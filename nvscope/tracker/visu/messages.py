@@ -24,7 +24,7 @@ from nvscope.tracker.visu.limits import Beyond
 from nvscope.tracker.visu.names import ListFlaw, Naming
 
 UNMEASURED_NS = int(np.iinfo(np.int64).min)
-"""Stands for the latency of a reply that was captured before its request was whole: nobody knows it."""
+"""Stands for the latency of a reply that was captured, or by its time came, before its request was whole."""
 
 _PORT = 4
 """The column of the server's port in ``VisuBatch.pairs``."""

@@ -84,6 +84,7 @@ class Writes:
         """
         kind = messages.kind
         is_step = (kind == Kind.WRITE) | (kind == Kind.UNANSWERED) | self._is_written(part, messages)
+        is_step |= kind == Kind.UNCLEAR
         steps = np.flatnonzero(is_step | _may_be_written(messages))
         done, beyond = 0, []
         reads = self._read(part, messages)
@@ -173,7 +174,7 @@ class Writes:
         if place is None:
             return
         _, writes = waiting.pop(place)
-        if messages.outcome[step] == Outcome.UNREAD:
+        if messages.kind[step] == Kind.UNCLEAR or messages.outcome[step] == Outcome.UNREAD:
             return
         if messages.outcome[step] == Outcome.REFUSED:
             for write in writes:

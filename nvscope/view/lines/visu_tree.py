@@ -67,7 +67,7 @@ class VisuTree(TransportTree):
             yield _fact("Status", str(messages.status[message]))
             latency_ns = int(messages.latency_ns[message])
             unknown = latency_ns == UNMEASURED_NS
-            yield _fact("Took", "not known, captured before its request" if unknown else units.duration(latency_ns))
+            yield _fact("Took", "not known, seen before its request" if unknown else units.duration(latency_ns))
 
 
 def _fact(label: str, text: str, *, wrong: bool = False) -> Entry:

@@ -166,7 +166,7 @@ def _list(part: VisuBatch, message: int) -> str:
 def _reply(part: VisuBatch, message: int, request: Request, told: str) -> str:
     messages = part.messages
     latency_ns = int(messages.latency_ns[message])
-    took = " (captured before its request)" if latency_ns == UNMEASURED_NS else f" ({units.duration(latency_ns)})"
+    took = " (seen before its request)" if latency_ns == UNMEASURED_NS else f" ({units.duration(latency_ns)})"
     outcome = Outcome(int(messages.outcome[message]))
     if outcome is Outcome.STATUS:
         return f"HTTP status {messages.status[message]}{took}"

@@ -160,7 +160,7 @@ class Reader:
 
     def feed(self, data: bytes, time: int, behind: int = 0, told: int | None = None) -> Iterator[Message | Lost]:
         self.sequence, self.told = behind, told
-        self.latest = time if self.latest is None else max(self.latest, time)
+        self.latest = time
         self.buffer += data
         yield from self.advance()
 
@@ -188,7 +188,7 @@ class Reader:
 
     def end(self, reset: bool, time: int) -> Iterator[Message | Lost]:
         """End the direction: a message may end with it; what is not whole is told of a request, or where it is cut."""
-        before, self.latest = self.latest, time if self.latest is None else max(self.latest, time)
+        before, self.latest = self.latest, time
         message = self.so_far()
         if reset and self.open:
             self.latest = before

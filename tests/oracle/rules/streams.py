@@ -15,10 +15,11 @@ Readings, where the rules leave a choice:
   than 1 MiB behind it
 - what is missing by an acknowledgement: ``streams_told``
 - such segments may be those of another connection, whose SYN was not captured (``streams_aside``)
+- where a connection is not captured in the order in which it was sent: ``streams_held``
 - a FIN that waits behind a hole is something kept, its place the first kept byte; it takes this place, and has none
   where a byte has come before it
 - what the snap length cut counts where it is kept (256 KiB), and in `gap_bytes` when it is delivered
-- what was kept first is what came first by frame; its time is that of its frame
+- what was kept first is what was taken first; its time is that of its frame
 - bytes in an RST are no data; its acknowledgement counts, before it ends the connection
 - of a connection that is reset, or that another one takes the place of, what was acknowledged behind all that is there,
   and what lies in front of the RST, is missing: up to 1 MiB, and more than one place, which may be that of a FIN
@@ -35,120 +36,23 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from tests.oracle.frame import Address, Frame
-from tests.oracle.rules.streams_aside import Aside, put, told
-from tests.oracle.rules.streams_told import Had, distance, hear
+from tests.oracle.frame import Frame
+from tests.oracle.rules.streams_aside import put, told
+from tests.oracle.rules.streams_held import Captured, Held, is_behind_its_acknowledgement
+from tests.oracle.rules.streams_state import Carried, Connection, Direction, End, Place, begins_another
+from tests.oracle.rules.streams_told import FARTHEST, NEAR, distance, hear
 from tests.oracle.tcp import ACK, FIN, RST, SYN, Segment, peel_tcp
 
 SECOND = 1_000_000_000
-FARTHEST, MOST_KEPT, LONGEST_NS, FORGOTTEN_NS = 2**30, 256 * 1024, 10 * SECOND, 240 * SECOND
-NEAR = 2**20
-
-End = tuple[Address, int]
-"""Address and port."""
-
-
-class Carried(NamedTuple):
-    """A byte, None where it was not captured, and the frame that brought it; of a FIN just the latter."""
-
-    byte: int | None
-    frame: int
-    time: int
-    told: int | None = None
-    """What its segment acknowledged."""
-
-
-@dataclass
-class Direction:
-    """One direction of a connection; places are counted from its first byte."""
-
-    begin: int | None = None
-    """The sequence number of its first byte."""
-    began_with_syn: bool = False
-    next: int = 0
-    """The place of the byte that is delivered next."""
-    kept: dict[int, Carried] = field(default_factory=dict)
-    fins: dict[int, Carried] = field(default_factory=dict)
-    acknowledged: int | None = None
-    """The highest acknowledgement that the other direction sent."""
-    had: Had = field(default_factory=Had)
-    """What of that is to be believed."""
-    ended: bool = False
-    finished: bool = False
-    """Whether it ended by its FIN."""
-    delivered: dict[int, int] = field(default_factory=dict)
-    """What was delivered since the last hole, by place."""
-    told: int | None = None
-    """What the segment acknowledged whose bytes were delivered last."""
-    first_told: int | None = None
-    """What the first one did."""
-    latest: int = 0
-    """When what came latest of what was delivered had come, its end too."""
-
-    def place(self, seq: int) -> int:
-        """Return the place that a sequence number is meant for: the one nearest to the next."""
-        assert self.begin is not None
-        return self.next + distance(seq, self.begin + self.next)
-
-    def others(self, segment: Segment, begin: int) -> int:
-        """Return how many bytes of a segment, which lies at a place, differ from those that came before."""
-        if segment.length == 1 and begin == self.sent - 1:
-            return 0
-        if begin >= self.next and not self.kept:  # nothing has come before
-            return 0
-        found = 0
-        for place, byte in enumerate(segment.payload, begin):
-            before = self.kept[place].byte if place in self.kept else None
-            if self.next - 4096 <= place < self.next:
-                before = self.delivered.get(place)
-            found += before is not None and before != byte
-        return found
-
-    @property
-    def sent(self) -> int:
-        """The place behind all that was sent so far."""
-        return max([self.next, *(place + 1 for place in [*self.kept, *self.fins])])
-
-    @property
-    def sequence(self) -> int:
-        """The sequence number of the byte that is delivered next."""
-        assert self.begin is not None
-        return (self.begin + self.next) % 2**32
-
-    def is_elsewhere(self, segment: Segment) -> bool:
-        """Tell whether a segment is not one of this direction, by where it is."""
-        if self.begin is None or segment.flags & SYN:
-            return False
-        place = self.place(segment.seq)
-        is_in_front = place < -NEAR and self.next <= FARTHEST
-        return abs(place - self.next) > FARTHEST or is_in_front or (self.ended and place > self.next + NEAR)
-
-    def first_kept(self) -> int | None:
-        return min([*self.kept, *self.fins], default=None) if self.kept or self.fins else None
-
-
-@dataclass(eq=False)
-class Connection:
-    """Two ends and what goes between them; ``directions`` by whether the client speaks."""
-
-    client: End
-    server: End
-    directions: dict[bool, Direction] = field(default_factory=lambda: {True: Direction(), False: Direction()})
-    aside: Aside | None = None
-
-    @property
-    def ended_ns(self) -> int | None:
-        """When both directions had ended; None where they have not."""
-        both = self.directions.values()
-        return max(one.latest for one in both) if all(one.ended for one in both) else None
+MOST_KEPT, LONGEST_NS, FORGOTTEN_NS = 256 * 1024, 10 * SECOND, 240 * SECOND
 
 
 class Delivery(NamedTuple):
-    """Bytes in order, all brought by one frame at ``time``; or ``missing`` ones.
+    """Bytes in order, all brought by one frame; or ``missing`` ones.
 
+    ``time`` is that of the last frame that brought anything up to there: what was kept came before what it waited for.
     ``behind`` is the sequence number of the byte behind them; ``told`` what their segment acknowledges, or that of
     those in front of missing ones. One that acknowledges 0 says nothing.
     """
@@ -195,6 +99,7 @@ class Streams:
         self.connections: dict[frozenset[End], Connection] = {}
         self.servers: dict[frozenset[End], End] = {}
         self.happened: Counter[str] = Counter() if happened is None else happened
+        self.held = Held()
 
     def observe(self, number: int, frame: Frame) -> Iterator[Event]:
         """Yield what a frame delivers and ends, in order."""
@@ -203,22 +108,33 @@ class Streams:
             return
         source, destination = (segment.source, segment.source_port), (segment.destination, segment.destination_port)
         pair = frozenset((source, destination))
+        captured = Captured(segment, source, frame.ts_ns, number)
+        self.held.note(captured, destination)
+        for place, one in enumerate(self.held.released(pair, captured, lambda: self.connections.get(pair))):
+            self.happened["taken in another order"] += one is not captured
+            yield from self.take((number, place), one)
+
+    def take(self, place: Place, captured: Captured) -> Iterator[Event]:
+        """Yield what a segment delivers and ends, in order."""
+        segment, source, now, _ = captured
+        ends = (segment.source, segment.source_port), (segment.destination, segment.destination_port)
+        pair, destination = frozenset(ends), ends[1]
         connection = self.connections.get(pair)
         ended_ns = None if connection is None else connection.ended_ns
-        if ended_ns is not None and frame.ts_ns - ended_ns > FORGOTTEN_NS:
+        if ended_ns is not None and now - ended_ns > FORGOTTEN_NS:
             self.happened["forgotten"] += 1
             connection = None
         if connection is not None and begins_another(segment, connection, source == connection.client):
             self.happened["new connection in place of another"] += 1
-            yield from self.reset(connection, frame.ts_ns, by_client=True)
+            yield from self.reset(connection, place, now, by_client=True)
             connection = None
         proven = None if connection is None else connection.aside
         if connection is not None and proven and proven.is_proven_by(segment, source == connection.client):
             self.happened["new connection whose SYN is missing"] += 1
-            yield from self.reset(connection, frame.ts_ns, by_client=True)
+            yield from self.reset(connection, place, now, by_client=True)
             connection = self.connections[pair] = self.connect(segment, source, destination)
             for one, time in proven.segments:
-                self.keep(connection.directions[proven.from_client], one, number, time)
+                self.keep(connection.directions[proven.from_client], one, place, time)
             yield from self.deliver(connection, proven.from_client)
         if connection is None:
             if segment.flags & RST or not (segment.flags & (SYN | FIN) or segment.length):
@@ -233,19 +149,22 @@ class Streams:
         if segment.flags & ACK:
             yield from self.acknowledged(connection, not from_client)
         for speaker in (True, False):
-            yield from self.waited(connection, speaker, frame.ts_ns)
+            yield from self.waited(connection, speaker, now)
         if segment.flags & RST:
             connection.aside = None
-            yield from self.reset(connection, frame.ts_ns, by_client=from_client, seq=segment.seq)
+            yield from self.reset(connection, place, now, by_client=from_client, seq=segment.seq)
             return
         if segment.flags & (SYN | FIN) or segment.length:
             if own.is_elsewhere(segment):
                 self.happened["elsewhere"] += 1
-                connection.aside = put(connection.aside, segment, frame.ts_ns, from_client=from_client)
+                connection.aside = put(connection.aside, segment, now, from_client=from_client)
                 return
             connection.aside = None
         if not own.ended:
-            if others := self.keep(own, segment, number, frame.ts_ns):
+            if is_behind_its_acknowledgement(own, segment):
+                self.happened["behind its acknowledgement"] += 1
+                self.held.disordered.add(pair)
+            if others := self.keep(own, segment, place, now):
                 yield Others(connection, from_client, others, segment.payload)
             yield from self.deliver(connection, from_client)
             yield from self.acknowledged(connection, from_client)
@@ -261,7 +180,7 @@ class Streams:
         server = self.servers.setdefault(frozenset((source, destination)), server)
         return Connection(source if server == destination else destination, server)
 
-    def keep(self, own: Direction, segment: Segment, number: int, time: int) -> int:
+    def keep(self, own: Direction, segment: Segment, place: Place, time: int) -> int:
         """Keep what a segment brings that had not come before; return how much came again otherwise."""
         syn, fin = bool(segment.flags & SYN), bool(segment.flags & FIN)
         if not (syn or fin or segment.length):
@@ -278,16 +197,16 @@ class Streams:
         late, others = 0, own.others(segment, begin)
         payload = segment.payload[: segment.length]
         # One for all equal bytes of a segment: there are many, and they are looked at one by one.
-        made = {byte: Carried(byte, number, time, told(segment)) for byte in {*payload, None}}
+        made = {byte: Carried(byte, place, time, told(segment)) for byte in {*payload, None}}
         brought = [*map(made.__getitem__, payload), *[made[None]] * (segment.length - len(payload))]
-        for place, carried in enumerate(brought, begin):
-            if place < own.next or place in own.kept or place in own.fins:
+        for at, carried in enumerate(brought, begin):
+            if at < own.next or at in own.kept or at in own.fins:
                 late += 1
             else:
-                own.kept[place] = carried
+                own.kept[at] = carried
         end = begin + segment.length
         if fin and end >= own.next and end not in own.kept:
-            own.fins.setdefault(end, Carried(None, number, time, told(segment)))
+            own.fins.setdefault(end, Carried(None, place, time, told(segment)))
         self.happened["in part late"] += 0 < late < segment.length
         self.happened["late"] += 0 < late == segment.length
         self.happened["kept behind a hole"] += begin > own.next
@@ -303,11 +222,12 @@ class Streams:
         while True:
             found = None if own.next in own.fins else own.kept.pop(own.next, None)
             if run and (found is None or found[1:] != run[0][1:] or (found.byte is None) != (run[0].byte is None)):
-                own.latest = max(own.latest, run[0].time) if run[0].byte is not None else own.latest
+                if run[0].byte is not None:
+                    own.came_at(run[0].place, run[0].time)
                 data = bytes(carried.byte for carried in run if carried.byte is not None)
                 own.told = run[0].told if data else own.told
                 missing = len(run) - len(data)
-                yield Delivery(connection, from_client, data, missing, run[0].time, own.sequence, own.told)
+                yield Delivery(connection, from_client, data, missing, own.latest, own.sequence, own.told)
                 if data:
                     own.delivered |= dict(enumerate(data, own.next - len(run)))
                 else:
@@ -320,12 +240,12 @@ class Streams:
         fin = own.fins.get(own.next)
         if fin is not None:
             own.finished = True
-            self.end(own, fin.time)
+            self.end(own, fin.place, fin.time)
             yield Ending(connection, from_client, False, own.latest)
 
-    def end(self, own: Direction, time: int) -> None:
+    def end(self, own: Direction, place: Place, time: int) -> None:
         own.ended = True
-        own.latest = max(own.latest, time)
+        own.came_at(place, time)
         own.kept.clear()
         own.fins.clear()
 
@@ -360,13 +280,13 @@ class Streams:
         own = connection.directions[from_client]
 
         def final(_: int) -> bool:
-            first = min([*own.kept.values(), *own.fins.values()], key=lambda carried: carried.frame)
+            first = min([*own.kept.values(), *own.fins.values()], key=lambda carried: carried.place)
             return now - first.time > LONGEST_NS
 
         yield from self.holes(connection, from_client, final, "time")
 
     def reset(
-        self, connection: Connection, now: int, *, by_client: bool, seq: int | None = None
+        self, connection: Connection, place: Place, now: int, *, by_client: bool, seq: int | None = None
     ) -> Iterator[Event]:  # fmt: skip
         """End a connection out of order: what is kept first, the client's direction first; ``seq``: that of an RST."""
         for from_client in (True, False):
@@ -382,18 +302,5 @@ class Streams:
                 own.delivered.clear()
                 yield Delivery(connection, from_client, b"", missing, 0, own.sequence, own.told)
         for from_client in (True, False):
-            self.end(connection.directions[from_client], now)
+            self.end(connection.directions[from_client], place, now)
             yield Ending(connection, from_client, True, now, by_client, seq is None)
-
-
-def begins_another(segment: Segment, connection: Connection, from_client: bool) -> bool:
-    """Whether a segment of a known connection, in this direction, begins another in its place."""
-    own = connection.directions[from_client]
-    if segment.flags & RST or not segment.flags & SYN:
-        return False
-    both = connection.directions.values()
-    if not segment.flags & ACK and all(one.ended and not one.next and not one.finished for one in both):
-        return True
-    if segment.flags & ACK and own.begin is None:
-        return False
-    return own.begin != (segment.seq + 1) % 2**32

@@ -328,7 +328,7 @@ def test_gaps_count_from_the_begin_of_a_connection_with_a_request() -> None:
 
 
 def test_frames_and_arrivals_of_what_came_out_of_order() -> None:
-    """The end of the request came before its begin, and the clock went back between."""
+    """The end of the request came before its begin, and the clock went back between: the later frame tells when."""
     request = post(READ)
     line = Line(now=SECOND).open().segment(True, request[50:], seq=1051)
     line.now = 1
@@ -338,7 +338,7 @@ def test_frames_and_arrivals_of_what_came_out_of_order() -> None:
     visu = seen(line.frames)
     (row,) = visu.rows()
     assert visu.messages[0].frame == 5
-    assert row["latency_ns"]["max"] == 2 * SECOND - line.frames[3].ts_ns
+    assert row["latency_ns"]["max"] == 2 * SECOND - line.frames[4].ts_ns
 
 
 def no_more_than(row: dict[str, Any], parts: int) -> bool:
@@ -346,7 +346,7 @@ def no_more_than(row: dict[str, Any], parts: int) -> bool:
     asked = row["reads"] + row["writes"] + parts
     return bool(
         row["replies"] + row["unanswered"] <= asked and row["refused"] <= row["writes"]
-        and row["latency_ns"]["count"] == row["replies"] and row["variables"] <= row["entries"]
+        and row["latency_ns"]["count"] <= row["replies"] and row["variables"] <= row["entries"]
         and row["miscounted"] <= asked + row["replies"] and 0 < row["connections"] <= asked + row["cut"]
     )  # fmt: skip
 

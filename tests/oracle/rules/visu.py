@@ -18,6 +18,7 @@ Readings, where the rules leave a choice:
 - a response that comes while none waits, and the head of a request is there that says where it ends, answers that: with
   the frame with which it is whole, as far as it ever is; what came first has no latency
 - requests that become whole behind the server's end are unanswered if RST or a new connection made that, else nothing
+- a reply whose time is before that of its request has no latency
 - events of a finding are in order of what happened: first and last are times, the first ten are told by their frames
 """
 
@@ -32,7 +33,8 @@ from tests.oracle.frame import Frame
 from tests.oracle.rules import visu_body, visu_lists, visu_others, visu_turns, visu_unseen
 from tests.oracle.rules.http_message import Lost, Message
 from tests.oracle.rules.keys import node_order
-from tests.oracle.rules.streams import Connection, Delivery, Ending, Event, Others, Streams
+from tests.oracle.rules.streams import SECOND, Delivery, Ending, Event, Others, Streams
+from tests.oracle.rules.streams_state import Connection
 from tests.oracle.rules.visu_body import Answered, Asked
 from tests.oracle.rules.visu_figures import Row, lacks_many, percentiles
 from tests.oracle.rules.visu_late import doubt
@@ -43,7 +45,6 @@ from tests.oracle.rules.visu_part import ask_in_part, settle, writes
 from tests.oracle.rules.visu_talk import Home, Pair, Talk, Told, Waiting, Written
 from tests.oracle.rules.visu_turns import asked_behind, begin, has_early, keep, lose_client, wait
 
-SECOND = 1_000_000_000
 FRAMES_KEPT = 10
 COUNTED = ("reads", "writes", "entries", "replies", "refused", "unanswered", "cut", "miscounted", "ambiguous")
 
@@ -198,8 +199,8 @@ class Visu:
             self.happened["other request"] += 1
             return
         talk.had_request = True
-        kind = "query" if asked.query else "request"
-        self.messages.append(Told(self.number, talk.connection.client, talk.connection.server, kind, message.body))
+        ends, kind = (talk.connection.client, talk.connection.server), "query" if asked.query else "request"
+        self.messages.append(Told(self.number, *ends, kind, message.body))
         row = self.known[talk.pair]
         row.counts["writes" if asked.write else "reads"] += 1
         row.counts["entries"] += len(asked.entries)
@@ -296,11 +297,12 @@ class Visu:
         body = message.body or b""
         self.messages.append(Told(self.number, talk.connection.server, talk.connection.client, "reply", body))
         row.counts["replies"] += 1
-        if not message.early:
-            row.latencies.append(message.arrival - waiting.message.arrival)
-        if not message.early and row.latencies[-1] > SECOND:
-            self.happened["slow"] += 1
-            self.find("NV805", talk)
+        latency = message.arrival - waiting.message.arrival
+        if not message.early and latency >= 0:
+            row.latencies.append(latency)
+            if latency > SECOND:
+                self.happened["slow"] += 1
+                self.find("NV805", talk)
         if message.body is None and message.status == 200 and not waiting.asked.query:
             return
         answer = visu_body.answered(waiting.asked, message.status, body)
@@ -326,9 +328,9 @@ class Visu:
         if not asked.write and message.status != 200:
             self.happened["read with an HTTP error"] += 1
             self.find("NV802", talk)
+        self.happened["no value"] += None in answer.values
         if answer.miscounted or answer.ambiguous:
             self.find("NV804", talk)
-        self.happened["no value"] += None in answer.values
         for entry, seen in zip(asked.entries, answer.seen, strict=False):
             if seen and self.is_password(talk, entry.address):
                 self.happened["password read"] += 1
@@ -352,8 +354,7 @@ class Visu:
         self.found[code, client, variable].append((self.now, self.number if frame is None else frame))
 
     def called(self, home: Home, address: visu_body.Address) -> str:
-        text = address if isinstance(address, str) else ",".join(map(str, address))
-        return self.names[home].get(address, text)
+        return self.names[home].get(address, address if isinstance(address, str) else ",".join(map(str, address)))
 
     def latencies(self, row: dict[str, Any]) -> list[int]:
         """Return the latencies of a row, in order."""
@@ -370,8 +371,7 @@ class Visu:
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the rows of the report."""
-        talks = [talk for talk in self.talks.values() if talk.had_request]
-        rows = []
+        talks, rows = [talk for talk in self.talks.values() if talk.had_request], []
         for pair in sorted(self.known, key=lambda pair: (node_order(pair[0]), node_order(pair[1]), pair[2])):
             known, own = self.known[pair], [talk for talk in talks if talk.pair == pair]
             latencies, pollings = sorted(known.latencies), sorted(known.pollings)

@@ -21,12 +21,11 @@ from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 from tests.oracle.frame import Frame
-from tests.oracle.rules.streams import NEAR
-from tests.oracle.rules.streams_told import distance
+from tests.oracle.rules.streams_told import NEAR, distance
 from tests.oracle.tcp import ACK, RST, SYN, peel_tcp
 
 if TYPE_CHECKING:
-    from tests.oracle.rules.streams import End
+    from tests.oracle.rules.streams_state import End
     from tests.oracle.rules.visu_talk import Talk, Waiting
 
 SECOND = 1_000_000_000

@@ -22,7 +22,7 @@ from tests.oracle.tcp import ACK, SYN, Segment, peel_tcp
 
 if TYPE_CHECKING:
     from tests.oracle.rules.http_message import Message
-    from tests.oracle.rules.streams import Connection
+    from tests.oracle.rules.streams_state import Connection
     from tests.oracle.rules.visu_talk import Talk
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from tests.oracle.frame import Address as Node
 from tests.oracle.rules.http import Reader
 from tests.oracle.rules.http_message import Message
-from tests.oracle.rules.streams import Connection, End
+from tests.oracle.rules.streams_state import Connection, End
 from tests.oracle.rules.visu_body import Asked
 from tests.oracle.rules.visu_turns import Turns
 
