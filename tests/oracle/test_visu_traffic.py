@@ -25,7 +25,8 @@ PORTS = (80, 8080, 8888)
 
 HAPPENINGS = {
     # TCP
-    "began before the capture", "began with SYN", "behind its acknowledgement", "both ports claimed", "cut by the snap length", "elsewhere",
+    "began before the capture", "began with SYN", "behind its acknowledgement", "both ports claimed",
+    "cut by the snap length", "elsewhere",
     "hole final by acknowledgement", "hole final by reset", "hole final by time", "hole final by what is kept",
     "in part late", "kept behind a hole", "late", "missing behind all that is there",
     "new connection in place of another", "new connection whose SYN is missing", "other bytes",
