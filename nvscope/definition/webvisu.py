@@ -31,11 +31,12 @@ def _encoding(value: Any, place: Place) -> Encoding:
         raise place.error(str(error), "For example UTF-8, or windows-1251.") from None
 
 
-_ENCODING = ValueKind("encoding", _encoding)
+ENCODING = ValueKind("encoding", _encoding)
+"""How texts of pages are encoded, by the name of a charset."""
 
 
 def _encodings(value: Any, place: Place) -> tuple[tuple[str, Encoding], ...]:
-    return tuple(by_address(value, place, _ENCODING.read, "controller", '"192.168.1.3" = "UTF-8"').items())
+    return tuple(by_address(value, place, ENCODING.read, "controller", '"192.168.1.3" = "UTF-8"').items())
 
 
 def _controllers(value: Any, place: Place) -> tuple[tuple[str, tuple[str, ...]], ...]:
@@ -62,7 +63,7 @@ class WebVisuSettings:
         default=(),
     )
     encoding: Encoding | None = key(  # noqa: RUF009  # a field, not a default
-        _ENCODING, 'how texts (STRING) are encoded, whatever pages say: "UTF-8", "windows-1251"; without it, as the '
+        ENCODING, 'how texts (STRING) are encoded, whatever pages say: "UTF-8", "windows-1251"; without it, as the '
         "page within a capture says (ENCODINGSTRING), else ISO-8859-1", default=None,
     )  # fmt: skip
     encodings: tuple[tuple[str, Encoding], ...] = key(
