@@ -90,6 +90,10 @@ class PageVariable(Struct):
         """Return its type, which all values have that are more than a text."""
         return self.kind
 
+    def as_shown(self, text: str) -> str:
+        """Return a text, whose characters are bytes, in the encoding of the page."""
+        return text if self.encoding is None else self.encoding.decoded(text)
+
 
 class PageVariables:
     """The variables seen so far, by number; ``kinds`` are their types. ``left_out``: there was no room for some."""

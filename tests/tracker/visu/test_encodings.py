@@ -15,11 +15,13 @@ from hypothesis import strategies as st
 
 from dissectors.webvisu_page import encoding_said
 from nvscope.definition.visu_encoding import encoding_of
+from tests.definition.lists import telegram
 from tests.laws import examples
 from tests.oracle.frame import Frame
 from tests.oracle.pcap import write_pcap
 from tests.oracle.tcp_line import Line
 from tests.program_here import run, run_text
+from tests.tracker.visu.shown_and_carried import GVL
 
 PLACE = "4|60|81|8"
 LIST = (
@@ -68,7 +70,7 @@ def asked(verb: str, frames: Sequence[Frame], folder: Path, *words: str, toml: s
     """Return what a verb says of frames, as JSON or text."""
     write_pcap(frames, folder / "c.pcap")
     (folder / "nvscope.toml").write_text(toml)
-    done = run(verb, "c.pcap", "--project", "nvscope.toml", *words, cwd=folder)
+    done = run(verb, "c.pcap", "--project", "nvscope.toml", *words, cwd=folder, environment={"COLUMNS": "200"})
     text = done.stdout.decode()
     return json.loads(text) if "--json" in words else text
 
@@ -105,6 +107,31 @@ def test_everything_that_shows_values_agrees(tmp_path: Path) -> None:
     assert text in (tmp_path / "long.csv").read_text("utf-8-sig")
     findings = [one["message"] for one in asked("report", frames, tmp_path, "--json")["findings"]]
     assert any(f": {text} → {text}!" in one for one in findings)
+
+
+def test_a_list_that_is_compared_with_a_page_is_shown_in_its_encoding(tmp_path: Path) -> None:
+    (tmp_path / "plant.gvl").write_text(GVL)
+    text = "ä5"
+    data = bytes(10) + text.encode().ljust(6, b"\0") + bytes(7)
+    frames = [telegram(data, 6, subindex=0, counter=1, list_id=9, ts_ns=0)]
+    line = Page().loads("webvisu.htm", applet("UTF-8"))
+    line.loads("plc_visu.xml", LIST.replace(b"PRG.sText", b".sText").replace(b",81,", b",6,"))
+    line.reads(text.encode(), "4|60|6|8")
+    report = asked("report", [*line.frames, *frames], tmp_path, "--compare", "--gvl", "plant.gvl", "--json")
+    (row,) = report["page_hops"]
+    assert (row["from"]["value"], row["to"]["value"], row["equal"]) == (text, text, True)
+
+
+def test_the_old_value_of_a_password_that_nobody_knows_is_none(tmp_path: Path) -> None:
+    line = Page().loads("plc_visu.xml", LIST)
+    line.writes(b"one", "4|8|41|8").writes(b"two", "4|8|41|8")
+    report = asked("report", line.frames, tmp_path, "--json")
+    assert [(row["old"], row["old_known"], row["hidden"]) for row in report["visu_writes"]] == [
+        (None, False, True), (None, True, True),
+    ]  # fmt: skip
+    shown = asked("report", line.frames, tmp_path, "-v")
+    rows = [one for one in shown.splitlines() if ".CurrentPassword" in one and "confirmed" in one]
+    assert [one.count("(hidden)") for one in rows] == [1, 2]
 
 
 def test_what_the_project_says_goes_before_what_pages_say(tmp_path: Path) -> None:
