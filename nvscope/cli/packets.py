@@ -256,15 +256,16 @@ def packets(
         from nvscope.export.unwritten import beyond_time
 
         echo(f"nvscope: {beyond_time(beyond, '`nvscope export --form long`')}", err=True)
-    for name, frames in cut.items():
-        if frames:
+    for name, frames_cut in cut.items():
+        if frames_cut:
             from nvscope.view.fields.visu_variable import MOST_VARIABLES
 
-            verb = "frame has" if frames == 1 else "frames have"
+            verb = "frame has" if frames_cut == 1 else "frames have"
             echo(
-                f"nvscope: {units.count(frames)} {verb} more than {MOST_VARIABLES} times {name}: the first ones that "
-                "differ are told; -V shows all.", err=True,
-            )  # fmt: skip
+                f"nvscope: {units.count(frames_cut)} {verb} more than {MOST_VARIABLES} times {name}: the first ones "
+                "that differ are told; -V shows all.",
+                err=True,
+            )
     if inquiry and plant.files:
         tell_of_lists(inquiry)
     if inquiry and seen:
