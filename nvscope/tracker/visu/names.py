@@ -144,7 +144,7 @@ class Names:
         return self._of_given.get((server.high, server.low), 0) if found is None else found
 
     def _controller(self, server: Controller) -> Controller:
-        return server if server in self._apart else server._replace(port=own_port(server.port))
+        return server if server in self._apart else Controller(server.high, server.low, own_port(server.port))
 
     def _other_of(self, server: Controller) -> Controller | None:
         """Return the other one of the usual ports of an address, as long as both are of one controller."""
@@ -158,7 +158,7 @@ class Names:
 
     def _encoding_of(self, server: Controller) -> Encoding | None:
         found = self._given_encoding(server) or self._encodings.get(server)
-        if found is None and (other := self._other_of(server)) is not None:
+        if found is None and self._encodings and (other := self._other_of(server)) is not None:
             found = self._encodings.get(other)
         return found
 
