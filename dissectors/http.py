@@ -30,8 +30,8 @@ _RESPONSE = rb"HTTP/1\.[01] (?P<status>\d{3})(?:[ \t][^\r\n]{0,%d})?\r?\n" % _MO
 _END_OF_HEAD = re.compile(rb"\n\r?\n")
 _BLANKS = re.compile(rb"[\r\n]*")
 _CHUNK = re.compile(rb"[ \t]*([0-9a-fA-F]{1,8})[ \t]*(?:;[^\n]*)?\r?\n")
-_NO_REQUEST = re.compile(rb"[\w!#$%&'*+.^`|~-]{0,40}[^\w!#$%&'*+.^`|~ \r\n-]")
-"""A byte that is neither of a token (RFC 9110, 5.6.2) nor behind one."""
+_NO_REQUEST = re.compile(rb"\x16[\s\S]|(?!\x16)[\w!#$%&'*+.^`|~-]{0,40}[^\w!#$%&'*+.^`|~ \r\n-]")
+"""A byte that is neither of a token (RFC 9110, 5.6.2) nor behind one; of TLS, the second byte tells."""
 
 _NO_BODY = (204, 304)
 _FOLD = re.compile(rb"\r?\n[ \t]+")

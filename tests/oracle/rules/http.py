@@ -86,6 +86,8 @@ TOKEN = frozenset(b"abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ01234567
 
 def is_foreign(begin: bytes) -> bool:
     """Whether a byte shows that this begins no request, of whatever method."""
+    if begin[:1] == b"\x16":  # of TLS, the second byte tells
+        return len(begin) > 1
     other = next((byte for byte in begin[:41] if byte not in TOKEN), None)
     return other is not None and other not in b" \r\n"
 
