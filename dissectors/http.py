@@ -30,6 +30,9 @@ _RESPONSE = rb"HTTP/1\.[01] (?P<status>\d{3})(?:[ \t][^\r\n]{0,%d})?\r?\n" % _MO
 _END_OF_HEAD = re.compile(rb"\n\r?\n")
 _BLANKS = re.compile(rb"[\r\n]*")
 _CHUNK = re.compile(rb"[ \t]*([0-9a-fA-F]{1,8})[ \t]*(?:;[^\n]*)?\r?\n")
+_NO_REQUEST = re.compile(rb"\x16[\s\S]|(?!\x16)[\w!#$%&'*+.^`|~-]{0,40}[^\w!#$%&'*+.^`|~ \r\n-]")
+"""A byte that is neither of a token (RFC 9110, 5.6.2) nor behind one; of TLS, the second byte tells."""
+
 _NO_BODY = (204, 304)
 _FOLD = re.compile(rb"\r?\n[ \t]+")
 _FOLDED_FIRST = re.compile(rb"(?:[ \t][^\n]*\n)+")
@@ -101,6 +104,12 @@ def longest_line(data: bytes, start: int, stop: int, side: Side) -> int:
     """Return of how many bytes the end of the first line has to be among them, where a message is to begin."""
     longest = LONGEST_LINE[side]
     return longest if data.startswith(_BEGINS[side], start, stop) else min(longest, _LONGEST_OTHER_LINE)
+
+
+def no_request_at(data: bytes, start: int, stop: int) -> int:
+    """Return behind which byte it is known that no request begins there, of whatever method; 0 where it is not."""
+    found = _NO_REQUEST.match(data, start, stop)
+    return 0 if found is None else found.end()
 
 
 def keep_from(data: bytes, start: int, stop: int, side: Side) -> int:

@@ -69,7 +69,8 @@ def _on_pages(server: str, name: str) -> Wanted:
 
     def is_meant(variable: Any) -> bool:
         called = _plain(variable.name), _plain(variable.place)
-        return bool(is_server(_plain(variable.sender)) and any(is_name(text) for text in called))
+        own = _plain(variable.list).removeprefix(f"{PAGES}/")
+        return bool(is_server(own) and any(is_name(text) for text in called))
 
     return is_meant
 

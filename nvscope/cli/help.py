@@ -27,7 +27,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         ),
         DEFINED: (
             "--gvl", "--project", "-n", "--type", "--items", "--types", "--a-types", "--b-types",
-            "--variables", "--page", "--partly",
+            "--variables", "--page", "--encoding", "--partly",
         ),
         WRITTEN: (
             "--json", "--md", "-w", "--folder", "--append", "--force", "--document-style", "--dry-run", "-T", "-E",

@@ -199,10 +199,10 @@ def packets(
     from nvscope.analysis.reading import reading_of
     from nvscope.analysis.seen_lists import SeenLists
     from nvscope.capture.open import open_source
-    from nvscope.view.fields.field import times_beyond
+    from nvscope.view.fields.field import rows_cut, times_beyond
     from nvscope.view.rows.frames import PacketRows
 
-    beyond = 0
+    beyond, cut = 0, dict.fromkeys((field.name for field in named if field.cut), 0)
     source = inquiry.open() if inquiry else open_source(paths, renamed=plant.channels)
     face = make(source)
     if inquiry:
@@ -219,6 +219,9 @@ def packets(
                 out.write(text)
             out.flush()
             beyond += times_beyond(named, rows)
+            for field in named:
+                if field.cut:
+                    cut[field.name] += rows_cut(field, rows)
         out.write(face.end())
         out.flush()
     if count is None:
@@ -253,6 +256,16 @@ def packets(
         from nvscope.export.unwritten import beyond_time
 
         echo(f"nvscope: {beyond_time(beyond, '`nvscope export --form long`')}", err=True)
+    for name, frames_cut in cut.items():
+        if frames_cut:
+            from nvscope.view.fields.visu_variable import MOST_VARIABLES
+
+            verb = "frame has" if frames_cut == 1 else "frames have"
+            echo(
+                f"nvscope: {units.count(frames_cut)} {verb} more than {MOST_VARIABLES} times {name}: the first ones "
+                "that differ are told; -V shows all.",
+                err=True,
+            )
     if inquiry and plant.files:
         tell_of_lists(inquiry)
     if inquiry and seen:

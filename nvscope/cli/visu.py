@@ -16,6 +16,7 @@ from nvscope.cli.secrets import SecretsOption
 from nvscope.cli.sources import duration_ns
 from nvscope.cli.terminal import ColourOption, colour_wanted, echo, erase_interrupt
 from nvscope.cli.visu_asked import (
+    EncodingOption,
     JsonOption,
     PageOption,
     TimeoutOption,
@@ -71,6 +72,7 @@ def read(
         int | None, typer.Option("--count", metavar="N", min=1, help="So many times.", show_default=False)
     ] = None,
     project: ProjectOption = None,
+    encoding: EncodingOption = None,
     timeout: TimeoutOption = "5s",
     allow_network: NetworkOption = False,
     show_secrets: SecretsOption = False,
@@ -86,7 +88,7 @@ def read(
     every_ns = None if every is None else duration_ns("--every", every)
     if count is not None and every_ns is None:
         raise UsageError("--count is how many times --every reads", next_step="for example --every 1s --count 10")
-    wanted = Wanted(url, project, variables or (), page or (), timeout, allow_network, show_secrets)
+    wanted = Wanted(url, project, variables or (), page or (), timeout, allow_network, show_secrets, encoding)
     client = client_of(wanted)
     found, failed = known_variables(client, wanted, names)
     shown = colour_wanted(colour)

@@ -18,6 +18,7 @@ from nvscope.cli.terminal import echo, tell, width
 from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
+    from nvscope.definition.visu_encoding import Encoding
     from nvscope.plc.visu.client import VisuClient
     from nvscope.plc.visu.document import Verdict
     from nvscope.plc.visu.variables import Variable
@@ -62,6 +63,16 @@ PageOption = Annotated[
 TimeoutOption = Annotated[
     str, typer.Option("--timeout", metavar="DURATION", help="How long a request may take, with its answer.")
 ]
+EncodingOption = Annotated[
+    str | None,
+    typer.Option(
+        "--encoding",
+        metavar="NAME",
+        help="How texts are encoded: UTF-8, windows-1251. Without it, as the project file or else the page says "
+        "(ENCODINGSTRING), which is asked for a text with more than ASCII in it; else ISO-8859-1.",
+        show_default=False,
+    ),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print what came of it as JSON (nvscope.visu/1).")]
 
 
@@ -75,6 +86,7 @@ class Wanted(Struct, frozen=True):
     timeout: str
     allow_network: bool
     secrets: bool
+    encoding: str | None = None
 
 
 def client_of(wanted: Wanted) -> VisuClient:
@@ -88,7 +100,8 @@ def client_of(wanted: Wanted) -> VisuClient:
     for page in wanted.pages:
         if not page.isprintable() or "/" in page or not page.lower().endswith(".xml"):
             raise UsageError(f"--page {page[:60]}: expected the name of a file", next_step="for example PLC_VISU.xml")
-    names = project_of(wanted.project, None).node_names
+    project = project_of(wanted.project, None)
+    names, encoding = project.node_names, _encoding(wanted.encoding)
     named = next((address for address, name in names.items() if name.casefold() == url.host.casefold()), None)
     url = replace(url, host=named) if named else url
 
@@ -97,7 +110,21 @@ def client_of(wanted: Wanted) -> VisuClient:
 
     link = VisuLink(url, allow_network=wanted.allow_network, timeout_ns=timeout_ns)
     warn_of_secrets(shown=wanted.secrets)
-    return VisuClient(link, secrets=wanted.secrets, server_name=names.get(link.address, ""))
+    if encoding is None and project.webvisu:
+        encoding = project.webvisu.encoding_of(link.address)
+    return VisuClient(link, secrets=wanted.secrets, server_name=names.get(link.address, ""), encoding=encoding)
+
+
+def _encoding(name: str | None) -> Encoding | None:
+    """Return what --encoding says; UsageError where that cannot be used."""
+    if name is None:
+        return None
+    from nvscope.definition.visu_encoding import encoding_of
+
+    try:
+        return encoding_of(name)
+    except ValueError as error:
+        raise UsageError(f"--encoding: {error}", next_step="for example UTF-8, or windows-1251") from None
 
 
 def known_variables(

@@ -76,7 +76,7 @@ def serve(
     controller, stop, shown = served.controller, Stop(), colour_wanted(colour)
 
     def told(handled: Handled, address: str, source_port: int) -> None:
-        row = request_row(handled, served.table.passwords, address, source_port, time.time_ns())
+        row = request_row(handled, served.table.passwords, address, source_port, time.time_ns(), served.table.encoding)
         echo(visu_log.render(row, colour=shown, utc=utc), nl=False, color=shown)
 
     own, code = address_of(bind, _BOUND), 0

@@ -14,6 +14,7 @@ from nvscope.cli.sdo_serve import NetworkOption
 from nvscope.cli.secrets import SecretsOption
 from nvscope.cli.terminal import ColourOption, colour_wanted, echo
 from nvscope.cli.visu_asked import (
+    EncodingOption,
     JsonOption,
     PageOption,
     TimeoutOption,
@@ -28,6 +29,7 @@ from nvscope.errors import UsageError
 
 if TYPE_CHECKING:
     from dissectors.webvisu import Place
+    from nvscope.definition.visu_encoding import Encoding
 
 _OPTION = re.compile(r"--?[A-Za-z]")
 
@@ -49,6 +51,7 @@ def write(
     variables: VariablesOption = None,
     page: PageOption = None,
     project: ProjectOption = None,
+    encoding: EncodingOption = None,
     timeout: TimeoutOption = "5s",
     allow_network: NetworkOption = False,
     show_secrets: SecretsOption = False,
@@ -68,21 +71,23 @@ def write(
         )
     if not yes:
         refuse_without_terminal()
-    wanted = Wanted(url, project, variables or (), page or (), timeout, allow_network, show_secrets)
+    wanted = Wanted(url, project, variables or (), page or (), timeout, allow_network, show_secrets, encoding)
     shown = colour_wanted(colour)
     client = client_of(wanted)
 
+    from dissectors.webvisu import STRING
     from nvscope.plc.visu.variables import place_of
     from nvscope.report.visu import question
 
-    if (place := place_of(name)) is not None:
+    if (place := place_of(name)) is not None and (place.type != STRING or value.isascii()):
         _sent(place, value)  # before anything is asked
     found, failed = known_variables(client, wanted, [name])
     if failed is not None:
         finish(client.document("write", failed), as_json=as_json, colour=shown)
         return
     (variable,) = found
-    sent = _sent(variable.place, value)
+    is_text = variable.place.type == STRING
+    sent = _sent(variable.place, value, client.encoding_for([value]) if is_text else None)
     agreed = Agreed(question, asks=not yes)
     try:
         document = client.write(variable, sent, agreed)
@@ -93,13 +98,14 @@ def write(
     finish(document, as_json=as_json, colour=shown)
 
 
-def _sent(place: Place, value: str) -> str:
+def _sent(place: Place, value: str, encoding: Encoding | None = None) -> str:
     """Return a value as it goes onto the wire; UsageError where it is none of the type."""
+    from nvscope.definition.visu_encoding import LATIN
     from nvscope.definition.visu_values import type_at, type_name
     from nvscope.plc.visu.value import entered
 
     try:
-        return entered(place, value)
+        return entered(place, value, encoding or LATIN)
     except ValueError as error:
         known = type_at(place)
         kind = known.name if known else type_name(place.type) or f"type {place.type}"

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from msgspec import Struct
@@ -14,10 +15,28 @@ from nvscope.errors import ConfigurationError
 from nvscope.toml_table import TEXT, Place, ValueKind, array, integer, key
 
 if TYPE_CHECKING:
+    from nvscope.definition.visu_encoding import Encoding
     from nvscope.definition.visu_variables import VisuVariables
 
 _U16_MAX = 0xFFFF
 _FILES = array(TEXT, single=True)
+
+
+def _encoding(value: Any, place: Place) -> Encoding:
+    from nvscope.definition.visu_encoding import encoding_of  # noqa: PLC0415
+
+    try:
+        return encoding_of(str(TEXT.read(value, place)))
+    except ValueError as error:
+        raise place.error(str(error), "For example UTF-8, or windows-1251.") from None
+
+
+ENCODING = ValueKind("encoding", _encoding)
+"""How texts of pages are encoded, by the name of a charset."""
+
+
+def _encodings(value: Any, place: Place) -> tuple[tuple[str, Encoding], ...]:
+    return tuple(by_address(value, place, ENCODING.read, "controller", '"192.168.1.3" = "UTF-8"').items())
 
 
 def _controllers(value: Any, place: Place) -> tuple[tuple[str, tuple[str, ...]], ...]:
@@ -43,6 +62,14 @@ class WebVisuSettings:
         'the same of one controller alone, by its address: "192.168.1.3" = ["press/plc_visu.xml"]',
         default=(),
     )
+    encoding: Encoding | None = key(  # noqa: RUF009  # a field, not a default
+        ENCODING, 'how texts (STRING) are encoded, whatever pages say: "UTF-8", "windows-1251"; without it, as the '
+        "page within a capture says (ENCODINGSTRING), else ISO-8859-1", default=None,
+    )  # fmt: skip
+    encodings: tuple[tuple[str, Encoding], ...] = key(
+        ValueKind("table of encodings", _encodings),
+        'the same of one controller alone, by its address: "192.168.1.3" = "UTF-8"', default=(),
+    )  # fmt: skip
 
 
 class GivenList(Struct, frozen=True):
@@ -54,13 +81,18 @@ class GivenList(Struct, frozen=True):
 
 
 class WebVisu(Struct, frozen=True):
-    """The same, with the files read."""
+    """The same, with the files read; ``encodings`` are those of texts by address, '' for all."""
 
     ports: tuple[int, ...] = ()
     lists: tuple[GivenList, ...] = ()
+    encodings: Mapping[str, Encoding] = MappingProxyType({})
 
     def __bool__(self) -> bool:
-        return bool(self.ports or self.lists)
+        return bool(self.ports or self.lists or self.encodings)
+
+    def encoding_of(self, controller: str) -> Encoding | None:
+        """Return what is said of the texts of the controller at an address, None for nothing."""
+        return self.encodings.get(controller, self.encodings.get(""))
 
 
 def webvisu_of(told: WebVisuSettings, path: Path | None, place: Place) -> WebVisu:
@@ -70,7 +102,8 @@ def webvisu_of(told: WebVisuSettings, path: Path | None, place: Place) -> WebVis
     below = here.below("controllers")
     named += [(controller, files, below.below(f'"{controller}"')) for controller, files in told.controllers]
     lists = [one for controller, files, where in named for one in _lists(controller, files, path, where)]
-    return WebVisu(told.ports, tuple(lists))
+    encodings = dict(told.encodings) if told.encoding is None else {"": told.encoding, **dict(told.encodings)}
+    return WebVisu(told.ports, tuple(lists), encodings)
 
 
 def _lists(controller: str, patterns: Sequence[str], path: Path | None, place: Place) -> Iterator[GivenList]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from nvscope.findings.finding import Events, Finding, all_events
 from nvscope.findings.kind import FindingKind, Severity
+from nvscope.findings.visu_lists import contradicted, unread, unusable
 from nvscope.findings.visu_refusals import (
     NEXT_OF_THE_LIST,
     Statuses,
@@ -22,7 +23,6 @@ from nvscope.units import count, count_of, duration
 if TYPE_CHECKING:
     from nvscope.findings.facts import Facts
     from nvscope.tracker.visu.events import VisuEvent
-    from nvscope.tracker.visu.names import OtherNames, UnreadList
     from nvscope.tracker.visu.state import Subject, VisuCounts
     from nvscope.tracker.visu.writes import Write
 
@@ -182,6 +182,20 @@ VISU_NOT_CAPTURED = FindingKind(
     protocol="visu",
 )
 
+VISU_OTHER_ENCODING = FindingKind(
+    "NV809",
+    "visu-unknown-encoding",
+    Severity.NOTE,
+    meaning=(
+        "A controller's page says an encoding of its texts (ENCODINGSTRING) in which they cannot be read here: its "
+        "name is not known, or ASCII is not one byte a character in it, so that nothing would part values. Texts are "
+        "read as before: as ISO-8859-1, unless another page said otherwise."
+    ),
+    causes=("a name that another program understands", "a page that was written by hand, or damaged"),
+    next_steps=("Name the encoding that the texts have: encoding under [webvisu] of the project file.",),
+    protocol="visu",
+)
+
 _MANY_PERCENT = 10
 """Where so many of all requests and replies lack bytes, what is said of the others is no picture of the whole."""
 
@@ -199,7 +213,8 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
         VisuEvent.AMBIGUOUS: VISU_COUNT_MISMATCH, VisuEvent.UNBOUNDED: VISU_COUNT_MISMATCH,
         VisuEvent.SLOW: VISU_SLOW, VisuEvent.UNANSWERED: VISU_SLOW, VisuEvent.LATE: VISU_SLOW,
         VisuEvent.OTHER_NAMES: VISU_OTHER_NAMES, VisuEvent.UNREAD_LIST: VISU_UNREAD_LIST,
-        VisuEvent.CUT: VISU_NOT_CAPTURED, VisuEvent.GIVEN_UP: VISU_SLOW, VisuEvent.RESET: VISU_SLOW,
+        VisuEvent.OTHER_ENCODING: VISU_OTHER_ENCODING, VisuEvent.CUT: VISU_NOT_CAPTURED,
+        VisuEvent.GIVEN_UP: VISU_SLOW, VisuEvent.RESET: VISU_SLOW,
     }  # fmt: skip
     subjects = list(counts.subjects)
     found: dict[tuple[FindingKind, Subject], dict[VisuEvent, Events]] = defaultdict(dict)
@@ -238,9 +253,11 @@ def judge_visu(facts: Facts, counts: VisuCounts) -> Iterator[Finding]:
         elif kind is VISU_ERROR:
             message = f"{_refused(subject, refused, parts)}."
         elif kind is VISU_OTHER_NAMES:
-            message = _contradicted(subject.server, events.count, counts.other_names[subject])
+            message = contradicted(subject.server, events.count, counts.other_names[subject])
         elif kind is VISU_UNREAD_LIST:
-            message = _unread(subject.server, events.count, counts.unread_lists[subject])
+            message = unread(subject.server, events.count, counts.unread_lists[subject])
+        elif kind is VISU_OTHER_ENCODING:
+            message = unusable(subject.server, events.count, counts.other_encodings[subject])
         else:
             message = _sentence(kind, subject, parts, last.get(subject), given_up.get(subject))
         yield Finding(
@@ -344,34 +361,6 @@ def _miscounted(client: str, server: str, counts: Mapping[VisuEvent, int]) -> st
     more = "".join(f"; {count(times)} of them have {text}" for times, text in others)
     messages = count_of(sum(counts.values()), "request or reply", "requests and replies")
     return f"{messages} between {client} and {server}: {first[1]}{more}."
-
-
-def _contradicted(server: str, times: int, other: OtherNames) -> str:
-    """Return what a list says otherwise than those known before."""
-    from nvscope.tracker.visu.names import is_older
-
-    begin = f"{server} has"
-    if times > 1:
-        begin = f"{server} sent {count(times)} lists of variables that contradict what was known; the first one has"
-    if other.place is None or other.place_before is None:
-        stamps = (text.partition(",")[0].strip() for text in (other.stamp, other.stamp_before))
-        told = f"{begin} a newer list of variables than" if times == 1 else f"{begin.removesuffix('has')}is newer than"
-        return f"{told} {other.file}: their time-stamps are {' and '.join(stamps)}."
-    older = ", which is older" if is_older(other.stamp_before, other.stamp) else ""
-    than = f"{other.file} says{older}" if other.file else "it said before"
-    variables = count_of(other.differing, "variable")
-    example = f"{other.name} is {other.place.text} and not {other.place_before.text}"
-    return f"{begin} {variables} at other places than {than}: {example}."
-
-
-def _unread(server: str, times: int, unread: UnreadList) -> str:
-    """Return why lists cannot be used, and what nobody knows then."""
-    lists = "a list" if times == 1 else f"{count(times)} lists"
-    first = "" if times == 1 else "; the first one"
-    return (
-        f"{server} sent {lists} of variables that cannot be used{first}: {unread.why.rstrip('.')}. Names are missing, "
-        "and nobody knows what is a password."
-    )
 
 
 def _over(write: Write | None, total: int) -> str:

@@ -37,8 +37,8 @@ def _dissector(webvisu: WebVisu | None = None) -> Dissector:
     from dissectors.dissector import Dissector  # noqa: PLC0415
 
     ports = page_ports(webvisu)
-    given = webvisu.lists if webvisu else ()
-    return Dissector(NAME, Claims(tcp=ports), begin=lambda: FollowOnDemand(ports, given))
+    given, encodings = (webvisu.lists, webvisu.encodings) if webvisu else ((), {})
+    return Dissector(NAME, Claims(tcp=ports), begin=lambda: FollowOnDemand(ports, given, encodings))
 
 
 def visu_of(webvisu: WebVisu) -> Protocol:

@@ -65,7 +65,7 @@ def _read(document: Document, width: int) -> Sequence[Line]:
         return []
     if len(rows) == 1:
         (one,) = rows
-        about = f"   {_type(one)}, after {duration(document['exchanges'][-1]['latency_ns'])}"
+        about = f"   {_type(one)}, after {duration(_last(document)['latency_ns'])}"
         return list(wrap([Cell(f"{_name(one)} = "), _value_cell(one), Cell(about, Tone.FAINT)], width, 0, 2))
     columns = Column("variable", identifier=True, shortest=12), Column("value", shortest=8), Column("type"), _PLACE
     table = [
@@ -164,6 +164,8 @@ def remarks(document: Document) -> Iterator[str]:
         verb = "is" if hidden == 1 else "are"
         yield f"{count_of(hidden, 'value')} {verb} hidden that may be a password; --show-secrets shows it"
     for one in document["exchanges"]:
+        if one["purpose"] == "page" and one["status"] == 200 and one["ended"] == "replied" and one["why"]:
+            yield f"{one['path']}: {one['why']}; texts are read as ISO-8859-1, unless --encoding says otherwise"
         if one["purpose"] != "list" or one["ended"] != "replied" or not document["lists"]:
             continue
         if one["status"] != 200:
@@ -185,7 +187,9 @@ def failure(document: Document) -> Failure | None:
 
 
 def _last(document: Document) -> Mapping[str, Any]:
-    found: Mapping[str, Any] = document["exchanges"][-1]
+    """Return the last exchange; the page may have been asked for the encoding of texts behind all others."""
+    exchanges = document["exchanges"]
+    found: Mapping[str, Any] = ([one for one in exchanges if one["purpose"] != "page"] or exchanges)[-1]
     return found
 
 

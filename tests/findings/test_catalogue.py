@@ -56,6 +56,7 @@ NV805 visu-slow note
 NV806 visu-other-names warning
 NV807 visu-unread-list warning
 NV808 visu-not-captured warning
+NV809 visu-unknown-encoding note
 NV901 capture-drops warning
 NV902 clock-step warning
 NV903 truncated-file warning

@@ -40,6 +40,9 @@ class Chance(random.Random):
     """Whether only what tshark reads too is said: CRLF, lengths of requests, ASCII, no trailers, no HEAD, no resets."""
 
 
+ENCODINGS = ("UTF-8", "'windows-1251'", '"UTF8"', "ISO8859_1", "UTF-16", "GBK")
+
+
 @dataclass
 class Exchange:
     """A request, what answers it, and whether one of them needs the end of its direction."""
@@ -226,4 +229,10 @@ def other_exchange(rng: Chance, last: bool) -> Exchange:
     request, closes = framed(
         rng, f"{start} {version(rng)}", body, to_the_end=last and start[0] == "P" and not rng.plain, coded=False
     )
-    return answered(rng, request, closes, "200 OK", rng.randbytes(rng.randrange(200)), last)
+    content = rng.randbytes(rng.randrange(200))
+    if start.startswith("GET"):
+        # The page of a visualization, of the same length, without drawing anything more.
+        says = ENCODINGS[zlib.crc32(content) % len(ENCODINGS)]
+        applet = f'<applet><PARAM NAME="EncodingString" value={says}></applet>'.encode()
+        content = applet.ljust(len(content)) if len(applet) <= len(content) else content
+    return answered(rng, request, closes, "200 OK", content, last)

@@ -87,6 +87,7 @@ def asked_visu() -> Schema:
             "server": text("address"),
             "server_name": maybe(text("what the project calls it")),
             "port": PORT,
+            "encoding": text("in which texts are read and written, as Python calls it"),
             "lists": several(one, "where names were taken from"),
             "variables": several(variable, "in the order in which they were asked for, or are listed"),
             "exchanges": several(exchange, "one after the other"),
@@ -96,7 +97,13 @@ def asked_visu() -> Schema:
 
 def _value(types: list[str], told: str) -> Schema:
     read = {"type": types, "description": told}
-    return record({"raw": text("as it is on the wire"), "value": read, "text": text("as an engineer writes it")})
+    return record(
+        {
+            "raw": text("as it is on the wire, a character for each byte"),
+            "value": read,
+            "text": text("as an engineer writes it"),
+        }
+    )
 
 
 _TABLE = """

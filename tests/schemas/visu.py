@@ -86,6 +86,7 @@ def visu_write() -> Schema:
             "old": maybe(text(f"what it was before; null: nobody knows. Cut behind {MOST_CHARACTERS} characters")),
             "new": maybe(text("what it is then, cut likewise; null: hidden, or nobody knows how far it goes")),
             "hidden": truth("it is a password, or may be one: old and new are not shown"),
+            "old_known": truth("somebody may know what it was before; of what is hidden, old does not tell that"),
             "outcome": word([outcome.value for outcome in WriteOutcome], "open: nobody has seen what came of it"),
             "answer_frame": maybe(whole("that of the reply", 1)),
             "status": maybe(whole("the HTTP status of the reply")),

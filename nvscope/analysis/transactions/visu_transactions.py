@@ -122,11 +122,13 @@ class VisuTransactions:
     def _take(self, told: Told, part: VisuBatch, row: int, shown: bool) -> Transaction | None:
         """Take a message, and return what it tells, where that is ``shown`` or of a write."""
         from nvscope.tracker.visu.messages import UNMEASURED_NS, Kind  # noqa: PLC0415
-        from nvscope.view.lines.visu_words import variables_of  # noqa: PLC0415
+        from nvscope.view.lines.visu_words import said_of  # noqa: PLC0415
 
         messages = part.messages
         kind, number = Kind(int(messages.kind[row])), int(messages.pair[row])
         pair, request = self._pairs[number], part.requests[int(messages.asked[row])]
+        names = part.namings[int(messages.naming[row])]
+        controller = pair.server, names.apart or own_port(pair.port)
         known_frame = int(messages.row[row]) + told.first_frame
         time_ns = int(told.packets.ts_ns[messages.row[row]])
         asked_frame = known_frame if kind is Kind.WRITE else int(messages.asked_frame[row])
@@ -137,17 +139,17 @@ class VisuTransactions:
         outcome = _outcome(part, row, kind, request)
         olds: _OLD = ()
         if request.writes:
-            olds = self._old_values(pair, number, asked_frame, kind, request)
-            variables = _asked(request, part.namings[int(messages.naming[row])])
+            olds = self._old_values(controller, number, asked_frame, kind, request)
+            variables = _asked(request, names)
             if outcome is Outcome.CONFIRMED:
-                self._remember(pair, variables)
+                self._remember(controller, variables)
         else:
-            variables = variables_of(part, row, secrets=True)
+            variables = said_of(part, row)
             if outcome in (Outcome.ANSWERED, Outcome.MISCOUNTED) and not request.query:
-                self._remember(pair, variables[: max(int(messages.fields[row]), 0)])
+                self._remember(controller, variables[: max(int(messages.fields[row]), 0)])
         if not (shown or request.writes):
             return None
-        said = self._first(variables, olds, part.namings[int(messages.naming[row])])
+        said = self._first(variables, olds, names)
         status, latency_ns = int(messages.status[row]), int(messages.latency_ns[row])
         return Transaction(
             pair, time_ns, asked_frame if kind is Kind.UNANSWERED else known_frame, known_frame, asked_frame,
@@ -180,13 +182,14 @@ class VisuTransactions:
             for place, variable in enumerate(variables[: self._room.said])
         )
 
-    def _old_values(self, pair: Pair, number: int, asked_frame: int, kind: int, request: Request) -> _OLD:
+    def _old_values(
+        self, controller: _CONTROLLER, number: int, asked_frame: int, kind: int, request: Request
+    ) -> _OLD:  # fmt: skip
         """Return the values over which a request writes: those known when it was asked for."""
         from nvscope.tracker.visu.messages import Kind  # noqa: PLC0415
 
         key = number, asked_frame
         if kind == Kind.WRITE:
-            controller = _controller(pair)
             olds = tuple(self._values.get((controller, one.place)) for one in request.entries)
             if len(self._olds) >= _MOST_OPEN:
                 del self._olds[next(iter(self._olds))]
@@ -205,9 +208,9 @@ class VisuTransactions:
             del self._olds[key]
         return found
 
-    def _remember(self, pair: Pair, variables: Sequence[Variable]) -> None:
+    def _remember(self, controller: _CONTROLLER, variables: Sequence[Variable]) -> None:
         """Take the values that variables have now; nobody knows those that the controller could not read."""
-        values, controller = self._values, _controller(pair)
+        values = self._values
         for entry, _, value in variables:
             key = controller, entry.place
             if value is None or value == _UNREADABLE:
@@ -238,10 +241,6 @@ def _asked(request: Request, names: Naming) -> Sequence[Variable]:
     from nvscope.view.lines.visu_words import Variable  # noqa: PLC0415
 
     return [Variable(one, name_of(one, names), one.value) for one in request.entries]
-
-
-def _controller(pair: Pair) -> _CONTROLLER:
-    return pair.server, own_port(pair.port)
 
 
 def _outcome(part: VisuBatch, row: int, kind: int, request: Request) -> Outcome:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from msgspec.structs import replace
 
-from dissectors.webvisu import Entry, Request, fields_in_reply, read_reply
+from dissectors.webvisu import STRING, Entry, Request, fields_in_reply, read_reply
+from dissectors.webvisu_page import encoding_said
+from nvscope.definition.visu_encoding import LATIN, Encoding, encoding_of
 from nvscope.definition.visu_variables import VisuVariables, variables_in
 from nvscope.plc.visu.body import MOST_AT_ONCE, read_body, write_body
 from nvscope.plc.visu.document import Asked, Purpose, Verdict, document, state_of, value_row, variable_row
@@ -27,11 +29,15 @@ _OF_LISTS = ("silent", "undelivered", "broken", "no_http", "oversized")
 class VisuClient:
     """Asks a controller, one thing after the other; documents have all that was asked so far.
 
-    ``secrets``: passwords are shown. ``server_name`` is what people call the controller.
+    ``secrets``: passwords are shown. ``server_name`` is what people call the controller. ``encoding`` is that of texts;
+    None: what the page says counts, which is asked for where a text has more than ASCII in it.
     """
 
-    def __init__(self, link: VisuLink, *, secrets: bool = False, server_name: str = "") -> None:
+    def __init__(
+        self, link: VisuLink, *, secrets: bool = False, server_name: str = "", encoding: Encoding | None = None
+    ) -> None:  # fmt: skip
         self._link, self._secrets, self._server_name = link, secrets, server_name
+        self._encoding, self._has_page = encoding, False
         self._path = link.url.path
         self._asked: list[Asked] = []
         self.known = KnownVariables()
@@ -41,14 +47,41 @@ class VisuClient:
         if self._path:
             return None
         for path in USUAL_PATHS:
-            asked = Asked("page", self._link.get(path))
-            self._asked.append(asked)
+            asked = self._page_at(path)
             if asked.exchange.is_good or asked.exchange.ending is Ending.OVERSIZED:
                 self._path = path
                 return None
             if asked.exchange.ending is not Ending.REPLIED:
                 return asked.verdict
         return "no_page"
+
+    def _page_at(self, path: str) -> Asked:
+        """Ask for the page; what it says of its texts counts, unless somebody said that."""
+        exchange = self._link.get(path)
+        if exchange.is_good:
+            self._has_page = True
+            said = encoding_said(exchange.body)
+            try:
+                self._encoding = self._encoding or (None if said is None else encoding_of(said))
+            except ValueError as error:
+                exchange = replace(exchange, why=str(error))
+        asked = Asked("page", exchange)
+        self._asked.append(asked)
+        return asked
+
+    def encoding_for(self, texts: Iterable[str]) -> Encoding:
+        """Return the encoding of texts; the page is asked for it, once, where one of them has more than ASCII in it."""
+        if self._encoding is None and not self._has_page and not all(text.isascii() for text in texts):
+            self._has_page = True
+            self._page_at(self._path)
+        return self._encoding or LATIN
+
+    def _encoding_of(self, values: Iterable[tuple[Variable, str | None]]) -> Encoding:
+        """Return the encoding of the texts among values that are shown."""
+        return self.encoding_for(
+            raw for one, raw in values
+            if raw is not None and one.place.type == STRING and (self._secrets or not one.is_secret)
+        )  # fmt: skip
 
     def fetch_lists(self, names: Sequence[str] = LISTS) -> Verdict | None:
         """Fetch lists from beside the page; return why there are none, None where there is one."""
@@ -95,10 +128,11 @@ class VisuClient:
             raw is None or fits(one.place, raw) for one, raw in zip(variables, values, strict=False)
         ):
             verdict = "misfit"
+        encoding = self._encoding_of(zip(variables, values, strict=False))
         rows = [
             variable_row(
                 one, state_of(one, values, at, secrets=self._secrets),
-                value=value_row(one, values[at], secrets=self._secrets) if at < len(values) else None,
+                value=value_row(one, values[at], encoding, secrets=self._secrets) if at < len(values) else None,
             )
             for at, one in enumerate(variables)
         ]  # fmt: skip
@@ -140,11 +174,12 @@ class VisuClient:
         """Return the document of a write: of the read before it, and the one behind it where there was one."""
         before, after = (next(iter(_values(one)), None) for one in (first, third))
         state = state_of(variable, _values(third) or _values(first), 0, secrets=self._secrets)
+        encoding = self._encoding_of((variable, raw) for raw in (before, value, after))
         row = variable_row(
             variable, state,
-            value=value_row(variable, after, secrets=self._secrets),
-            before=value_row(variable, before, secrets=self._secrets),
-            wanted=value_row(variable, value, secrets=self._secrets),
+            value=value_row(variable, after, encoding, secrets=self._secrets),
+            before=value_row(variable, before, encoding, secrets=self._secrets),
+            wanted=value_row(variable, value, encoding, secrets=self._secrets),
         )  # fmt: skip
         return self.document("write", verdict, [row])
 
@@ -170,7 +205,8 @@ class VisuClient:
         url = self._link.url
         return document(
             verb, verdict, at_ns=time.time_ns(), url=url.text(self._path), server=self._link.address,
-            server_name=self._server_name, port=url.port, known=self.known, variables=rows, exchanges=self._asked,
+            server_name=self._server_name, port=url.port, known=self.known, encoding=self._encoding or LATIN,
+            variables=rows, exchanges=self._asked,
         )  # fmt: skip
 
 

@@ -12,6 +12,7 @@ from msgspec.structs import replace
 
 from dissectors.webvisu import STRING, UNREADABLE, Place, Request, read_request
 from dissectors.webvisu import Entry as AskedEntry
+from nvscope.definition.visu_encoding import LATIN
 from nvscope.plc.visu.http_reply import reply
 from nvscope.plc.visu.http_request import Flaw, HttpRequest
 from nvscope.plc.visu.query import Bytes, formatted, is_query, name_of_query, page_query, why_no_query
@@ -21,7 +22,8 @@ from nvscope.plc.visu.value import shown
 from nvscope.units import count_of
 
 _HTML, _XML, _TEXT = "text/html", "text/xml", "text/plain"
-_PAGE = b"<html><head><title>WebVisu</title></head><body></body></html>\n"
+_PAGE = "<html><head><title>WebVisu</title></head><body>{applet}</body></html>\n"
+_APPLET = '<applet code="webvisu.class"><param name="ENCODINGSTRING" value="{encoding}"></applet>'
 _DONE, _REFUSED = b"|0|", b"|1|"
 _SURPLUS = "0"
 _LIST = """<?xml version="1.0" encoding="ISO-8859-1"?>
@@ -95,7 +97,8 @@ class Controller:
         self._by_bytes: dict[Bytes, Place] = {}
         for place in table.by_place:
             self._by_bytes.setdefault(place[:3], place)
-        self._files = {table.path: (_HTML, _PAGE)}
+        applet = "" if table.encoding == LATIN else _APPLET.format(encoding=table.encoding.name)
+        self._files = {table.path: (_HTML, _PAGE.format(applet=applet).encode("ascii"))}
         if table.lists:
             system, own = ([one for one in table.entries if one.is_of_system is which] for which in (True, False))
             stamp = table.stamp

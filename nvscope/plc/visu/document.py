@@ -8,6 +8,7 @@ from typing import Any, Literal
 from msgspec import Struct
 
 from dissectors.webvisu import Answer, Reply
+from nvscope.definition.visu_encoding import Encoding
 from nvscope.definition.visu_values import type_name
 from nvscope.plc.visu.exchange import Ending, Exchange
 from nvscope.plc.visu.value import shown
@@ -79,11 +80,13 @@ class Asked(Struct, frozen=True):
         }
 
 
-def value_row(variable: Variable, raw: str | None, *, secrets: bool) -> dict[str, Any] | None:
+def value_row(
+    variable: Variable, raw: str | None, encoding: Encoding, *, secrets: bool
+) -> dict[str, Any] | None:  # fmt: skip
     """Return a value as JSON has it; None where there is none, or it is hidden."""
     if raw is None or (variable.is_secret and not secrets):
         return None
-    return shown(variable.place, raw).row
+    return shown(variable.place, raw, encoding).row
 
 
 def variable_row(
@@ -118,7 +121,7 @@ def state_of(variable: Variable, values: Sequence[str | None], at: int, *, secre
 
 def document(
     verb: str, verdict: Verdict, *, at_ns: int, url: str, server: str, server_name: str, port: int,
-    known: KnownVariables, variables: Sequence[dict[str, Any]], exchanges: Sequence[Asked],
+    known: KnownVariables, encoding: Encoding, variables: Sequence[dict[str, Any]], exchanges: Sequence[Asked],
 ) -> dict[str, Any]:  # fmt: skip
     """Return the document."""
     return {
@@ -130,6 +133,7 @@ def document(
         "server": server,
         "server_name": server_name or None,
         "port": port,
+        "encoding": encoding.name,
         "lists": [one.row for one in known.sources],
         "variables": list(variables),
         "exchanges": [one.row for one in exchanges],

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from nvscope.definition.visu_encoding import LATIN, Encoding
 from nvscope.definition.visu_passwords import Passwords
 from nvscope.plc.visu.controller import Controller, Handled, Result, Touched
 from nvscope.plc.visu.value import shown
@@ -13,8 +14,13 @@ MOST_SHOWN = 8
 """So many variables of a request are told."""
 
 
-def request_row(handled: Handled, passwords: Passwords, address: str, port: int, time_ns: int) -> dict[str, Any]:
-    """Return a request: who asked for which variables, and what became of it; of passwords, no values."""
+def request_row(
+    handled: Handled, passwords: Passwords, address: str, port: int, time_ns: int, encoding: Encoding = LATIN
+) -> dict[str, Any]:
+    """Return a request: who asked for which variables, and what became of it; of passwords, no values.
+
+    ``encoding`` is that of texts.
+    """
     return {
         "time_ns": time_ns,
         "address": address,
@@ -28,16 +34,16 @@ def request_row(handled: Handled, passwords: Passwords, address: str, port: int,
         "declared": handled.declared,
         "delay_ns": handled.delay_ns,
         "touched": len(handled.touched),
-        "variables": [_row(one, passwords) for one in handled.touched[:MOST_SHOWN]],
+        "variables": [_row(one, passwords, encoding) for one in handled.touched[:MOST_SHOWN]],
     }
 
 
-def _row(one: Touched, passwords: Passwords) -> dict[str, Any]:
+def _row(one: Touched, passwords: Passwords, encoding: Encoding) -> dict[str, Any]:
     name = one.entry.name if one.entry else ""
     secret = passwords.lie_in(one.place)
 
     def text(raw: str | None) -> str | None:
-        return None if raw is None or secret else shown(one.place, raw).text
+        return None if raw is None or secret else shown(one.place, raw, encoding).text
 
     return {
         "name": name or one.place.text,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,12 +11,15 @@ from types import MappingProxyType
 from typing import Any
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from dissectors.webvisu import STRING, TYPES, Place, is_password
 from nvscope.definition.parameter_type import ELEMENTARY_TYPE, ElementaryType
 from nvscope.definition.project_lists import NAME
 from nvscope.definition.variables import String
+from nvscope.definition.visu_encoding import LATIN, Encoding
 from nvscope.definition.visu_passwords import Passwords
+from nvscope.definition.webvisu import ENCODING
 from nvscope.plc.visu.url import USUAL_PATHS
 from nvscope.plc.visu.value import entered
 from nvscope.plc.visu.variables import place_of
@@ -165,22 +169,34 @@ def _code(name: str, place: TomlPlace) -> int:
 
 
 def _value(place: Place, value: Any, here: TomlPlace) -> str:
+    """Return a value as it goes onto the wire; a text as it is, since its encoding stands elsewhere."""
+    if place.type == STRING:
+        if not isinstance(value, str | None):
+            raise here.error("a text is expected for a STRING")
+        return value or ""
     if value is None:
-        if place.type == STRING:
-            return ""
         value = 0
-    is_text = place.type == STRING
-    if is_text and not isinstance(value, str):
-        raise here.error("a text is expected for a STRING")
     if isinstance(value, bool):
         value = "TRUE" if value else "FALSE"
-    # In quotes a text is taken as it is, whatever quotes it has itself; it may also have what cannot be written.
-    if is_text and "|" in value and len(value) < place.size and _is_latin(value):
-        return str(value)
     try:
-        return entered(place, f"'{value}'" if is_text else str(value))
+        return entered(place, str(value))
     except ValueError as error:
         raise here.error(str(error)) from None
+
+
+def _encoded(entry: Entry, encoding: Encoding, variables: TomlPlace) -> Entry:
+    """Return a variable whose value is as it goes onto the wire; ConfigurationError for a text that cannot be there."""
+    if entry.place.type != STRING:
+        return entry
+    text = entry.value
+    try:
+        wire = encoding.encoded(text).decode("latin-1")
+        # It may have what cannot be written. In quotes a text is taken as it is, whatever quotes it has itself.
+        if "|" not in wire or len(wire) >= entry.place.size:
+            wire = entered(entry.place, f"'{text}'", encoding)
+    except ValueError as error:
+        raise variables.below(f'"{entry.name[:60]}"').below("value").error(str(error)) from None
+    return replace(entry, value=wire)
 
 
 def _is_latin(text: str) -> bool:
@@ -204,6 +220,9 @@ class ServedTable:
     content_length: bool = key(FLAG, "answers say how long they are; else they go on to the end", default=True)
     bare_lf: bool = key(FLAG, "lines of heads end with LF alone", default=False)
     trailing_pipe: bool = key(FLAG, "replies to reads end with a |", default=True)
+    encoding: Encoding = key(  # noqa: RUF009  # a field, not a default
+        ENCODING, "how texts are encoded, as the page says it (ENCODINGSTRING)", default=LATIN
+    )
     lists: bool = key(FLAG, "the lists of variables can be fetched", default=True)
 
     @cached_property
@@ -223,7 +242,8 @@ def read_served(path: str | Path) -> ServedTable:
     table = read_table(ServedTable, tables, place)
     if table.keep_alive and not (table.content_length or table.chunked):
         raise place.below("keep_alive").error("a connection is kept only where answers say how long they are")
-    return table
+    entries = tuple(_encoded(one, table.encoding, place.below("variables")) for one in table.entries)
+    return dataclasses.replace(table, entries=entries)
 
 
 def document() -> str:

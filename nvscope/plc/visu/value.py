@@ -7,10 +7,11 @@ from decimal import Decimal
 from math import isclose
 from typing import Any, NamedTuple
 
-from dissectors.webvisu import Place
+from dissectors.webvisu import STRING, Place
 from nvscope.definition.scalars import SCALARS
 from nvscope.definition.value import Value, value_of
-from nvscope.definition.variables import Scalar, ScalarKind
+from nvscope.definition.variables import Scalar, ScalarKind, String
+from nvscope.definition.visu_encoding import LATIN, Encoding
 from nvscope.definition.visu_values import scalar_at, type_at, type_name, value_in
 from nvscope.plc.visu.body import write_body
 from nvscope.units import count_of
@@ -37,8 +38,14 @@ class Shown(NamedTuple):
         return self._asdict()
 
 
-def shown(place: Place, raw: str) -> Shown:
-    """Return a value that came; total: what is none of its type is shown as it came."""
+def shown(place: Place, raw: str, encoding: Encoding = LATIN) -> Shown:
+    """Return a value that came; total: what is none of its type is shown as it came.
+
+    ``encoding`` is that of texts, of which each character of ``raw`` is a byte.
+    """
+    if place.type == STRING:
+        text = encoding.decoded(raw)
+        return Shown(raw, text, exact_text(String(max(place.size - 1, 0)), text))
     kind = type_at(place)
     value = value_in(kind, raw)
     if kind is None or value is None:
@@ -52,15 +59,17 @@ def fits(place: Place, raw: str) -> bool:
     return kind is None or value_in(kind, raw) is not None
 
 
-def entered(place: Place, text: str) -> str:
+def entered(place: Place, text: str, encoding: Encoding = LATIN) -> str:
     """Return what a person enters as a value as it goes onto the wire; ValueError where it is none of the type.
+
+    Of a text in an ``encoding``, that has a character for each byte.
 
     Whole numbers decimal or as 0xFF, 16#FF; TRUE and FALSE; TIME as ``T#1s500ms``, ``1.5s``, or in ms; TOD, DATE and DT
     as IEC 61131-3 has them, or as numbers; of texts, quotes around them are taken off.
     """
     name = type_name(place.type)
     if name == "STRING":
-        return _text(place, text)
+        return _text(place, text, encoding)
     kind = scalar_at(place)
     if kind is None:
         raise ValueError(_no_scalar(place, name))
@@ -97,14 +106,20 @@ def _decimal(text: str) -> str:
     return plain if "." in plain else f"{plain}.0"
 
 
-def _text(place: Place, text: str) -> str:
+def _text(place: Place, text: str, encoding: Encoding) -> str:
     if len(text) >= _QUOTED and text[0] == text[-1] == "'":
         text = text[1:-1]
     room = max(place.size - 1, 0)
-    write_body(place, text)
-    if len(text) > room:
-        raise ValueError(f"the text has {len(text)} characters, a STRING({room}) has room for {room}")
-    return text
+    wire = encoding.encoded(text).decode("latin-1")
+    if "|" in wire and "|" not in text:
+        wrong = next(one for one in text if b"|" in encoding.encoded(one))
+        raise ValueError(f"'{wrong}' has the byte of '|' in it in {encoding.name}, and nothing here can be quoted")
+    write_body(place, wire)
+    if len(wire) > room:
+        # Of most encodings, a character is a byte.
+        units = "characters" if len(wire) == len(text) else f"bytes in {encoding.name}"
+        raise ValueError(f"the text has {len(wire)} {units}, a STRING({room}) has room for {room}")
+    return wire
 
 
 def is_same(place: Place, wanted: str, found: str) -> bool:

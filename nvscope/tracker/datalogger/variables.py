@@ -54,6 +54,10 @@ class DatabaseVariable(Struct):
         """The form of its values: as its column is declared."""
         return usual_form_of(self.type)
 
+    def as_shown(self, text: str) -> str:
+        """Return a text as it is."""
+        return text
+
     def kind_of(self, form: int, bits: int) -> Elementary | None:
         """Return the type by which a value is shown: as it is stored, whatever the column is declared as."""
         if form == Form.WHOLE:

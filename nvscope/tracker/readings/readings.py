@@ -69,6 +69,10 @@ class ReadVariable(Protocol):
         """Return the type of a value, given by its ``Form`` and bits; None where texts are all that is known."""
         ...
 
+    def as_shown(self, text: str) -> str:
+        """Return a text that a list carries, whose characters are bytes, as this variable has the same bytes."""
+        ...
+
 
 Wanted = Callable[[Any], bool]
 """Tells whether a variable is wanted."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dissectors.http import Head
 from dissectors.webvisu import Answer, Likeness, Request, fields_in_reply, read_query, read_reply, read_request
 from dissectors.webvisu_lists import is_list, list_likeness
+from dissectors.webvisu_page import is_page
 from nvscope.tracker.visu.events import OK
-from nvscope.tracker.visu.http_forms import Form
+from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.limits import MOST_ENTRIES
 
 _MOST_KNOWN = 4096
@@ -18,22 +19,28 @@ _QUERIES = ("readpi", "writepi")
 class Ask:
     """What a request asks for: variables (``request``), or, where it ``is_list``, an XML file that may list some.
 
-    ``target`` is the URL of such a file.
+    ``target`` is the URL of such a file, or, where it ``is_page``, of a page that may say how texts are encoded.
     ``is_known``: it is the same object for all that ask the same. ``is_part``: it was never asked whole, and nobody
     knows for which variables.
     """
 
-    __slots__ = ("is_known", "is_list", "is_part", "number", "request", "target")
+    __slots__ = ("is_known", "is_list", "is_page", "is_part", "number", "request", "target")
 
     def __init__(
         self, request: Request | None, *, target: str = "", is_known: bool = False, is_part: bool = False
     ) -> None:  # fmt: skip
         self.is_part = is_part
         self.request = request
-        self.target, self.is_list = target, bool(target)
+        self.target, self.is_page = target, is_page(target)
+        self.is_list = bool(target) and not self.is_page
         self.is_known = is_known
         self.number = -1
         """Its number in the batch that is being taken, -1 where it has none."""
+
+    @property
+    def is_file(self) -> bool:
+        """Whether what is in the response is looked at."""
+        return bool(self.target)
 
 
 NOTHING = Ask(None)
@@ -78,9 +85,19 @@ def may_be_reply(ask: Ask, response: Form) -> bool | None:
 
 
 def is_list_of(ask: Ask, response: Form, *, is_visu: bool) -> bool:
-    """Tell whether the begin of what came in place of a list is that of one; of a page, where it does not say so."""
+    """Tell whether what came in place of a list is to be told: all of it, or what begins like one.
+
+    What does not say what it is may be one of a page.
+    """
+    if not ask.is_list or not response.lacks_content:
+        return ask.is_list
     found = list_likeness(response.begin, ask.target)
     return response.head is not None and (found is Likeness.YES or (found is Likeness.PERHAPS and is_visu))
+
+
+def is_whole_page(ask: Ask, response: Form) -> bool:
+    """Tell whether a response is a page, and it is known what is in it."""
+    return ask.is_page and response.what is What.WHOLE and not response.lacks_content
 
 
 class Asking:
@@ -122,7 +139,7 @@ class Asking:
         if known is not None:
             return known
         request = read_query(target) if any(word in target.lower() for word in _QUERIES) else None
-        if request is None and not is_list(target):
+        if request is None and not (is_list(target) or is_page(target)):
             return NOTHING
         is_known = not (request is not None and request.writes) and self._is_room(request)
         ask = Ask(request, target=target if request is None else "", is_known=is_known)

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from dissectors.http import Side
 from dissectors.webvisu import Likeness
 from nvscope.tracker.pieces import ORDER_BITS
-from nvscope.tracker.visu.asking import NOTHING, Ask, fits, is_list_of, may_be_reply
+from nvscope.tracker.visu.asking import NOTHING, Ask, fits, is_list_of, is_whole_page, may_be_reply
 from nvscope.tracker.visu.awaited import Early, Happened, Waiting, asked_behind
 from nvscope.tracker.visu.early_replies import EarlyReplies
 from nvscope.tracker.visu.events import OK
@@ -202,8 +202,8 @@ class Conversation(Struct):
             if self.waiting:
                 asked = self.waiting.popleft()
                 self.turns.answer(asked.reach.acknowledged, reach.behind)
-                if asked.asked.is_list:
-                    self._tell_list(form, asked, order, arrival_ns, message, tell)
+                if asked.asked.is_file:
+                    self._tell_file(form, asked, order, arrival_ns, message, tell)
                 elif is_cut:
                     self._tell_answer(Kind.CUT, asked, order, arrival_ns, message, tell)
                 elif asked.asked.is_part:
@@ -225,7 +225,7 @@ class Conversation(Struct):
             if len(self.waiting) > len(later) and form.touched is Likeness.YES:
                 asked = self.waiting[0]
                 self.turns.answer(asked.reach.acknowledged, UNKNOWN)
-                self._tell_list(form, asked, order, arrival_ns, message, tell)
+                self._tell_file(form, asked, order, arrival_ns, message, tell)
                 self._tell_answer(Kind.CUT, asked, order, arrival_ns, message, tell)
                 if form.is_malformed and asked.asked.request is not None:
                     self._tell_unbounded(form, order, tell)
@@ -246,7 +246,7 @@ class Conversation(Struct):
                 self._tell_unanswered(order, arrival_ns, tell, by_client=form.broken_by is Side.CLIENT)
         elif form.what is What.PART:
             if self.waiting and not form.answers_nobody:
-                self._tell_list(form, self.waiting[0], order, arrival_ns, message, tell)
+                self._tell_file(form, self.waiting[0], order, arrival_ns, message, tell)
         elif form.what is not What.ANEW:
             self._take_other(form, order, tell)
 
@@ -265,13 +265,15 @@ class Conversation(Struct):
             self.turns.owed.wait(self._tell_unclear(order, tell))
             self.turns.lose()
 
-    def _tell_list(
+    def _tell_file(
         self, form: Form, asked: Waiting, order: int, arrival_ns: int, message: int, tell: Callable[[Happened], None]
     ) -> None:  # fmt: skip
-        """Tell what came in place of a list of variables; what is not whole, or not read, if it is known to be one."""
-        if asked.asked.is_list and (not form.lacks_content or is_list_of(asked.asked, form, is_visu=self.is_visu)):
+        """Tell what came in place of a list of variables, if it is one (``is_list_of``); and a page that is whole."""
+        is_page = is_whole_page(asked.asked, form)
+        if is_page or is_list_of(asked.asked, form, is_visu=self.is_visu):
             after_ns, frame = arrival_ns - asked.arrival_ns, asked.order >> ORDER_BITS
-            tell(Happened(Kind.NAMES, self.connection, order, message, asked.asked, after_ns, frame, 0, False))
+            kind = Kind.PAGE if is_page else Kind.NAMES
+            tell(Happened(kind, self.connection, order, message, asked.asked, after_ns, frame, 0, False))
 
     def _doubt(self, order: int, tell: Callable[[Happened], None]) -> None:
         """Take that a response may answer a request from before the capture: so may those that follow."""

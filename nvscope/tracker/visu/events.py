@@ -12,7 +12,8 @@ class VisuEvent(IntEnum):
     ``REFUSED`` and ``PASSWORD_SEEN`` there is one for each variable. ``LATE`` is whatever is slow, unanswered or given
     up: ``GIVEN_UP`` is what is unanswered since the client waits no more, ``RESET`` since the server broke the
     connection off. ``PART_STATUS`` is the ``STATUS`` of a request that was never sent whole, and is not known to write.
-    ``OTHER_NAMES``: a list of variables contradicts those known before, ``UNREAD_LIST``: nobody can read one. ``CUT``:
+    ``OTHER_NAMES``: a list of variables contradicts those known before, ``UNREAD_LIST``: nobody can read one,
+    ``OTHER_ENCODING``: nobody can read texts as a page says that they are. ``CUT``:
     bytes of a request or a reply are missing. ``AMBIGUOUS``: texts have separators in them, and nobody knows what
     belongs to which. ``UNBOUNDED``: nobody knows where a request or reply ends.
     """
@@ -33,6 +34,7 @@ class VisuEvent(IntEnum):
     RESET = 14
     PART_STATUS = 15
     UNBOUNDED = 16
+    OTHER_ENCODING = 17
 
 
 OK = 200

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +19,7 @@ from nvscope.engine.runs import distinct, first_of_each
 from nvscope.tracker.connections import Connections
 from nvscope.tracker.pieces import ORDER_BITS, OtherBytes
 from nvscope.tracker.visu.asking import NOTHING, Ask, Asking, part_of
-from nvscope.tracker.visu.controllers import controller_of
+from nvscope.tracker.visu.controllers import server_of
 from nvscope.tracker.visu.conversation import Conversation
 from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.form_columns import outcome_of_cut, spoken_of, statuses_of, unread_of
@@ -30,17 +31,19 @@ from nvscope.tracker.visu.leaving import Leaving
 from nvscope.tracker.visu.limits import MOST_PAIRS, MOST_POLLED, Beyond
 from nvscope.tracker.visu.messages import UNMEASURED_NS, Kind, Outcome, VisuBatch, VisuMessages, no_messages
 from nvscope.tracker.visu.missing_replies import MissingReplies
-from nvscope.tracker.visu.names import ListFlaw, Names, UnreadList
+from nvscope.tracker.visu.names import Names
+from nvscope.tracker.visu.namings import Contents, namings, without_silent_pages
 from nvscope.tracker.visu.one_way import OneWay
 from nvscope.tracker.visu.other_bytes import OtherBytesOfPages
 from nvscope.tracker.visu.outcomes import outcomes
 from nvscope.tracker.visu.pairing import Pairing
 from nvscope.tracker.visu.plain_exchanges import AskedFor, Said, plain_rows
-from nvscope.tracker.visu.unread_requests import why_unread, why_unread_reply
+from nvscope.tracker.visu.unread_requests import why_unread_reply
 from nvscope.tracker.visu.waiting_requests import Waiting
 from nvscope.tracker.visu.whole_connections import take_whole
 
 if TYPE_CHECKING:
+    from nvscope.definition.visu_encoding import Encoding
     from nvscope.definition.webvisu import GivenList
 
 NO_REQUEST = Request(writes=False, declared=0, entries=())
@@ -49,7 +52,10 @@ NO_REQUEST = Request(writes=False, declared=0, entries=())
 class Exchanges:
     """Pairs requests with their replies, from one batch to the next; ``pairs`` number client, server and its port."""
 
-    def __init__(self, connections: Connections, given: Sequence[GivenList] = ()) -> None:
+    def __init__(
+        self, connections: Connections, given: Sequence[GivenList] = (),
+        encodings: Mapping[str, Encoding] = MappingProxyType({}),
+    ) -> None:  # fmt: skip
         self._connections = connections
         self._asking = Asking()
         self._conversations: dict[int, Conversation] = {}
@@ -57,7 +63,7 @@ class Exchanges:
         self._closed: set[int] = set()
         # Those in which requests wait, and of whose server nothing was captured.
         self._unheard: set[int] = set()
-        self._names = Names(given)
+        self._names = Names(given, encodings)
         self._read_ns: dict[tuple[int, Ask], int] = {}
         self._left_out: Counter[Beyond] = Counter()
         self._other_bytes = OtherBytesOfPages()
@@ -129,6 +135,7 @@ class Exchanges:
         http = pairing.messages
         self._left_out[Beyond.WAITING] += pairing.left_out
         said = said.take(_in_order(said, pairing.over))
+        said = said.take(without_silent_pages(said, http))
         said, pair = self._with_pairs(said)
         if not len(said):
             return no_messages()
@@ -143,7 +150,7 @@ class Exchanges:
             closed = conversation.closed
             if pair < 0 or closed is None:
                 continue
-            naming = self._names.version_of(controller_of(self.pairs.words, pair))
+            naming = self._names.version_of(server_of(self.pairs.words, pair))
             for one in conversation.waiting:
                 if (request := one.asked.request) is not None:
                     lacks = missing.to(conversation, one.reach.acknowledged)
@@ -201,11 +208,11 @@ class Exchanges:
         requests = [one.request or NO_REQUEST for one in asks]
         row = (said.order >> ORDER_BITS) - first_frame
         data, start, stop = _contents(http, said)
-        naming, list_flaws = self._namings(said, pair, data, start, stop, http)
+        naming, list_flaws = namings(self._names, self.pairs.words, Contents(said, pair, data, start, stop), http, asks)
         kind = said.kind.copy()
         writes = np.array([one.writes for one in requests], np.bool_)
         kind[(kind == Kind.READ) & writes[said.asked]] = int(Kind.WRITE)
-        replies = (kind == Kind.REPLY) | (kind == Kind.NAMES) | (kind == Kind.REFUSED)
+        replies = (kind == Kind.REPLY) | (kind == Kind.NAMES) | (kind == Kind.REFUSED) | (kind == Kind.PAGE)
         status = _of_messages(statuses_of(http)[http.form], said, replies)
         outcome, fields = outcomes(kind, said.asked, requests, status, data, start, stop)
         outcome[kind == Kind.REFUSED] = int(Outcome.STATUS)
@@ -237,36 +244,6 @@ class Exchanges:
             messages, segments, data, requests, self.pairs.words, self._names.versions, list_flaws, left_out,
             self._leaving(missing), over,
         )  # fmt: skip
-
-    def _namings(
-        self, said: Said, pair: I64, data: bytes, start: I64, stop: I64, http: HttpMessages
-    ) -> tuple[I64, Mapping[int, ListFlaw]]:
-        """Return what names were known at each message, with those of the lists that are among them.
-
-        And which messages are lists that contradict what was known before, or that nobody can read.
-        """
-        list_flaws: dict[int, ListFlaw] = {}
-        spoken = distinct(pair)
-        asked = {number: controller_of(self.pairs.words, number) for number in spoken.tolist()}
-        versions = np.array([self._names.version_of(one) for one in asked.values()], np.int64)
-        naming: I64 = versions[np.searchsorted(spoken, pair)]
-        for place in np.flatnonzero(said.kind == Kind.NAMES).tolist():
-            form = http.forms[int(http.form[said.message[place]])]
-            if form.head is None or form.head.status != OK:
-                continue
-            controller = asked[int(pair[place])]
-            before = self._names.version_of(controller)
-            if form.lacks_content:
-                list_flaws[place] = UnreadList(why_unread(form), is_whole=False)
-                continue
-            flaw = self._names.learn(controller, data[int(start[place]) : int(stop[place])])
-            if flaw is not None:
-                list_flaws[place] = flaw
-            if self._names.version_of(controller) == before:
-                continue
-            same = np.array([other == controller for other in asked.values()], np.bool_)
-            naming[place:][same[np.searchsorted(spoken, pair[place:])]] = self._names.version_of(controller)
-        return naming, list_flaws
 
     def _since_read(self, pair: I64, asked: I64, asks: Sequence[Ask], time_ns: I64) -> I64:
         """Return how long it is since a pair read the same, -1 where it has not; reads are in the order of time."""
@@ -363,7 +340,7 @@ def _of_messages(column: I64, said: Said, own: Bool) -> I64:
 
 def _contents(http: HttpMessages, said: Said) -> tuple[bytes, I64, I64]:
     """Return data with the contents of all bodies in it, and where those of some messages lie; -1 of those without."""
-    with_content = (said.message >= 0) & ((said.kind <= Kind.REPLY) | (said.kind == Kind.NAMES))
+    with_content = (said.message >= 0) & ((said.kind <= Kind.REPLY) | np.isin(said.kind, (Kind.NAMES, Kind.PAGE)))
     form = _of_messages(http.form, said, with_content)
     body_bytes = np.array([one.body_bytes for one in http.forms], np.int64)
     start = _of_messages(http.start, said, with_content)

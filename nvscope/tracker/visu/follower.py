@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
@@ -20,23 +21,28 @@ from nvscope.tracker.visu.missing_replies import MissingReplies
 from nvscope.tracker.visu.one_way import OneWay
 
 if TYPE_CHECKING:
+    from nvscope.definition.visu_encoding import Encoding
     from nvscope.definition.webvisu import GivenList
 
 
 class VisuFollower:
-    """Follows the connections over some ports, from one batch to the next; ``given`` are lists of names.
+    """Follows the connections over some ports, from one batch to the next; ``given`` are lists of names,
+    ``encodings`` those of texts by address, '' for all.
 
     Of more than ``most`` connections at a time, those that are silent for longest are given up.
     """
 
-    def __init__(self, ports: Sequence[int], given: Sequence[GivenList] = (), most: int = MOST_CONNECTIONS) -> None:
+    def __init__(
+        self, ports: Sequence[int], given: Sequence[GivenList] = (), most: int = MOST_CONNECTIONS,
+        encodings: Mapping[str, Encoding] = MappingProxyType({}),
+    ) -> None:  # fmt: skip
         # What is put in order, and where it was when what is said in it was read: that may be later.
         self._streams = Streams(ports, min(most, ENOUGH), most)
         self._copies = OtherCopies()
         self._handed: tuple[int, int] | None = None
         self._places = StreamPlaces(ports)
         self._http = HttpStreams()
-        self._exchanges = Exchanges(self._places.connections, given)
+        self._exchanges = Exchanges(self._places.connections, given, encodings)
 
     def prepare(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> InOrder:
         """Put the segments of a batch in order, which follows those before; its row 0 is frame ``first_frame``."""

@@ -134,6 +134,9 @@ class HttpReader(Answering):
 
     def _read_one(self, data: bytes, start: int, end: int, found: Forms) -> int:
         """Read a message; return where it ends, -1 where it is not there whole."""
+        is_first = self._is_first and self.side is Side.CLIENT and len(found.at) == self._found_before
+        if is_first and (known := http.no_request_at(data, start, end)):
+            return self._lose_step(data, start, known, found)
         longest = http.longest_line(data, start, end, self.side)
         line_end = data.find(b"\n", start, min(end, start + longest)) + 1
         if not line_end:
@@ -251,10 +254,7 @@ class HttpReader(Answering):
         return long_head_form(data, start, self._if_answers(), self.side)
 
     def _lose_step(self, data: bytes, start: int, at: int, found: Forms, lost: Form = FOREIGN) -> int:
-        """Give up what begins at ``start``, as is known when ``at`` is reached; look for a message behind its begin.
-
-        ``lost`` is what is told of that.
-        """
+        """Give up what begins at ``start``, as is known at ``at``, and tell ``lost``; look for a message behind."""
         self.known_at = at = max(at, self.known_at)
         is_told = lost.touched is not Likeness.NO
         if is_told and self.requests is not None:

@@ -44,7 +44,8 @@ class Kind(IntEnum):
     one, of another status than 200. ``UNBOUNDED``: nobody knows where the message ends that comes with it: its
     Content-Length is not one number, or its chunks are none. ``OTHER_BYTES``: bytes of a client came again, and so many
     (``fields``) were others than those that came first; ``OTHER_REPLY_BYTES``: the same of a controller. ``HIDDEN``:
-    bytes of a client are missing of a connection without such requests; batches have none (``HiddenBytes``).
+    bytes of a client are missing of a connection without such requests; batches have none (``HiddenBytes``). ``PAGE``:
+    the reply to a request for a page that says how its texts are encoded.
     """
 
     READ = 0
@@ -65,6 +66,7 @@ class Kind(IntEnum):
     OTHER_REPLY_BYTES = 15
     HIDDEN = 16
     REPLY_GAP = 17
+    PAGE = 18
 
 
 class Outcome(IntEnum):

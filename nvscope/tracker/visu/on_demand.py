@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar, cast
 
 import numpy as np
@@ -15,6 +16,7 @@ from nvscope.engine.told import Told
 from nvscope.tracker.accumulator import NO_SUMMARY, ProtocolSummary
 
 if TYPE_CHECKING:
+    from nvscope.definition.visu_encoding import Encoding
     from nvscope.definition.webvisu import GivenList
     from nvscope.tracker.visu.follower import VisuFollower
     from nvscope.tracker.visu.in_order import InOrder
@@ -38,11 +40,15 @@ class _Nothing:
 class FollowOnDemand:
     """Follows the connections over some ports, from the first segment on.
 
-    ``given`` are lists of names of variables: those within the capture go before them.
+    ``given`` are lists of names of variables: those within the capture go before them. ``encodings`` are those of texts
+    by address, '' for all: they go before what pages say.
     """
 
-    def __init__(self, ports: Sequence[int], given: Sequence[GivenList] = ()) -> None:
-        self._ports, self._given = ports, given
+    def __init__(
+        self, ports: Sequence[int], given: Sequence[GivenList] = (),
+        encodings: Mapping[str, Encoding] = MappingProxyType({}),
+    ) -> None:  # fmt: skip
+        self._ports, self._given, self._encodings = ports, given, encodings
         self._known: VisuFollower | None = None
 
     def prepare(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> InOrder | None:
@@ -63,7 +69,7 @@ class FollowOnDemand:
         if self._known is None:
             from nvscope.tracker.visu.follower import VisuFollower  # noqa: PLC0415
 
-            self._known = VisuFollower(self._ports, self._given)
+            self._known = VisuFollower(self._ports, self._given, encodings=self._encodings)
         return self._known
 
     def forget(self) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 from dissectors.batch import I64, U8, U64
 from nvscope.definition.value import value_of
 from nvscope.definition.variables import Element, Elementary, Scalar, ScalarKind, String, scalar_of
+from nvscope.definition.visu_encoding import LATIN, Encoding
 from nvscope.tracker.readings.form import Form
 from nvscope.tracker.readings.likeness import plain
 from nvscope.tracker.readings.readings import Readings
@@ -49,7 +50,7 @@ class PageLikeness:
 
     def of_list(self, variable: PageVariable, element: Element, offset: int, data: U8) -> U64:
         is_single = any(_is_single(kind) for kind in (element.type, variable.kind))
-        return _of_list(element, offset, data, is_single=is_single)
+        return _of_list(element, offset, data, variable.encoding or LATIN, is_single=is_single)
 
 
 def _of_page(variable: PageVariable, readings: Readings, rows: I64) -> U64:
@@ -64,15 +65,20 @@ def _of_page(variable: PageVariable, readings: Readings, rows: I64) -> U64:
     return bits
 
 
-def _of_list(element: Element, offset: int, data: U8, *, is_single: bool) -> U64:
-    """Return 64 bits for each value in telegrams, the same as those of a page that shows it."""
+def _of_list(element: Element, offset: int, data: U8, encoding: Encoding, *, is_single: bool) -> U64:
+    """Return 64 bits for each value in telegrams, the same as those of a page that shows it.
+
+    A STRING is bytes, which a page shows in its encoding; a WSTRING is characters.
+    """
     kind = element.type
     block = Block(0, 1, offset, kind)
     scalar = scalar_of(kind)
     if scalar is None:
         size = kind.size_bytes
         raw = np.ascontiguousarray(data[:, offset : offset + size])
-        texts = [str(value_of(kind, row.tobytes())).encode("latin-1", "replace") for row in raw]
+        is_wide = isinstance(kind, String) and kind.wide
+        codec = encoding.name if is_wide else LATIN.name
+        texts = [str(value_of(kind, row.tobytes())).encode(codec, "replace") for row in raw]
         return np.array([int.from_bytes(blake2b(one, digest_size=8).digest(), "little") for one in texts], np.uint64)
     cells = block.cells_of(data).reshape(len(data))
     numbers = cells.view(scalar.dtype)

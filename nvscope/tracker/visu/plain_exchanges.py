@@ -74,8 +74,8 @@ def plain_rows(http: HttpMessages, asked: I64, asks: Sequence[Ask]) -> Bool:
     forms = np.zeros(len(http.forms), np.bool_)
     used = distinct(http.form)
     forms[used] = [_is_plain(http.forms[form]) for form in used.tolist()]
-    lists = np.array([ask.is_list for ask in asks], np.bool_)
-    plain: Bool = forms[http.form] & ~lists[asked]
+    files = np.array([ask.is_file for ask in asks], np.bool_)
+    plain: Bool = forms[http.form] & ~files[asked]
     return plain
 
 
@@ -101,7 +101,7 @@ def paired(columns: I64, asked_for: AskedFor, conversation: Conversation, asks: 
     """
     waiting = conversation.waiting
     if conversation.beyond or any(
-        one.asked.is_list or one.asked.is_part or one.is_head or one.is_behind for one in waiting
+        one.asked.is_file or one.asked.is_part or one.is_head or one.is_behind for one in waiting
     ):
         return None
     asking = columns.take(asks, axis=1)

@@ -81,8 +81,10 @@ class ReadPages:
 
     def lists_of(self, part: VisuBatch, chosen: Bool) -> Collection[str]:
         """Return what stands for the controllers of the messages whose packets a mask chooses."""
-        pairs = np.unique(part.messages.pair[chosen[part.messages.row]]).tolist()
-        return {controller_of(part.pairs, pair).list for pair in pairs}
+        messages = part.messages
+        rows = chosen[messages.row]
+        found = np.unique(np.stack([messages.pair[rows], messages.naming[rows]]), axis=1).T.tolist()
+        return {controller_of(part.pairs, pair, part.namings[naming].apart).list for pair, naming in found}
 
     def _read(self, told: Told, part: VisuBatch, replies: I64, entries: I64, bars: I64) -> Readings:
         messages = part.messages
@@ -109,7 +111,7 @@ class ReadPages:
         keys = [getattr(messages, name)[replies] for name in ("naming", "pair", "asked")]
         # What replies have no values for was asked for all the same.
         for (naming, pair, asked), rows in rows_by(keys):
-            controller, request = controller_of(part.pairs, pair), part.requests[asked]
+            controller, request = controller_of(part.pairs, pair, part.namings[naming].apart), part.requests[asked]
             own = self._numbers(variables.of(controller, request, naming, part.namings[naming], told.max_streams))
             numbers.append(own)
             hides.append(np.array([one >= 0 and variables.known[one].is_secret for one in own.tolist()], np.bool_))
@@ -128,14 +130,18 @@ class ReadPages:
         form[unread] = int(Form.NOTHING)
         self.hidden += int(np.count_nonzero(secret & ~unread))
 
+        row, names = messages.row[found.message], messages.naming[found.message]
+
         def text(place: int) -> str:
-            return data[int(found.start[place]) : int(found.stop[place])].decode("latin-1")
+            said = data[int(found.start[place]) : int(found.stop[place])].decode("latin-1")
+            encoding = part.namings[int(names[place])].encoding
+            is_text = encoding is not None and variables.known[int(variable[place])].is_text
+            return encoding.decoded(said) if encoding is not None and is_text else said
 
         def called(number: int, naming: int) -> str:
             where = variables.known[number].where
             return part.namings[naming].names.get(where, where.text) if isinstance(where, Place) else where
 
-        row, names = messages.row[found.message], messages.naming[found.message]
         return Readings(variable, row, form, bits, secret, names, text, called)
 
     def _numbers(self, own: I64) -> I64:

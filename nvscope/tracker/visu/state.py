@@ -20,7 +20,15 @@ from nvscope.tracker.visu.events import OK, OTHER_STATUS, VisuEvent, event_word
 from nvscope.tracker.visu.leaving import LeavingClients
 from nvscope.tracker.visu.limits import MOST_ENTRIES, Beyond
 from nvscope.tracker.visu.messages import UNMEASURED_NS, Kind, Outcome, VisuBatch, VisuMessages
-from nvscope.tracker.visu.names import Naming, OtherNames, UnreadList, has_password, name_of
+from nvscope.tracker.visu.names import (
+    Naming,
+    OtherNames,
+    TwoControllers,
+    UnreadList,
+    UnusableEncoding,
+    has_password,
+    name_of,
+)
 from nvscope.tracker.visu.pair_columns import PairColumns
 from nvscope.tracker.visu.unchanging import Unchanging
 from nvscope.tracker.visu.writes import Writes
@@ -82,9 +90,10 @@ class VisuCounts:
     by pair. ``events`` are keyed by ``event_word`` and by subject, which ``subjects`` number; ``write_minutes`` are
     the writes among them by subject and minute since 1970. ``writes`` are who wrote what, ``unchanging`` what never
     changed, ``others`` what is spoken beside by pair and ``WebProtocol``, ``other_names`` the first list that
-    contradicts others, by client and server, ``unread_lists`` the first one that nobody can read, and ``given_up`` how
-    long clients waited at least and at most for what they gave up. ``leaving`` are those of whom nothing but time may
-    tell that they gave up: that is counted nowhere else. For ``left_out``, keyed by ``Beyond``, there was no room.
+    contradicts others, by client and server, ``unread_lists`` the first one that nobody can read, ``other_encodings``
+    the first one of texts that cannot be used, and ``given_up`` how long clients waited at least and at most for what
+    they gave up. ``leaving`` are those of whom nothing but time may tell that they gave up: that is counted nowhere
+    else. For ``left_out``, keyed by ``Beyond``, there was no room.
     """
 
     def __init__(self) -> None:
@@ -99,9 +108,10 @@ class VisuCounts:
         self.writes = Writes()
         self.others: dict[tuple[int, int], Spoken] = {}
         self.unchanging = Unchanging()
-        self.other_names: dict[Subject, OtherNames] = {}
+        self.other_names: dict[Subject, OtherNames | TwoControllers] = {}
         self.given_up: dict[Subject, tuple[int, int]] = {}
         self.unread_lists: dict[Subject, UnreadList] = {}
+        self.other_encodings: dict[Subject, UnusableEncoding] = {}
         self.leaving = LeavingClients()
         self._ends: dict[int, tuple[str, str]] = {}
         self._minutes: set[tuple[int, int]] = set()
@@ -159,7 +169,10 @@ class VisuCounts:
             if pair >= 0:
                 subject = Subject(*self.ends(pair), "")
                 event = VisuEvent.OTHER_NAMES
-                if isinstance(flaw, UnreadList):
+                if isinstance(flaw, UnusableEncoding):
+                    event = VisuEvent.OTHER_ENCODING
+                    self.other_encodings.setdefault(subject, flaw)
+                elif isinstance(flaw, UnreadList):
                     event = VisuEvent.UNREAD_LIST
                     self.unread_lists.setdefault(subject, flaw)
                 else:

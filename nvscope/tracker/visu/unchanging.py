@@ -69,7 +69,7 @@ class Unchanging:
         groups = []
         keys = [getattr(messages, name)[replies] for name in ("naming", "pair", "asked")]
         for (naming, pair, asked), rows in rows_by(keys):
-            controller, request = controller_of(part.pairs, pair), part.requests[asked]
+            controller, request = controller_of(part.pairs, pair, part.namings[naming].apart), part.requests[asked]
             own: list[int] = self.variables.of(controller, request, naming, part.namings[naming], most).tolist()
             some = replies[rows]
             if not self._open(own):

@@ -15,6 +15,7 @@ from msgspec import Struct
 from dissectors.batch import I64
 from dissectors.webvisu import Place, Request
 from nvscope.definition.variables import Elementary, String, type_text
+from nvscope.definition.visu_encoding import Encoding
 from nvscope.definition.visu_values import type_at
 from nvscope.tracker.readings.readings import LEFT_OUT, in_order
 from nvscope.tracker.visu.controllers import Controller
@@ -27,13 +28,17 @@ _MOST_REMEMBERED = 1 << 12
 
 
 class PageVariable(Struct):
-    """A variable; ``is_secret``: it is a password, or may be one. ``kind`` is None where only texts are known."""
+    """A variable; ``is_secret``: it is a password, or may be one. ``kind`` is None where only texts are known.
+
+    ``encoding`` is that of its page, None where nobody says it.
+    """
 
     controller: Controller
     where: Where
     kind: Elementary | None
     name: str
     is_secret: bool
+    encoding: Encoding | None = None
 
     @property
     def list(self) -> str:
@@ -67,6 +72,11 @@ class PageVariable(Struct):
         return type_text(self.kind) if isinstance(self.kind, String) else own
 
     @property
+    def is_text(self) -> bool:
+        """Whether it is asked for as STRING, whose texts have the encoding of the page."""
+        return isinstance(self.kind, String)
+
+    @property
     def order(self) -> tuple[Any, ...]:
         """What variables are sorted by: controller, those with a name first, its numbers as numbers, and place."""
         return self.controller.order, self.name == self.place, in_order(self.name), self.place
@@ -79,6 +89,10 @@ class PageVariable(Struct):
     def kind_of(self, form: int, bits: int) -> Elementary | None:
         """Return its type, which all values have that are more than a text."""
         return self.kind
+
+    def as_shown(self, text: str) -> str:
+        """Return a text, whose characters are bytes, in the encoding of the page."""
+        return text if self.encoding is None else self.encoding.decoded(text)
 
 
 class PageVariables:
@@ -118,7 +132,7 @@ class PageVariables:
                 self.known.append(PageVariable(controller, entry.place, kind, "", False))
                 self.kinds.add(kind)
             known = self.known[number]
-            known.name, known.is_secret = name_of(entry, names), is_secret(entry, names)
+            known.name, known.is_secret, known.encoding = name_of(entry, names), is_secret(entry, names), names.encoding
             numbers.append(number)
         found = np.array(numbers, np.int64)
         if not request.writes:

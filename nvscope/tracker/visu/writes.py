@@ -11,14 +11,14 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from dissectors.batch import I64, Bool
-from dissectors.webvisu import Place, Request, read_reply
+from dissectors.webvisu import Entry, Place, Request, read_reply
 from nvscope.engine.runs import distinct
-from nvscope.tracker.readings.form import cut_text
-from nvscope.tracker.visu.controllers import Controller, controller_at, controller_of
+from nvscope.tracker.readings.form import MOST_CHARACTERS, cut_text
+from nvscope.tracker.visu.controllers import Controller, controller_of
 from nvscope.tracker.visu.leaving import Leaving
 from nvscope.tracker.visu.limits import MOST_ENTRIES
 from nvscope.tracker.visu.messages import Kind, Outcome, VisuBatch, VisuMessages
-from nvscope.tracker.visu.names import is_secret, name_of
+from nvscope.tracker.visu.names import is_secret, name_of, text_of
 
 MOST_WRITES = 10_000
 """So many writes of variables are kept, the first ones."""
@@ -26,6 +26,9 @@ MOST_WRITES = 10_000
 _MOST_BODY_BYTES = 1 << 16
 _MOST_KEPT_BYTES = 1 << 26
 """Longer replies, and more of them, are not kept: what was written over is not known then."""
+
+_MOST_RAW = 4 * MOST_CHARACTERS
+"""So many bytes of a text are kept: characters may have several of them."""
 
 _MOST_ASKERS = 256
 """Where more requests ask for a variable, what was written over is not known."""
@@ -75,7 +78,8 @@ class Writes:
         self.kept: list[Write] = []
         self.left_out = 0
         self._values = _Values()
-        self._open: dict[tuple[int, int], list[tuple[Request, list[Write]]]] = defaultdict(list)
+        # With the controller, which may be known to be another one when the answer comes.
+        self._open: dict[tuple[int, int], list[tuple[Request, list[Write], Controller]]] = defaultdict(list)
 
     def observe(self, part: VisuBatch, pair: I64, messages: VisuMessages, times_ns: I64, frames: I64) -> list[int]:
         """Take the messages of a batch, with the time and frame of each; return which of them nobody kept.
@@ -91,17 +95,17 @@ class Writes:
         columns = steps, kind[steps], np.searchsorted(reads, steps)
         for step, what, before in zip(*(column.tolist() for column in columns), strict=True):
             if what in (Kind.CUT, Kind.GAP):
-                self._values.lose(controller_of(part.pairs, int(messages.pair[step])), int(frames[step]), step)
+                self._values.lose(_controller(part, step, messages), int(frames[step]), step)
                 continue
             request, key = part.requests[int(messages.asked[step])], int(pair[step])
             if what == Kind.WRITE:
                 # Writes alone ask for what is known, and of all else it is noted when it was.
                 self._learn(part, messages, reads[done:before], frames)
                 done = before
-                kept = self._write(part, step, key, int(times_ns[step]), int(frames[step]))
+                kept = self._write(part, messages, step, key, int(times_ns[step]), int(frames[step]))
                 beyond += [step] * (len(request.entries) - kept)
             elif request.writes:
-                self._answer(key, request, messages, step, int(frames[step]))
+                self._answer(part, key, messages, step, int(frames[step]))
         self._learn(part, messages, reads[done:], frames)
         return beyond
 
@@ -109,7 +113,7 @@ class Writes:
         """Return the writes that are kept, with what became of them, and of those that were given up meanwhile."""
         gone: set[int] = set()
         for left in given_up:
-            for one, writes in self._open.get((left.pair, left.asked_frame), ()):
+            for one, writes, _ in self._open.get((left.pair, left.asked_frame), ()):
                 if one == left.request and writes and id(writes[0]) not in gone:
                     gone.update(map(id, writes))
                     break
@@ -140,55 +144,65 @@ class Writes:
         last = np.empty(len(kinds), np.int64)
         last[np.searchsorted(kinds, asks)] = replies  # of one kind, the last one stays
         for row in np.sort(last).tolist():
-            number, asked = int(messages.pair[row]), int(messages.asked[row])
-            body = part.data[int(messages.start[row]) : int(messages.stop[row])]
-            self._values.read(controller_of(part.pairs, number), part.requests[asked], body, int(frames[row]), row)
+            body, request = part.data[int(messages.start[row]) : int(messages.stop[row])], int(messages.asked[row])
+            self._values.read(_controller(part, row, messages), part.requests[request], body, int(frames[row]), row)
 
-    def _write(self, part: VisuBatch, step: int, key: int, time_ns: int, frame: int) -> int:
+    def _write(
+        self, part: VisuBatch, messages: VisuMessages, step: int, key: int, time_ns: int, frame: int
+    ) -> int:  # fmt: skip
         """Note a write of some variables; return of how many."""
-        messages = part.messages
         number = int(messages.pair[step])
         client_hi, client_lo, server_hi, server_lo, port = (int(word[number]) for word in part.pairs)
         request, names = part.requests[int(messages.asked[step])], part.namings[int(messages.naming[step])]
-        controller, found = controller_of(part.pairs, number), []
+        controller, found = _controller(part, step, messages), []
+
+        def said(entry: Entry, value: str | None) -> str | None:
+            return value and cut_text(text_of(entry, names, value))
+
         for entry in request.entries[: MOST_WRITES - len(self.kept)]:
             old = self._values.known(controller, entry.place)
             found.append(
                 Write(
                     time_ns, frame, (client_hi, client_lo), (server_hi, server_lo), port, name_of(entry, names),
-                    entry.place, old and cut_text(old), entry.value and cut_text(entry.value), is_secret(entry, names),
+                    entry.place, said(entry, old), said(entry, entry.value), is_secret(entry, names),
                 )
             )  # fmt: skip
         self.kept += found
         self.left_out += len(request.entries) - len(found)
         if found:
-            self._open[key, frame].append((request, found))
+            self._open[key, frame].append((request, found, controller))
             for write in found:
                 self._values.doubt(controller, write.place, id(write), (frame, step))
         return len(found)
 
-    def _answer(self, key: int, request: Request, messages: VisuMessages, step: int, frame: int) -> None:
+    def _answer(self, part: VisuBatch, key: int, messages: VisuMessages, step: int, frame: int) -> None:
         """Note what became of a write."""
+        request = part.requests[int(messages.asked[step])]
         waiting = self._open.get((key, int(messages.asked_frame[step])), [])
-        place = next((place for place, (one, _) in enumerate(waiting) if one == request), None)
+        place = next((place for place, (one, *_) in enumerate(waiting) if one == request), None)
         if place is None:
             return
-        _, writes = waiting.pop(place)
+        _, writes, controller = waiting.pop(place)
         if messages.kind[step] == Kind.UNCLEAR or messages.outcome[step] == Outcome.UNREAD:
             return
         if messages.outcome[step] == Outcome.REFUSED:
             for write in writes:
-                self._values.trust(controller_at(*write.server, write.port), write.place, id(write))
-        outcome = WriteOutcome.UNANSWERED
+                self._values.trust(controller, write.place, id(write))
+        outcome, now = WriteOutcome.UNANSWERED, _controller(part, step, messages)
         if messages.kind[step] == Kind.REPLY:
             is_done = messages.outcome[step] == Outcome.DONE
             outcome = WriteOutcome.CONFIRMED if is_done else WriteOutcome.REFUSED
-        for write in writes:
+        for write, entry in zip(writes, request.entries, strict=False):
             write.outcome = outcome
             if outcome is not WriteOutcome.UNANSWERED:
                 write.answer_frame, write.status = frame, int(messages.status[step])
             if outcome is WriteOutcome.CONFIRMED:
-                self._values.written(controller_at(*write.server, write.port), write.place, write.new, frame, step)
+                self._values.written(now, write.place, entry.value and entry.value[:_MOST_RAW], frame, step)
+
+
+def _controller(part: VisuBatch, step: int, messages: VisuMessages) -> Controller:
+    """Return whose variables a message is about."""
+    return controller_of(part.pairs, int(messages.pair[step]), part.namings[int(messages.naming[step])].apart)
 
 
 def _may_be_written(messages: VisuMessages) -> Bool:

@@ -5,13 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 from nvscope.definition.value import value_of
+from nvscope.definition.variables import String
 from nvscope.tracker.readings.form import HIDDEN
 from nvscope.tracker.readings.read_hops import ListEnd, ReadEnd, ReadHops
+from nvscope.tracker.readings.readings import ReadVariable
 from nvscope.tracker.variables.following import UNKNOWN, Pair, Side
 from nvscope.view.documents.hops import direction_of, figures
 from nvscope.view.documents.read_rows import shape_of
 from nvscope.view.documents.read_variables import reading_json, reading_text, reading_unit
-from nvscope.view.value_texts import json_value, unit_of, value_text
+from nvscope.view.value_texts import json_value, text_of, unit_of
 
 
 def read_hop_rows(hops: ReadHops, end_ns: int | None, *, secrets: bool = False) -> list[dict[str, Any]]:
@@ -27,7 +29,7 @@ def read_hop_rows(hops: ReadHops, end_ns: int | None, *, secrets: bool = False) 
             continue
         shape = shape_of(read.variable)
         hidden = read.variable.is_secret and not secrets
-        ends = {False: _list_end(listed, hidden=hidden), True: _read_end(read, hidden=hidden)}
+        ends = {False: _list_end(listed, read.variable, hidden=hidden), True: _read_end(read, hidden=hidden)}
         missed = hops.missed(pair)
         follows = direction_of(pair) if missed is None else True
         rows.append(
@@ -49,15 +51,19 @@ def _equal(read: ReadEnd, listed: ListEnd, pair: Pair[Side]) -> bool:
     return pair.were_equal if read.is_over else listed.now == read.now != int(UNKNOWN)
 
 
-def _list_end(end: ListEnd, *, hidden: bool) -> dict[str, Any]:
+def _list_end(end: ListEnd, read: ReadVariable, *, hidden: bool) -> dict[str, Any]:
+    """Return what a list carried; a text as the other end shows it, of which it has the bytes."""
     kind = end.element.type
+    value = value_of(kind, end.last)
+    if isinstance(kind, String) and not kind.wide:
+        value = read.as_shown(str(value))
     return {
         "list": str(end.stream.list),
         "sender": end.stream.sender,
         "telegrams": end.telegrams,
         "unit": unit_of(kind),
-        "value": None if hidden else json_value(kind, value_of(kind, end.last)),
-        "text": HIDDEN if hidden else value_text(kind, end.last),
+        "value": None if hidden else json_value(kind, value),
+        "text": HIDDEN if hidden else text_of(kind, value),
     }
 
 

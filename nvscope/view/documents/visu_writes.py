@@ -37,6 +37,7 @@ def visu_write_rows(
             "old": None if hidden else one.old,
             "new": None if hidden else one.new,
             "hidden": hidden,
+            "old_known": one.old is not None,
             "outcome": one.outcome.value,
             "answer_frame": one.answer_frame or None,
             "status": one.status or None,

@@ -29,7 +29,8 @@ class TelegramField(Struct, frozen=True):
     ``constant``: it is the same in all frames of a variety (``dissectors.varieties``). ``judged``: it is known when the
     whole capture was read. ``values`` are names of its numbers, ``texts`` the only ones it holds, empty where it
     may hold any. ``separator`` stands between bytes. ``refused`` says why the name can be neither filtered
-    by nor written out, ``instead`` which can. ``beyond`` counts in rows the values that the column cannot hold.
+    by nor written out, ``instead`` which can. ``beyond`` counts in rows the values that the column cannot hold,
+    ``cut`` the rows of a part that have it more often than it is told.
     ``further``: a frame may have the field several times; these are the second, the third and so on, each of which
     exists only where the one before it does. ``sent_in`` says of a variable in which telegrams it is: where time is
     looked at, its value lasts until they bring the next one. ``counts``: an
@@ -56,6 +57,7 @@ class TelegramField(Struct, frozen=True):
     refused: str = ""
     instead: str = ""
     beyond: Callable[[FrameRows], int] | None = None
+    cut: Callable[[Any], int] | None = None
     further: tuple[TelegramField, ...] = ()
     sent_in: frozenset[Any] = frozenset()
     counts: bool = False
@@ -94,6 +96,12 @@ class TelegramField(Struct, frozen=True):
 def times_beyond(fields: Iterable[TelegramField], rows: FrameRows) -> int:
     """Return how many times of some rows are more than a column of times holds, and so do not exist in these fields."""
     return sum(field.beyond(rows) for field in fields if field.beyond is not None)
+
+
+def rows_cut(field: TelegramField, rows: FrameRows) -> int:
+    """Return how many of some rows have a field more often than it is told."""
+    found = rows.parts.get(field.of)
+    return 0 if field.cut is None or found is None else field.cut(found.part)
 
 
 def presence(name: str, title: str) -> TelegramField:

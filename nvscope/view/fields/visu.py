@@ -17,6 +17,7 @@ from nvscope.view.fields.frame_messages import message_field
 from nvscope.view.fields.visu_variable import index_field, value_field, variable_field
 
 NAME = "visu"
+_OF_BYTES = (Kind.OTHER_BYTES, Kind.OTHER_REPLY_BYTES, Kind.HIDDEN, Kind.REPLY_GAP)
 _KINDS = tuple(kind.name.lower() for kind in Kind)
 _OUTCOMES = tuple(outcome.name.lower() for outcome in Outcome if outcome is not Outcome.NONE)
 
@@ -45,7 +46,7 @@ def _is_measured(part: VisuBatch, at: I64) -> Bool:
 
 
 def _has_request(part: VisuBatch, at: I64) -> Bool:
-    own: Bool = (_of(part, at, "asked_frame") > 0) & (_of(part, at, "kind") < Kind.OTHER_BYTES)
+    own: Bool = (_of(part, at, "asked_frame") > 0) & ~np.isin(_of(part, at, "kind"), _OF_BYTES)
     return own
 
 

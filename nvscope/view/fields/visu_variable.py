@@ -26,7 +26,7 @@ class _Texts:
     """The texts of the frames of a part: ``column`` gives their code at a place of each, -1 where there is none.
 
     ``asked``: they are those of what is asked for, so that messages which ask for the same have the same; ``once``:
-    a frame has each of them once.
+    a frame has each of them once. ``cut`` frames have more.
     """
 
     def __init__(self, part: VisuBatch, read: Texts, *, asked: bool, once: bool) -> None:
@@ -34,6 +34,7 @@ class _Texts:
         codes: dict[str, int] = {}
         rows: dict[tuple[int, ...], int] = {}
         which: list[int] = []
+        self.cut = 0
         messages = part.messages
         same = list(zip(messages.asked.tolist(), messages.naming.tolist(), strict=True))
         known: dict[tuple[int, int], list[int]] = {}
@@ -46,7 +47,9 @@ class _Texts:
                     known[same[message]] = found
                 own += found
             if once or len(own) > MOST_VARIABLES:
-                own = list(dict.fromkeys(own))[:MOST_VARIABLES]
+                own = list(dict.fromkeys(own))
+                self.cut += len(own) > MOST_VARIABLES
+                own = own[:MOST_VARIABLES]
             which.append(rows.setdefault(tuple(own), len(rows)))
         self.texts = tuple(codes) or ("",)
         table = np.full((len(rows) + 1, max(max(map(len, rows), default=0), 1)), -1)
@@ -92,6 +95,9 @@ class _LastPart:
 
         return read
 
+    def cut(self, part: VisuBatch) -> int:
+        return self.of(part).cut
+
     def known(self, place: int) -> Callable[[VisuBatch], Bool]:
         return lambda part: self.of(part).column(place) >= 0
 
@@ -125,7 +131,7 @@ def _field(name: str, label: str, text: str, last: _LastPart, *, any_case: bool 
         )
         for place in range(MOST_VARIABLES)
     )
-    return replace(first, further=tuple(further))
+    return replace(first, further=tuple(further), cut=last.cut)
 
 
 def variable_field() -> TelegramField:
@@ -144,7 +150,7 @@ def index_field() -> TelegramField:
         )
         for place in range(MOST_VARIABLES)
     )  # fmt: skip
-    return replace(first, further=tuple(further))
+    return replace(first, further=tuple(further), cut=last.cut)
 
 
 def value_field(*, secrets: bool = False) -> TelegramField:

@@ -8,12 +8,14 @@ from typing import NamedTuple
 
 from dissectors.web_protocols import WebProtocol
 from dissectors.webvisu import MOST_DECLARED, UNREADABLE, Entry, Request, read_reply
+from dissectors.webvisu_page import encoding_said
 from nvscope import units
+from nvscope.definition.visu_encoding import LATIN, encoding_of
 from nvscope.enumeration import first_few
 from nvscope.tracker.readings.form import HIDDEN
 from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.messages import UNMEASURED_NS, Kind, Outcome, VisuBatch
-from nvscope.tracker.visu.names import Naming, UnreadList, is_secret, name_of
+from nvscope.tracker.visu.names import Naming, UnreadList, UnusableEncoding, is_secret, name_of, text_of
 
 _MOST_SHOWN, _MOST_INDEXES = 8, 4
 _NOT_CHANGED = 304
@@ -34,6 +36,15 @@ def variables_of(part: VisuBatch, message: int, *, secrets: bool = False) -> lis
 
     A STRING without a name may be a password, too.
     """
+    names = part.namings[int(part.messages.naming[message])]
+    return [
+        one if one.value is None else one._replace(value=shown(one.entry, names, one.value, secrets=secrets))
+        for one in said_of(part, message)
+    ]
+
+
+def said_of(part: VisuBatch, message: int) -> list[Variable]:
+    """Return the variables of a message with their values, none of them hidden; characters of texts are bytes."""
     asked = int(part.messages.asked[message])
     if asked < 0:
         return []
@@ -45,15 +56,12 @@ def variables_of(part: VisuBatch, message: int, *, secrets: bool = False) -> lis
             start, stop = int(part.messages.start[message]), int(part.messages.stop[message])
             read = read_reply(request, part.data[start:stop]).values
             values[: len(read)] = [UNREADABLE if value is None else value for value in read]
-    return [
-        Variable(entry, name_of(entry, names), value if secrets or value is None else shown(entry, names, value))
-        for entry, value in zip(request.entries, values, strict=True)
-    ]  # fmt: skip
+    return [Variable(entry, name_of(entry, names), value) for entry, value in zip(request.entries, values, strict=True)]
 
 
-def shown(entry: Entry, names: Naming, value: str) -> str:
-    """Return a value, or what stands in its place where it is, or may be, a password."""
-    return HIDDEN if value != UNREADABLE and is_secret(entry, names) else value
+def shown(entry: Entry, names: Naming, value: str, *, secrets: bool = False) -> str:
+    """Return a value as people read it, or what stands in its place where it is, or may be, a password."""
+    return HIDDEN if not secrets and value != UNREADABLE and is_secret(entry, names) else text_of(entry, names, value)
 
 
 _PROTOCOLS = {
@@ -97,6 +105,8 @@ def message_words(part: VisuBatch, message: int, *, secrets: bool = False, value
         return f"{protocol_words(WebProtocol(int(messages.spoken[message])))}, not decoded"
     if kind is Kind.NAMES:
         return _list(part, message)
+    if kind is Kind.PAGE:
+        return _page(part, message)
     request = part.requests[asked]
     if kind is Kind.LEFT:
         return f"client closes its side, frame {messages.asked_frame[message]} waits for a reply"
@@ -161,6 +171,20 @@ def _list(part: VisuBatch, message: int) -> str:
         return f"variable list{f' ({size})' if flaw.is_whole else ''}, cannot be used: {flaw.why}"
     text = content.replace(b"\0", b"").lower()
     return f"variable list ({size})" if any(one in text for one in _LISTS) else f"XML, no variable list ({size})"
+
+
+def _page(part: VisuBatch, message: int) -> str:
+    """Return what a page says of its texts, and what is made of that."""
+    start, stop = int(part.messages.start[message]), int(part.messages.stop[message])
+    said, flaw = encoding_said(part.data[start:stop]) or "", part.list_flaws.get(message)
+    if isinstance(flaw, UnusableEncoding):
+        return f"page, its texts are in an encoding that cannot be used: {flaw.why}"
+    encoding = part.namings[int(part.messages.naming[message])].encoding or LATIN
+    try:
+        differs = encoding != encoding_of(said)
+    except ValueError:
+        differs = True
+    return f"page, its texts are in {said}{f'; they are read as {encoding.name}' if differs else ''}"
 
 
 def _reply(part: VisuBatch, message: int, request: Request, told: str) -> str:

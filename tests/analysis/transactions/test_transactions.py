@@ -151,6 +151,17 @@ def test_a_value_that_turns_out_to_be_a_password_is_hidden_from_then_on() -> Non
     ]  # fmt: skip
 
 
+def test_texts_are_told_in_the_encoding_of_the_page_old_ones_too() -> None:
+    line = Line((PANEL, 50_000), (PRESS, 80), now=START).open()
+    line.ask(b"GET /plc/visu_ini.xml HTTP/1.1\r\n\r\n").answer(reply(NAMES))
+    line.ask(post("|0|1|0|4|60|81|8|")).answer(reply("|Größe|".encode()))
+    page = b'<param name="ENCODINGSTRING" value="UTF-8">'
+    line.ask(b"GET /plc/webvisu.htm HTTP/1.1\r\n\r\n").answer(reply(page))
+    line.ask(post("|1|1|0|4|60|81|8|" + "5 €".encode().decode("latin-1") + "|")).answer(reply("|0|"))
+    (said,) = [one.said[0] for one in transactions(line.frames) if one.outcome is Outcome.CONFIRMED]
+    assert (said.name, said.old, said.value) == ("PRG.sText", "Größe", "5 €")
+
+
 def test_without_its_list_of_names_a_text_may_be_a_password() -> None:
     told = " ".join(lines(transactions(visu_talk(names=False))))
     assert "4,0,4,6=21.5 4,8,41,8=(hidden) 4,60,81,8=(hidden)" in told

@@ -8,6 +8,8 @@ Readings, where the rules leave a choice:
 - a start line is judged when its end has come, or when more has come than the longest one has: a request's has 64 KiB,
   what does not begin with a method and a blank is none where 2067 bytes have no end; other lines when 64 KiB have come
   without an end
+- what a client begins with, where its connection does, is none with the first byte that is neither of a token of at
+  most 40 letters (RFC 9110) nor a blank or line end
 - a request whose head has more than 64 KiB is lost, and a page's where it is a POST or a query of an older page; a
   response of that kind may be one to a page
 - where the body of a POST is not known, its first 64 bytes tell whether it is a page's, decoded as far as that goes
@@ -79,6 +81,16 @@ from tests.oracle.rules.http_heads import (
 from tests.oracle.rules.http_message import Lost, Message
 from tests.oracle.rules.streams import Delivery
 
+TOKEN = frozenset(b"abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_!#$%&'*+.^`|~-")
+
+
+def is_foreign(begin: bytes) -> bool:
+    """Whether a byte shows that this begins no request, of whatever method."""
+    if begin[:1] == b"\x16":  # of TLS, the second byte tells
+        return len(begin) > 1
+    other = next((byte for byte in begin[:41] if byte not in TOKEN), None)
+    return other is not None and other not in b" \r\n"
+
 
 class Reader:
     """One direction of a connection; ``first_is_head`` tells whether the first request that waits is HEAD."""
@@ -92,6 +104,7 @@ class Reader:
     ) -> None:
         self.response = response
         self.in_step = in_step
+        self.is_first = in_step and not response
         self.first_is_head = first_is_head
         self.is_late = self.is_wary = self.may_answer_head = response and not in_step
         self.happened: Counter[str] = Counter() if happened is None else happened
@@ -268,6 +281,8 @@ class Reader:
     def message(self) -> Message | None:
         """Return the message in the buffer if it is whole, and take it out."""
         if self.head is None:
+            if self.is_first and is_foreign(self.buffer):
+                raise Foreign(0)
             self.head = head_of(self.buffer, self.response)
             if self.head is None:
                 return None
@@ -370,3 +385,4 @@ class Reader:
 
     def next_message(self, buffer: bytes) -> None:
         self.buffer, self.missing_at, self.head, self.framing = buffer, None, None, NO_BODY
+        self.is_first = False

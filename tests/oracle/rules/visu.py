@@ -30,7 +30,7 @@ from typing import Any
 
 from tests.oracle.frame import Address as Node
 from tests.oracle.frame import Frame
-from tests.oracle.rules import visu_body, visu_lists, visu_others, visu_turns, visu_unseen
+from tests.oracle.rules import visu_body, visu_lists, visu_others, visu_pages, visu_turns, visu_unseen
 from tests.oracle.rules.http_message import Lost, Message
 from tests.oracle.rules.keys import node_order
 from tests.oracle.rules.streams import SECOND, Delivery, Ending, Event, Others, Streams
@@ -63,6 +63,7 @@ class Visu:
         self.found: dict[tuple[str, Node, str], list[tuple[int, int]]] = defaultdict(list)
         self.lists: dict[Home, list[visu_body.Listed]] = defaultdict(list)
         self.names: dict[Home, dict[visu_body.Address, str]] = defaultdict(dict)
+        self.pages = visu_pages.Pages()
         self.writes: list[Written] = []
         self.values = Values()
         self.number = self.now = 0
@@ -83,7 +84,7 @@ class Visu:
                 self.lost(talk, False, Lost(in_step=True))
         for event in self.delivered(frame):
             talk = self.talks.setdefault(event.connection, Talk(event.connection, self.happened))
-            begin([talk])  # it may have begun with this very event
+            begin([visu_pages.placed(self, talk)])  # it may have begun with this very event
             if isinstance(event, Others):
                 if visu_others.note(talk, event):
                     self.known[talk.pair].counts["asked by others"] += 1
@@ -193,7 +194,7 @@ class Visu:
         had = self.one_way.told_by(talk.connection, client=True)
         written = self.written(talk, asked)
         at = self.values.ask(talk.home, asked) if asked is not None and asked.write else 0
-        wait(talk, Waiting(asked, message, self.number, written, acknowledged=had, asked_at=at))
+        wait(talk, Waiting(asked, message, self.number, written, acknowledged=had, asked_at=at, home=talk.home))
         self.happened["several wait"] += len(talk.waiting) > 1
         if asked is None or message.body is None:
             self.happened["other request"] += 1
@@ -232,7 +233,7 @@ class Visu:
         found = [
             Written(
                 self.now, self.number, talk.pair, self.called(talk.home, entry.address),
-                self.values.known(talk.home, entry.address), asked.text(entry),
+                *visu_pages.texts_of(self, talk, entry.address, asked.text(entry)),
             )
             for entry in asked.entries
         ]  # fmt: skip
@@ -246,7 +247,7 @@ class Visu:
             if not answer.refused:
                 self.values.confirm(talk.home, asked)
             elif status == 200:
-                self.values.refuse(talk.home, asked, waiting.asked_at)
+                self.values.refuse(waiting.home, asked, waiting.asked_at)
         elif not asked.query and not answer.ambiguous and status == 200:
             self.values.read(talk.home, asked, answer.values)
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from tests.oracle.rules import visu_body
+from tests.oracle.rules import visu_body, visu_pages
 
 if TYPE_CHECKING:
     from tests.oracle.rules.http_message import Message
@@ -25,11 +25,12 @@ FILES = (b"plc_visu.xml", b"visu_ini.xml")
 
 
 def take(rules: Visu, talk: Talk, request: Message, page: Message) -> None:
-    """Take a page that may name variables: all of it, or what there is of it."""
+    """Take a page that may name variables: all of it, or what there is of it. Or one that may say their encoding."""
+    visu_pages.take(rules, talk, request, page)
     if not visu_body.is_page(request.method, request.target) or page.status != 200:
         return
     if page.body is not None:
-        learn(rules, talk, visu_body.listed_in(page.body))
+        learn(rules, talk, visu_body.listed_in(page.body), request.target.split(b"?")[0].lower().split(b"/")[-1])
     elif may_list(page.seen, request.target, had_request=talk.had_request):
         rules.happened["list that is not whole, or not read"] += 1
         rules.find("NV807", talk)
@@ -48,18 +49,25 @@ def may_list(seen: bytes, target: bytes, *, had_request: bool) -> bool:
     return had_request or file in FILES
 
 
-def learn(rules: Visu, talk: Talk, listed: visu_body.Listed | None) -> None:
+def learn(rules: Visu, talk: Talk, listed: visu_body.Listed | None, file: bytes) -> None:
     """Take what a list names."""
     if listed is None:
         return rules.find("NV807", talk)
     rules.happened["names"] += len(listed)
+    if not listed:
+        return
+    new = visu_pages.Source(listed, file, {talk.pair[2]})
+    parted = len(rules.pages.apart)
+    visu_pages.part(rules, talk, new)
     names = {address: name for name, address in listed}
-    known = rules.names[talk.home]
+    known, sources = rules.names[talk.home], rules.pages.sources[talk.home]
+    believed = [one for one in sources if not visu_body.contradict(one.listed, listed)]
+    for one in believed:
+        if {name.casefold() for name, _ in one.listed} & {name.casefold() for name, _ in listed}:
+            one.ports.add(talk.pair[2])
     if not visu_body.adds_password(listed, rules.lists[talk.home]) and names.items() <= known.items():
         return
-    believed = [one for one in rules.lists[talk.home] if not visu_body.contradict(one, listed)]
-    if len(believed) < len(rules.lists[talk.home]):
+    if len(believed) < len(sources) and parted == len(rules.pages.apart):
         rules.happened["other names"] += 1
         rules.find("NV806", talk)
-    rules.lists[talk.home] = [*believed, listed]
-    rules.names[talk.home] = {address: name for one in rules.lists[talk.home] for name, address in one}
+    visu_pages.keep(rules, talk.home, [*believed, new])

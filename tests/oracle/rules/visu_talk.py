@@ -16,7 +16,7 @@ from tests.oracle.rules.visu_turns import Turns
 Pair = tuple[Node, Node, int]
 """Client, server, port."""
 Home = tuple[Node, int]
-"""A controller: its address, and its port where that is neither 80 nor 8080, else 0."""
+"""A controller: its address, and its port where that is neither 80 nor 8080, or another one is there on the other."""
 
 
 class Told(NamedTuple):
@@ -58,6 +58,8 @@ class Waiting:
     """Up to where the client had acknowledged then, if it says so in the frame with which the request was whole."""
     asked_at: int = 0
     """Which one it is of all that happened to values."""
+    home: Home | None = None
+    """Which controller it was sent to, as far as that was known then."""
     is_behind: bool = False
     """Whether bytes of the server are missing that the client had then."""
 

@@ -18,7 +18,7 @@ import struct
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from tests.oracle.rules import visu_body
+from tests.oracle.rules import visu_body, visu_pages
 from tests.oracle.rules.http_message import Message
 from tests.oracle.rules.visu import Visu
 from tests.oracle.rules.visu_talk import Home, Talk
@@ -46,6 +46,12 @@ class Series(NamedTuple):
     value: Value
     changed: bool
     secret: bool
+    shown: str
+    """The text as its page has it; ``text`` and ``value`` have a character for each byte."""
+
+    @property
+    def told(self) -> Value:
+        return self.shown if isinstance(self.value, str) else self.value
 
 
 @dataclass
@@ -83,9 +89,10 @@ class VisuValues(Visu):
             return
         if message.status != 200 or answer.ambiguous:
             return
-        self.take(talk.home, asked, values)
+        self.take(talk, asked, values)
 
-    def take(self, home: Home, asked: visu_body.Asked, values: list[bytes | None]) -> None:
+    def take(self, talk: Talk, asked: visu_body.Asked, values: list[bytes | None]) -> None:
+        home = talk.home
         for place, entry in enumerate(asked.entries):
             known = self.variables.setdefault((home, entry.address), Known())
             known.name = self.called(home, entry.address)
@@ -103,9 +110,10 @@ class VisuValues(Visu):
             value = value_of(entry.address, text)
             before = known.readings[-1] if known.readings else None
             changed = before is not None and not same(before, text, value)
+            shown = visu_pages.text_of(self, talk, entry.address, text) or ""
             told = Series(
-                self.now, self.number, str(home[0]), known.name, text_of(entry.address), text, value, changed,
-                known.secret,
+                self.now, self.number, visu_pages.called(*home), known.name, text_of(entry.address), text, value,
+                changed, known.secret, shown,
             )  # fmt: skip
             known.readings.append(told)
             self.series.append(told)
@@ -119,16 +127,17 @@ class VisuValues(Visu):
         """Return a row a variable that replies told of."""
         return [
             {
-                "server": str(server), "name": known.name, "place": text_of(address), "secret": known.secret,
+                "server": str(server), "list": visu_pages.called(server, port),
+                "name": known.name, "place": text_of(address), "secret": known.secret,
                 "readings": len(known.readings), "asked": known.asked, "unreadable": known.unreadable,
                 "changes": sum(one.changed for one in known.readings),
-                "text": known.readings[-1].text if known.readings else None,
-                "value": known.readings[-1].value if known.readings else None,
+                "text": known.readings[-1].shown if known.readings else None,
+                "value": known.readings[-1].told if known.readings else None,
                 "last": known.readings[-1].time if known.readings else None,
                 "changed": last_change(known.readings),
                 "bounds": bounds([one.value for one in known.readings]),
             }
-            for ((server, _), address), known in self.variables.items()
+            for ((server, port), address), known in self.variables.items()
         ]  # fmt: skip
 
 
@@ -192,9 +201,9 @@ def real(text: str, size: int) -> float | None:
 
 def never_changed(rules: VisuValues) -> list[tuple[str, int, list[str], list[str]]]:
     """Return by server: how many variables were asked for, those that never changed, those that were always ???."""
-    found: dict[str, tuple[list[str], list[str], list[str]]] = {}
+    found: dict[tuple[str, str], tuple[list[str], list[str], list[str]]] = {}
     for row in rules.rows():
-        every, unchanged, unreadable = found.setdefault(row["server"], ([], [], []))
+        every, unchanged, unreadable = found.setdefault((row["server"], row["list"]), ([], [], []))
         every.append(row["name"])
         if not row["readings"] and row["unreadable"]:
             unreadable.append(row["name"])
@@ -202,5 +211,5 @@ def never_changed(rules: VisuValues) -> list[tuple[str, int, list[str], list[str
             unchanged.append(row["name"])
     return sorted(
         (server, len(every), sorted(unchanged), sorted(unreadable))
-        for server, (every, unchanged, unreadable) in found.items() if unchanged or unreadable
+        for (server, _), (every, unchanged, unreadable) in found.items() if unchanged or unreadable
     )  # fmt: skip

@@ -65,8 +65,8 @@ def as_json(value: Any, unit: str | None, place: str) -> Any:
 
 def check(frames: Sequence[Frame]) -> None:
     rules = by_the_rules(frames)
-    rows = {(row["sender"], row["place"]): row for row in last_values([batch_of(frames)])}
-    wanted = {(row["server"], row["place"]): row for row in rules.rows()}
+    rows = {(row["list"], row["place"]): row for row in last_values([batch_of(frames)])}
+    wanted = {(row["list"], row["place"]): row for row in rules.rows()}
     assert rows.keys() == wanted.keys()
     for key, row in rows.items():
         rule, unit = wanted[key], row["unit"]
@@ -79,9 +79,7 @@ def check(frames: Sequence[Frame]) -> None:
         )
         bounds = None if row["min"] is None else (row["min"], row["max"])
         assert bounds == (rule["bounds"] and tuple(as_json(one, unit, row["place"]) for one in rule["bounds"]))
-    series = [
-        (str(one.time), one.frame, f"visu/{one.server}", one.name, one.place, one.changed) for one in rules.series
-    ]
+    series = [(str(one.time), one.frame, one.server, one.name, one.place, one.changed) for one in rules.series]
     columns = ("time_ns", "frame", "list", "name", "place", "changed")
     assert [tuple(row[name] for name in columns) for row in history([batch_of(frames)], every=True)] == series
 

@@ -64,7 +64,7 @@ def write_row(old: str, new: str, kind: str) -> dict[str, Any]:
     return {
         "time_ns": "1", "frame": 1, "client": "10.0.0.1", "client_name": None, "server": "10.0.0.2",
         "server_name": None, "port": 8080, "variable": "x", "place": "4,0,4,6", "type": kind, "old": old, "new": new,
-        "hidden": False, "outcome": "confirmed", "answer_frame": 2, "status": 200,
+        "hidden": False, "old_known": True, "outcome": "confirmed", "answer_frame": 2, "status": 200,
     }  # fmt: skip
 
 

@@ -53,13 +53,13 @@ def more(left: int, option: str) -> str:
 
 def _changes_nothing(row: Row) -> bool:
     same: bool = row["old"] == row["new"] and row["outcome"] == WriteOutcome.CONFIRMED
-    return same
+    return same and not row["hidden"]
 
 
 def _value(row: Row, name: str) -> Cell:
     """Return a value as it was sent; of a REAL without the zeros that its page puts behind it."""
     text = row[name]
-    if row["hidden"]:
+    if row["hidden"] and (name != "old" or row["old_known"]):
         return Cell(HIDDEN, Tone.FAINT)
     if text is None:
         return Cell(NOTHING, Tone.FAINT)
