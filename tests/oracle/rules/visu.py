@@ -323,9 +323,8 @@ class Visu:
 
     def judge(self, talk: Talk, row: Row, asked: Asked, message: Message, answer: Answered) -> None:
         row.counts.update(refused=answer.refused, miscounted=answer.miscounted, ambiguous=answer.ambiguous)
-        if answer.refused:
-            for entry in asked.entries:
-                self.find("NV802", talk, entry.address)
+        for entry in asked.entries if answer.refused else ():
+            self.find("NV802", talk, entry.address)
         if not asked.write and message.status != 200:
             self.happened["read with an HTTP error"] += 1
             self.find("NV802", talk)
