@@ -1,13 +1,12 @@
 """Segments held back: those that were captured in front of what they acknowledge, until that is there.
 
 Two interfaces of which each sees one direction, queues of a card, or captures merged by clocks that differ, show an
-answer in front of what it answers. Only connections that have shown that are treated so: in all others, whatever is
-acknowledged and not there is missing, and nothing waits for it. In them, a segment that acknowledges more than was sent
-so far waits, and what comes behind it in its connection with it, until segments of the other direction bring all of
-that: these come first. What waits is bounded in number and in time; then it is taken as it came.
-
-Where one connection was opened behind what answers that (``Handshakes``), each further one may be: then what one
-direction begins with waits for the other one, too.
+answer in front of what it answers. Only connections that have shown that are treated so, and all behind one that was
+opened behind what answers that (``nvscope.tracker.handshakes``): in others, whatever is acknowledged and not there is
+missing, and nothing waits for it. In them, a segment that acknowledges more than was sent so far waits, and what comes
+behind it in its connection with it, until segments of the other direction bring all of that: these come first. What one
+direction begins with waits for the other one, too. What waits is bounded in number and in time; then it is taken as it
+came.
 """
 
 from __future__ import annotations
@@ -70,7 +69,7 @@ def is_early(ends: tuple[OneStream, OneStream], segment: Captured, opened_late: 
         if not own.begun and (segment.flags & RST or not segment.size):
             return False  # with which no connection begins
         return segment.frame > opened_late and (not own.begun or own.next == own.first)
-    if not own.disordered or other.ended:
+    if not (own.disordered or segment.frame > opened_late) or other.ended:
         return False
     if own.begun and not segment.flags & SYN and own.is_elsewhere(segment.sequence):
         return False

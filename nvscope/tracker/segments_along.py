@@ -58,7 +58,7 @@ class SegmentsAlong:
         self._mark_ahead(carrying)
         self._mark_far()
         self._mark_forgotten()
-        self._mark_disordered()
+        self._mark_disordered(opened_late)
         if opened_late != NEVER:
             self._mark_alone(opened_late)
         self.since = self._since()
@@ -187,7 +187,7 @@ class SegmentsAlong:
         if far.any():
             self.is_peculiar |= far & np.repeat(of >= 0, stop - start) & self._acknowledges & (rows.acknowledgement > 0)
 
-    def _mark_disordered(self) -> None:
+    def _mark_disordered(self, opened_late: int) -> None:
         """Mark what comes behind its acknowledgement, and, where that is known to happen, what acknowledges that."""
         whole, streams, start = self._whole, self._streams, self._start
         if not len(whole):
@@ -210,7 +210,7 @@ class SegmentsAlong:
         self.is_peculiar[row if self._place_of is None else self._place_of[row]] = True
         disordered = streams.disordered.copy()
         disordered[whole.stream[row]] = disordered[whole.stream[row] ^ 1] = True
-        self.is_peculiar[early[disordered[partner]]] = True
+        self.is_peculiar[early[disordered[partner] | (self._rows.frame[early] > opened_late)]] = True
 
     def _mark_alone(self, since: int) -> None:
         """Mark what acknowledges something behind a frame, of whose other direction nothing has come before."""

@@ -11,9 +11,10 @@ Readings, where the rules leave a choice:
 - it is taken as it came where another segment comes more than 100 ms behind it, or 128 others wait
 - what one acknowledges that is elsewhere, or of a direction that has ended, is nothing to wait for
 - a SYN that is the first thing at all of who sends it to whom comes late, where the last segment of the other
-  direction acknowledges what follows on it, or up to 1 MiB more. Behind the first such frame of a capture, what
-  acknowledges something of a direction that has not begun waits, too, where its own one has brought nothing but SYN:
-  for segments of the other direction, in front of what it acknowledges, that follow on each other up to there
+  direction acknowledges what follows on it, or up to 1 MiB more. Behind the first such frame of a capture, no
+  ends are known to be in order, and what acknowledges something of a direction that has not begun waits, too, where its
+  own one has brought nothing but SYN: for segments of the other direction, in front of what it acknowledges, that
+  follow on each other up to there
 - events are those of the frame with which segments are taken; times are those of the segments
 """
 
@@ -94,7 +95,7 @@ class Held:
         if other.begin is None and not other.ended:
             has_brought = own.begin is not None and own.next > 0
             return behind and not has_brought
-        if pair not in self.disordered or other.ended or own.is_elsewhere(segment):
+        if not (pair in self.disordered or behind) or other.ended or own.is_elsewhere(segment):
             return False
         return 0 < distance(ack, (other.begin or 0) + other.sent) <= NEAR
 
