@@ -24,12 +24,13 @@ from nvscope.findings import (
     timing,
     unallowed_writes,
     visu,
+    visu_disorder,
 )
 from nvscope.findings.kind import FindingKind
 
 THEMES = (
-    header, loss, answers, consistency, definition, timing, cob_ids, can, can_bus, parameter, visu, capture, security,
-    unallowed_writes, counter_takeovers, subnets, scans, datalogger,
+    header, loss, answers, consistency, definition, timing, cob_ids, can, can_bus, parameter, visu, visu_disorder,
+    capture, security, unallowed_writes, counter_takeovers, subnets, scans, datalogger,
 )  # fmt: skip
 
 

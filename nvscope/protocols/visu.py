@@ -7,6 +7,7 @@ Connections over its ports are followed (``nvscope.tracker.streams``), and reque
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import chain
 from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
@@ -70,10 +71,10 @@ def _tree(rows: FrameRows, wording: Wording, *, dumps: bool) -> Tree:
 
 
 def _findings() -> Sequence[FindingKind]:
-    from nvscope.findings import visu  # noqa: PLC0415
+    from nvscope.findings import visu, visu_disorder  # noqa: PLC0415
     from nvscope.findings.catalogue import rows_of  # noqa: PLC0415
 
-    return rows_of(visu)
+    return [*rows_of(visu), *rows_of(visu_disorder)]
 
 
 def _judge(facts: Facts) -> Iterable[Finding]:
@@ -81,8 +82,9 @@ def _judge(facts: Facts) -> Iterable[Finding]:
     if not isinstance(known, VisuState) or known.known is None:
         return ()
     from nvscope.findings.visu import judge_visu  # noqa: PLC0415
+    from nvscope.findings.visu_disorder import judge_disorder  # noqa: PLC0415
 
-    return judge_visu(facts, known.known)
+    return chain(judge_visu(facts, known.known), judge_disorder(facts, known.known))
 
 
 VISU = Protocol(

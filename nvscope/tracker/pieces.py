@@ -112,14 +112,16 @@ class Brought(Struct, frozen=True):
     """Pieces, and the bytes of those that were kept from earlier batches.
 
     ``again`` are bytes that had been passed on before, a row each with the columns of ``Again``, ``others`` those that
-    differ from what is kept. ``together`` is the data of all pieces, one behind the other, where whoever put them in
-    order has put it there; None where it is to be had of the buffer and of ``kept``.
+    differ from what is kept. ``disordered`` are connections that have shown, each with a frame, that they were captured
+    in another order than that of the wire. ``together`` is the data of all pieces, one behind the other, where whoever
+    put them in order has put it there; None where it is to be had of the buffer and of ``kept``.
     """
 
     pieces: Pieces
     kept: Sequence[bytes] = ()
     again: I64 = field(default_factory=lambda: np.empty((0, len(Again._fields)), np.int64))
     others: Sequence[OtherBytes] = ()
+    disordered: Sequence[tuple[int, int]] = ()
     together: memoryview | None = None
 
     def sizes(self) -> I64:

@@ -65,6 +65,7 @@ class SegmentsInTurn:
         self.kept: list[bytes] = []
         self.again: list[Again] = []
         self.others: list[OtherBytes] = []
+        self.disordered: list[tuple[int, int]] = []
         self._data: U8 = np.empty(0, np.uint8)
 
     def forget(self) -> None:
@@ -89,7 +90,7 @@ class SegmentsInTurn:
 
     def begin(self) -> None:
         """Begin a batch, whose buffer is another one."""
-        self.kept, self.again, self.others = [], [], []
+        self.kept, self.again, self.others, self.disordered = [], [], [], []
 
     @property
     def kept_bytes(self) -> int:
@@ -173,11 +174,14 @@ class SegmentsInTurn:
 
     def _take(self, ends: tuple[OneStream, OneStream], segment: Captured) -> None:
         connection, place = ends[0].number >> 1, segment.frame << PLACE_BITS
+        was_disordered = ends[0].disordered
         if connection not in self._held and not is_early(ends, segment, self.opened_late):
             self._take_now(ends, segment, place)
-            return
-        for number, one in enumerate(self._held.released(connection, ends, segment, self.opened_late)):
-            self._take_now(ends, one, place + number)
+        else:
+            for number, one in enumerate(self._held.released(connection, ends, segment, self.opened_late)):
+                self._take_now(ends, one, place + number)
+        if ends[0].disordered and not was_disordered:
+            self.disordered.append((connection, segment.frame))
 
     def _take_now(self, ends: tuple[OneStream, OneStream], captured: Captured, place: int) -> None:
         side, sequence, acknowledgement, flags, source, payload_bytes, captured_bytes, _, time_ns = captured

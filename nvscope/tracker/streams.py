@@ -128,8 +128,9 @@ class Streams:
         orders = pieces.order - (first_frame << ORDER_BITS)
         place = pieces.stream << (len(packets) << ORDER_BITS).bit_length() | orders
         again = np.concatenate([*self._again, np.array(self._in_turn.again, np.int64).reshape(-1, len(Again._fields))])
-        others = self._in_turn.others
-        return Brought(pieces.take(np.argsort(place, kind="stable")), self._in_turn.kept, again, others)
+        others, disordered = self._in_turn.others, sorted(self._in_turn.disordered, key=lambda one: one[1])
+        in_order = pieces.take(np.argsort(place, kind="stable"))
+        return Brought(in_order, self._in_turn.kept, again, others, disordered)
 
     def _is_room(self, rows: Segments) -> bool:
         """Tell whether all that may have to be kept of some segments is within the limit, whatever comes when."""

@@ -57,6 +57,7 @@ NV806 visu-other-names warning
 NV807 visu-unread-list warning
 NV808 visu-not-captured warning
 NV809 visu-unknown-encoding note
+NV810 visu-disorder note
 NV901 capture-drops warning
 NV902 clock-step warning
 NV903 truncated-file warning

@@ -126,7 +126,7 @@ def test_the_traffic_shows_everything() -> None:
     assert {name for name, count in happened.items() if count} == HAPPENINGS
     assert {name for name in figures if name != "port"} == FIGURES
     assert min(figures.values()) >= 10
-    assert {code for code, count in codes.items() if count >= 3} == {f"NV80{number}" for number in range(1, 10)}
+    assert {code for code, count in codes.items() if count >= 3} == {f"NV8{number:02}" for number in range(1, 11)}
     assert set(kinds) == {"request", "query", "reply"}
     assert versions == {4, 6}
 

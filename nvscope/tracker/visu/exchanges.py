@@ -17,6 +17,7 @@ from dissectors.transport import SegmentBatch
 from dissectors.webvisu import Request
 from nvscope.engine.runs import distinct, first_of_each
 from nvscope.tracker.connections import Connections
+from nvscope.tracker.events import EventLog
 from nvscope.tracker.pieces import ORDER_BITS, OtherBytes
 from nvscope.tracker.visu.asking import NOTHING, Ask, Asking, part_of
 from nvscope.tracker.visu.controllers import server_of
@@ -69,6 +70,7 @@ class Exchanges:
         self._other_bytes = OtherBytesOfPages()
         self._hidden = HiddenBytes()
         self.pairs = KeyTable(5)
+        self.disorder = EventLog(5)
 
     def forget(self) -> None:
         """Forget what waits for a reply, and when something was read."""
@@ -162,6 +164,17 @@ class Exchanges:
         """Return the numbers of the pairs of some connections that show a request of a page."""
         pair = self.pairs.find(*self._words(connections))
         return list(map(int, distinct(pair[self._hidden.are_pages(pair)])))
+
+    def note_disorder(self, found: Sequence[tuple[int, int]], packets: PacketBatch, first_frame: int) -> None:
+        """Note which connections have shown disorder in a batch, each with the frame."""
+        if not found:
+            return
+        connection, frame = np.array(found, np.int64).T
+        if len(self.disorder.keys) < MOST_PAIRS:
+            self.disorder.record(packets.ts_ns[frame - first_frame], frame, *self._words(connection))
+            self.disorder.settle()
+        else:
+            self._left_out[Beyond.FINDING] += len(found)
 
     def _asked(self, http: HttpMessages, asked_for: AskedFor) -> I64:
         """Return what each message asks for, 0 of all that are no whole requests."""

@@ -71,7 +71,8 @@ class VisuFollower:
         messages = self._http.read(packets.data, brought, self._exchanges.waiting, one_way.missed_of)
         missing = MissingReplies(one_way, own.before, places, brought.pieces)
         told = self._exchanges.take(messages, packets, segments, first_frame, one_way, missing, own.others)
-        return replace(told, lacking=self.lacking)
+        self._exchanges.note_disorder(brought.disordered, packets, first_frame)
+        return replace(told, lacking=self.lacking, disorder=self._exchanges.disorder)
 
     def lacking(self) -> Sequence[int]:
         """Return the pairs of whose clients bytes are missing, or may be, behind all that was followed so far."""

@@ -18,6 +18,7 @@ from dissectors.headers import RST
 from dissectors.transport import NO_SEGMENTS, SegmentBatch
 from dissectors.webvisu import Request
 from nvscope.engine.runs import runs_of
+from nvscope.tracker.events import EventLog
 from nvscope.tracker.visu.going_on import Over
 from nvscope.tracker.visu.leaving import Leaving
 from nvscope.tracker.visu.limits import Beyond
@@ -133,7 +134,9 @@ class VisuBatch(Struct, frozen=True, dict=True):
     ``left_out`` is how often there was no room for something up to here, and that was not told before. ``leaving`` is
     what waits behind the batch in connections whose clients have closed their side. ``over`` is what time alone told of
     unanswered messages before the segment came that they stand with. ``lacking`` returns the numbers of pairs of whose
-    clients bytes are missing, or may be, behind all that has been read, whenever it is asked.
+    clients bytes are missing, or may be, behind all that has been read, whenever it is asked. ``disorder`` are
+    connections that have shown, up to whenever it is looked at, that they were captured in another order than that of
+    the wire, be they of pages or not: by client, server and port, as in ``pairs``.
     """
 
     row: I64
@@ -150,6 +153,7 @@ class VisuBatch(Struct, frozen=True, dict=True):
     leaving: Sequence[Leaving]
     over: Mapping[int, Over]
     lacking: Callable[[], Sequence[int]] = tuple
+    disorder: EventLog | None = None
 
     def __len__(self) -> int:
         return len(self.row)

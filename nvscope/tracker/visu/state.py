@@ -88,8 +88,9 @@ class VisuCounts:
 
     ``pairs`` number client, server and port, as in ``VisuBatch.pairs``; ``columns``, ``latencies`` and ``pollings`` are
     by pair. ``events`` are keyed by ``event_word`` and by subject, which ``subjects`` number; ``write_minutes`` are
-    the writes among them by subject and minute since 1970. ``writes`` are who wrote what, ``unchanging`` what never
-    changed, ``others`` what is spoken beside by pair and ``WebProtocol``, ``other_names`` the first list that
+    the writes among them by subject and minute since 1970; ``disorder`` are connections that have shown disorder, by
+    client, server and port. ``writes`` are who wrote what, ``unchanging`` what never changed, ``others`` what is spoken
+    beside by pair and ``WebProtocol``, ``other_names`` the first list that
     contradicts others, by client and server, ``unread_lists`` the first one that nobody can read, ``other_encodings``
     the first one of texts that cannot be used, and ``given_up`` how long clients waited at least and at most for what
     they gave up. ``leaving`` are those of whom nothing but time may tell that they gave up: that is counted nowhere
@@ -104,6 +105,7 @@ class VisuCounts:
         self.subjects: dict[Subject, int] = {}
         self.events = EventLog()
         self.write_minutes = EventLog()
+        self.disorder = EventLog(5)
         self.left_out = LeftOutLog()
         self.writes = Writes()
         self.others: dict[tuple[int, int], Spoken] = {}
@@ -149,6 +151,7 @@ class VisuCounts:
         self.unchanging.observe(part, told.max_streams)
         leaving = [one._replace(pair=int(own[one.pair])) for one in part.leaving]
         self.leaving.observe(told, [one for one in leaving if one.pair >= 0])
+        self.disorder = part.disorder or self.disorder
         for log in (self.events, self.write_minutes, self.left_out):
             log.settle()
 

@@ -163,7 +163,7 @@ class Streams:
         if not own.ended:
             if is_behind_its_acknowledgement(own, segment):
                 self.happened["behind its acknowledgement"] += 1
-                self.held.disordered.add(pair)
+                self.held.note_disorder(pair)
             if others := self.keep(own, segment, place, now):
                 yield Others(connection, from_client, others, segment.payload)
             yield from self.deliver(connection, from_client)

@@ -44,7 +44,9 @@ class Held:
     """What waits between which ends; ``disordered`` are those that are known not to be in order."""
 
     def __init__(self) -> None:
-        self.disordered: set[frozenset[End]] = set()
+        self.disordered: dict[frozenset[End], tuple[int, int]] = {}
+        """With the time and the frame in which that was seen."""
+        self.newest = (0, 0)
         self.waiting: dict[frozenset[End], list[Captured]] = {}
         self.opened_late: int | None = None
         self.said: dict[tuple[End, End], int | None] = {}
@@ -52,7 +54,8 @@ class Held:
 
     def note(self, captured: Captured, destination: End) -> None:
         """Note what is captured, whatever waits."""
-        segment, source, _, number = captured
+        segment, source, time, number = captured
+        self.newest = time, number
         if (source, destination) not in self.said:
             if segment.flags & RST or not taken(segment):
                 return
@@ -61,6 +64,9 @@ class Held:
             if segment.flags & SYN and late and self.opened_late is None:
                 self.opened_late = number
         self.said[source, destination] = told(segment)
+
+    def note_disorder(self, pair: frozenset[End]) -> None:
+        self.disordered.setdefault(pair, self.newest)
 
     def released(
         self, pair: frozenset[End], captured: Captured, connection: Callable[[], Connection | None]
@@ -72,7 +78,8 @@ class Held:
             first, known = waiting[0], connection()
             if self.is_early(known, pair, first):
                 bringing = brought_by(known, first, waiting)
-                self.disordered |= {pair} if bringing else set()
+                if bringing:
+                    self.note_disorder(pair)
                 for one in bringing:
                     yield one
                     waiting[:] = [other for other in waiting if other is not one]

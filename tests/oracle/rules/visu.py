@@ -36,7 +36,7 @@ from tests.oracle.rules.keys import node_order
 from tests.oracle.rules.streams import SECOND, Delivery, Ending, Event, Others, Streams
 from tests.oracle.rules.streams_state import Connection
 from tests.oracle.rules.visu_body import Answered, Asked
-from tests.oracle.rules.visu_figures import Row, lacks_many, percentiles
+from tests.oracle.rules.visu_figures import Row, disordered, findings_of, percentiles
 from tests.oracle.rules.visu_late import doubt
 from tests.oracle.rules.visu_leaving import forget_unknown, given_up
 from tests.oracle.rules.visu_old import Values
@@ -45,7 +45,6 @@ from tests.oracle.rules.visu_part import ask_in_part, settle, writes
 from tests.oracle.rules.visu_talk import Home, Pair, Talk, Told, Waiting, Written
 from tests.oracle.rules.visu_turns import asked_behind, begin, has_early, keep, lose_client, wait
 
-FRAMES_KEPT = 10
 COUNTED = ("reads", "writes", "entries", "replies", "refused", "unanswered", "cut", "miscounted", "ambiguous")
 
 
@@ -386,15 +385,9 @@ class Visu:
             })  # fmt: skip
         return rows
 
+    def events(self) -> dict[tuple[str, Node, str], list[tuple[int, int]]]:
+        return self.found | disordered(self.known, self.streams)
+
     def findings(self) -> list[dict[str, Any]]:
         """Return the findings, sorted by code, client and variable."""
-        return [
-            {
-                "code": code, "client": client, "variable": variable, "count": len(events), "first_ns": events[0][0],
-                "last_ns": events[-1][0], "frames": sorted(frame for _, frame in events[:FRAMES_KEPT]),
-            }
-            for (code, client, variable), events in sorted(
-                ((code, str(client), variable), events) for (code, client, variable), events in self.found.items()
-                if code != "NV808" or lacks_many(self.known, client, variable)
-            )
-        ]  # fmt: skip
+        return findings_of(self.events(), self.known)

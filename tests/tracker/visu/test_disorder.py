@@ -50,7 +50,7 @@ def test_by_two_clocks_is_told_what_is_told_by_one(draw: object, ahead_ns: int) 
         by_one = became([*before, *frames])
         by_two = became([*before, *by_two_clocks(frames, ahead_ns)])
         assert (by_two[0], by_two[2]) == (by_one[0], 0)
-        assert by_two[1] == by_one[1]
+        assert by_two[1] - {"NV810"} == by_one[1] - {"NV810"}
 
 
 @pytest.mark.parametrize("ahead_ns", [*SHIFTS_NS, *(-one for one in SHIFTS_NS)])
@@ -66,7 +66,7 @@ def test_the_first_connection_has_no_wrong_outcome(ahead_ns: int) -> None:
 def test_an_opening_that_was_answered_before_begins_no_other_connection() -> None:
     line = Line().segment(False, flags=SYN | ACK, seq=5000, ack=1001).segment(True, flags=SYN, seq=1000, ack=0)
     line.segment(True).ask(WRITE).answer(DONE)
-    assert became(line.frames) == ([("9.5", "confirmed", 200)], {"NV801"}, 0)
+    assert became(line.frames) == ([("9.5", "confirmed", 200)], {"NV801", "NV810"}, 0)
     (row,), _ = told(followed([batch_of(line.frames)]))
     assert row["connections"] == 1
 
@@ -96,7 +96,7 @@ def test_what_comes_behind_its_acknowledgement_in_any_order_is_not_missing() -> 
     line.lose(True, len(NEXT)).answer(REFUSED)
     outcomes, codes, missing = became(line.frames)
     assert outcomes == [("9.5", "confirmed", 200), ("8.5", "refused", 413)]
-    assert (codes, missing) == ({"NV801", "NV802"}, 0)
+    assert (codes, missing) == ({"NV801", "NV802", "NV810"}, 0)
 
 
 def test_a_reply_to_head_in_front_of_it_shifts_nothing() -> None:
@@ -109,7 +109,7 @@ def test_a_reply_to_head_in_front_of_it_shifts_nothing() -> None:
         line.ask(NEXT).answer(DONE)
     outcomes, codes, missing = became(line.frames)
     assert [outcome for _, outcome, _ in outcomes] == ["confirmed"] * 4
-    assert (codes, missing) == ({"NV801"}, 0)
+    assert (codes, missing) == ({"NV801", "NV810"}, 0)
 
 
 @pytest.mark.parametrize(("others", "wait_ns"), [(0, 0), (127, 0), (0, 99 * MILLISECOND)])

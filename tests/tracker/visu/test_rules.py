@@ -126,7 +126,7 @@ def expected(findings: list[dict[str, Any]], rules: Visu, frames: list[Frame]) -
         return by_rules
     times = {
         (code, str(client), variable): {time for time, _ in events}
-        for (code, client, variable), events in rules.found.items()
+        for (code, client, variable), events in rules.events().items()
     }
     return [
         one | {
