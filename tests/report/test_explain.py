@@ -167,7 +167,7 @@ def test_a_code_may_be_written_in_many_ways(code: str) -> None:
         ("second-sendr", "second-sender"),
         ("silent", "node-silent"),
         ("two senders", "second-sender"),
-        ("NV310", "NV301"),
+        ("NV310", "NV304"),
         ("no-acknowledgment", "NV301"),
         ("ack", "NV302"),
         ("jiter", "NV502"),
