@@ -16,9 +16,9 @@ from tests.oracle.visu_traffic import visu_traffic
 from tests.packets import batch_of, cut
 from tests.tracker.visu.drawn_losses import captured
 from tests.tracker.visu.followed import by_the_rules, followed, told, writes_by_the_rules, writes_of
-from tests.tracker.visu.test_early import BODY, DONE, GO_ON, HEAD
+from tests.tracker.visu.test_early import BODY, DONE, GO_ON, HEAD, OTHER
 from tests.tracker.visu.test_open_requests import became
-from tests.tracker.visu.test_rules import near
+from tests.tracker.visu.test_rules import later, near
 
 Change = Callable[[Sequence[Frame], random.Random], list[Frame]]
 
@@ -28,11 +28,15 @@ A_REPLY_THAT_IS_MISSED_IN_FRONT_OF_A_LATE_SYN = 693632492
 CODED_IN_FRONT_OF_OTHERS = 150213217
 """Behind missing bytes and an empty line, a request is coded in a way that nobody knows."""
 
+LEFT_WITH_MORE_THAN_IS_THERE = 814379866
+"""A client that closed its side acknowledges bytes that are not there, and waits for them in vain."""
+
 TOLD_AGAIN = (20427193, 120126964, 836846392, 695083008, 845074892, 244924392)
 """A second segment acknowledges what the first one waited for in vain, in a batch of many segments."""
 
 SHIFTED = (
-    A_REPLY_THAT_IS_MISSED_IN_FRONT_OF_A_LATE_SYN, CODED_IN_FRONT_OF_OTHERS, *TOLD_AGAIN,
+    A_REPLY_THAT_IS_MISSED_IN_FRONT_OF_A_LATE_SYN, CODED_IN_FRONT_OF_OTHERS, LEFT_WITH_MORE_THAN_IS_THERE,
+    *TOLD_AGAIN,
 )  # fmt: skip
 
 A_REPLY_TO_WHAT_HAD_BEGUN_THAT_IS_NONE = 584078228
@@ -94,3 +98,16 @@ def test_what_the_client_had_before_it_asked_is_no_reply_though_it_is_missing() 
     missing = Line().open().ask(HEAD).lose(False, 40).ask(BODY).answer(GO_ON)
     assert became(missing.frames) == [("9.5", "open")]
     check(missing.frames, 0)
+
+
+def test_who_left_and_acknowledges_what_is_not_there_may_have_got_a_reply() -> None:
+    line = Line().open().ask(HEAD + BODY)
+    line.segment(True, ack=line.sent[False] + len(DONE)).answer(DONE)
+    line.ask(HEAD + OTHER).close(True)
+    unanswered = later(line.frames)
+    assert became(unanswered) == [("9.5", "confirmed"), ("8.5", "unanswered")]
+    answered = later(line.segment(True, ack=line.sent[False] + len(DONE)).frames)
+    assert became(answered) == [("9.5", "confirmed"), ("8.5", "open")]
+    for frames in (unanswered, answered):
+        for seed in range(3):
+            check(frames, seed)
