@@ -230,7 +230,7 @@ class SegmentsInTurn:
 
     def _begin_anew(self, ends: tuple[OneStream, OneStream], place: int, time_ns: int) -> None:
         """Take that another connection begins in place of this one."""
-        self._break_off(ends, place, time_ns, (Order.OLD_CLIENT, Order.OLD_SERVER), BY_CLIENT | REPLACED)
+        self._break_off(ends, place, time_ns, (Order.OLD_END, Order.OLD_END), BY_CLIENT | REPLACED)
         self._aside.drop(ends[0].number >> 1)
         for stream in ends:
             stream.forget()
