@@ -18,7 +18,7 @@ from tests.tracker.visu.drawn_losses import captured
 from tests.tracker.visu.followed import by_the_rules, followed, told, writes_by_the_rules, writes_of
 from tests.tracker.visu.test_early import BODY, DONE, GO_ON, HEAD, OTHER
 from tests.tracker.visu.test_open_requests import became
-from tests.tracker.visu.test_rules import later, near
+from tests.tracker.visu.test_rules import expected, later, near
 
 Change = Callable[[Sequence[Frame], random.Random], list[Frame]]
 
@@ -65,10 +65,12 @@ def swapped(frames: Sequence[Frame], rng: random.Random) -> list[Frame]:
 def check(frames: list[Frame], seed: int) -> None:
     """Check that what is told of frames is what the rules say, however they are cut."""
     rules = by_the_rules(frames)
-    expected = [near(row) for row in rules.rows()], rules.findings(), writes_by_the_rules(rules)
+    rows = [near(row) for row in rules.rows()]
     for packets in (max(len(frames), 1), 1 + seed % 7):
         state = followed(cut(batch_of(frames), packets))
-        assert (*told(state), writes_of(state)) == expected
+        found, findings = told(state)
+        assert (found, writes_of(state)) == (rows, writes_by_the_rules(rules))
+        assert findings == expected(findings, rules, frames)
 
 
 @pytest.mark.parametrize("seed", [*some(range(60)), *SHIFTED])
