@@ -6,7 +6,7 @@ from heapq import heappop
 
 from msgspec import Struct, field
 
-from dissectors.headers import FIN, RST, SYN
+from dissectors.headers import ACK, FIN, RST, SYN
 from nvscope.tracker.kept_segments import Kept
 from nvscope.tracker.segments import FAR, HALF, WRAP
 from nvscope.tracker.segments_aside import NEAR, is_in_front
@@ -92,6 +92,11 @@ class OneStream(Struct):
         while self.by_place[0][2].is_passed:
             heappop(self.by_place)
         return time_ns - self.by_place[0][2].time_ns > PATIENCE_NS
+
+    def note_acknowledged(self, acknowledgement: int, flags: int) -> None:
+        """Note what a segment of the other stream with such flags acknowledges."""
+        if flags & ACK and (self.acknowledged < 0 or ahead_of(acknowledgement, self.acknowledged) > 0):
+            self.acknowledged = acknowledgement
 
     def note_had(self, other: OneStream, sequence: int, flags: int, payload_bytes: int, told: int) -> None:
         """Note up to where its speaker has the other stream, by a segment of it that tells so, unless that is -1.

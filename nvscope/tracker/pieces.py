@@ -37,16 +37,18 @@ BROKEN_OFF, BY_CLIENT, REPLACED = 1, 2, 4
 class Order(IntEnum):
     """What comes first of that which happens with one segment.
 
-    ``PROVEN`` is what it shows to be of another connection, which came before.
+    ``OLD_END`` is the end of a connection that another one takes the place of, ``PROVEN`` what it shows to be of that,
+    which came before.
     """
 
     ACKNOWLEDGED = 0
     OLD_CLIENT = 1
     OLD_SERVER = 2
-    PROVEN = 3
-    OWN = 4
-    END_CLIENT = 5
-    END_SERVER = 6
+    OLD_END = 3
+    PROVEN = 4
+    OWN = 5
+    END_CLIENT = 6
+    END_SERVER = 7
 
 
 MOMENT_BITS = 3

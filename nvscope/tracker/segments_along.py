@@ -41,7 +41,7 @@ class SegmentsAlong:
         self._base = np.where(streams.begun[stream], streams.next[stream], whole.sequence[start])
         told = (whole.flags & ACK > 0) & (whole.acknowledgement > 0)
         self._acknowledgement = np.where(told, whole.acknowledgement, -1)
-        self._earlier = streams.copied("begun", "first", "next", "ahead")
+        self._earlier = streams.copied("begun", "first", "next", "ahead", "disordered")
         peculiar = self._lay_along()
         peculiar |= whole.captured_bytes < whole.payload_bytes
         self._mark_behind_ends(peculiar)
@@ -192,7 +192,11 @@ class SegmentsAlong:
         whole, streams, start = self._whole, self._streams, self._start
         if not len(whole):
             return
-        early, partner, place, acknowledged = self._ahead_of_all()
+        rows, tells = self._rows, self._acknowledges & (self._rows.acknowledgement > 0)
+        is_new = np.empty(len(rows), np.bool_)
+        np.not_equal(rows.acknowledgement[1:], rows.acknowledgement[:-1], out=is_new[1:])
+        is_new[self._runs[0]] = True
+        early, place, acknowledged = self._ahead_of_all(np.flatnonzero(is_new & tells))
         rising = np.flatnonzero(self._rises)
         # Of what was acknowledged before, only the first that a stream brings may be acknowledged.
         owed = (streams.had[self._stream] - self._base) % WRAP
@@ -208,9 +212,14 @@ class SegmentsAlong:
         is_late = (start[run] <= place) & ((acknowledged - end) % WRAP <= NEAR)
         row = row[is_late]
         self.is_peculiar[row if self._place_of is None else self._place_of[row]] = True
-        disordered = streams.disordered.copy()
+        disordered = self._earlier.disordered
         disordered[whole.stream[row]] = disordered[whole.stream[row] ^ 1] = True
-        self.is_peculiar[early[disordered[partner] | (self._rows.frame[early] > opened_late)]] = True
+        if opened_late == NEVER and not disordered.any():
+            return
+        # Who tells again what is not there yet is still too early.
+        may_wait = disordered[rows.stream] | (rows.frame > opened_late)
+        early, _, _ = self._ahead_of_all(np.flatnonzero(may_wait & tells))
+        self.is_peculiar[early] = True
 
     def _mark_alone(self, since: int) -> None:
         """Mark what acknowledges something behind a frame, of whose other direction nothing has come before."""
@@ -218,23 +227,19 @@ class SegmentsAlong:
         alone = ~self._streams.begun[partner] & (self._first_frame[partner] > rows.frame) & (rows.frame > since)
         self.is_peculiar |= alone & self._acknowledges & (rows.acknowledgement > 0)
 
-    def _ahead_of_all(self) -> tuple[I64, I64, I64, I64]:
-        """Return what acknowledges what is not there yet, and the streams of that.
+    def _ahead_of_all(self, told: I64) -> tuple[I64, I64, I64]:
+        """Return which of some segments acknowledge what is not there yet.
 
-        And where these go on, of those among these segments, with what is acknowledged.
+        And where the streams of that go on, of those among these segments, with what is acknowledged.
         """
         rows, whole, streams, start = self._rows, self._whole, self._streams, self._start
-        is_new = np.empty(len(rows), np.bool_)
-        np.not_equal(rows.acknowledgement[1:], rows.acknowledgement[:-1], out=is_new[1:])
-        is_new[self._runs[0]] = True
-        new = np.flatnonzero(is_new & self._acknowledges & (rows.acknowledgement > 0))
-        partner = rows.stream[new] ^ 1
+        partner = rows.stream[told] ^ 1
         run = self._stream.searchsorted(partner)
         run[run == len(self._stream)] = 0
         is_here = self._stream[run] == partner
         first, span = int(rows.frame.min()), int(rows.frame.max()) - int(rows.frame.min()) + 1
         at = np.repeat(np.arange(len(start)) * span - first, self._stop - start) + whole.frame
-        place = at.searchsorted(run * span + rows.frame[new] - first)
+        place = at.searchsorted(run * span + rows.frame[told] - first)
         sent = self._base[run]
         behind = np.flatnonzero(is_here & (place > start[run]))
         sent[behind] += self._top[place[behind] - 1]
@@ -242,12 +247,12 @@ class SegmentsAlong:
         sent[elsewhere] = streams.next[partner[elsewhere]]
         is_known = is_here
         is_known[elsewhere] = streams.begun[partner[elsewhere]]
-        acknowledged = rows.acknowledgement[new]
+        acknowledged = rows.acknowledgement[told]
         ahead = (acknowledged - sent) % WRAP
         found = is_known & (ahead > 0) & (ahead <= NEAR)
-        early, of = new[found], partner[found]
+        early = told[found]
         found[elsewhere] = False
-        return early, of, place[found], acknowledged[found]
+        return early, place[found], acknowledged[found]
 
     def _since(self) -> I64:
         waits = self._streams.column("waits")

@@ -87,6 +87,9 @@ class SegmentsAtOnce(SegmentsAlong):
                 return False
             if streams.ahead[stream] != earlier.ahead[stream]:
                 return False
+            # Of who was not known to be in disorder, what comes too early is not marked.
+            if streams.disordered[stream] and not earlier.disordered[stream]:
+                return False
         return True
 
     def take_between(self, segments: Segments, start: int, stop: int) -> None:

@@ -178,6 +178,9 @@ class SegmentsInTurn:
         if connection not in self._held and not is_early(ends, segment, self.opened_late):
             self._take_now(ends, segment, place)
         else:
+            if ends[0].begun or ends[1].begun:
+                # That somebody has got more is known at once, whatever waits.
+                ends[1 - segment.side].note_acknowledged(segment.acknowledgement, segment.flags)
             for number, one in enumerate(self._held.released(connection, ends, segment, self.opened_late)):
                 self._take_now(ends, one, place + number)
         if ends[0].disordered and not was_disordered:
@@ -206,8 +209,7 @@ class SegmentsInTurn:
             self._take_proven(ends, proven, place)
         elif not (own.begun or other.begun) and (flags & RST or not (payload_bytes or flags & FIN)):
             return
-        if flags & ACK and (other.acknowledged < 0 or ahead_of(acknowledgement, other.acknowledged) > 0):
-            other.acknowledged = acknowledgement
+        other.note_acknowledged(acknowledgement, flags)
         own.note_had(other, sequence, flags, payload_bytes, told)
         while other.kept and other.hole_is_acknowledged:
             self._give_up_hole(other, place, Order.ACKNOWLEDGED)
@@ -232,7 +234,7 @@ class SegmentsInTurn:
 
     def _begin_anew(self, ends: tuple[OneStream, OneStream], place: int, time_ns: int) -> None:
         """Take that another connection begins in place of this one."""
-        self._break_off(ends, place, time_ns, (Order.OLD_CLIENT, Order.OLD_SERVER), BY_CLIENT | REPLACED)
+        self._break_off(ends, place, time_ns, (Order.OLD_END, Order.OLD_END), BY_CLIENT | REPLACED)
         self._aside.drop(ends[0].number >> 1)
         for stream in ends:
             stream.forget()

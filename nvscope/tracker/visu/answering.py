@@ -42,14 +42,14 @@ class Answering:
             self._answers_head = self.requests is not None and self.requests.answers_head(max(at, self.known_at))
         return self._answers_head
 
-    def _answered(self, at: int, head: Head | None) -> bool:
-        """Take the end of a message; return whether it answers nobody."""
+    def _answered(self, at: int, head: Head | None, begin: int | None = None) -> bool:
+        """Take the end of a message; return whether it answers nobody. ``begin`` is where it begins, if not there."""
         nobody = self._answers_nobody
         self._answers_head, self._answers_nobody = None, False
         is_unasked = nobody and head is None
         if self.requests is not None and not is_unasked and not (head is not None and head.is_interim):
             known_at = at if at < 0 else max(at, self.known_at)
-            self.requests.answered(known_at, to_nobody=nobody)
+            self.requests.answered(known_at, at if begin is None else begin, at, to_nobody=nobody)
         if self.is_wary and head is not None and head.has_body:
             self.is_late = self.is_wary = False
         return nobody

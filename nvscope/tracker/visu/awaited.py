@@ -49,7 +49,8 @@ class Early(NamedTuple):
     """A response that came before the request was whole that it answers; its content, if it has any, is in its form.
 
     Of that request the head was there where it ``has_begun``; else ``reach`` tells whether it answers one that comes.
-    ``is_reply``: whatever it answers, it is parted as those of pages are.
+    ``is_reply``: whatever it answers, it is parted as those of pages are. ``is_lost``: nothing is known of it but that
+    bytes are missing, which end where its ``reach`` does.
     """
 
     form: Form
@@ -57,6 +58,7 @@ class Early(NamedTuple):
     reach: Reach
     has_begun: bool
     is_reply: bool = False
+    is_lost: bool = False
 
 
 class Happened(NamedTuple):

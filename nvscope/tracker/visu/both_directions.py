@@ -92,15 +92,16 @@ class BothDirections:
 
     ``ends`` are where pieces end in the data of the batch, ``places_of`` returns the pieces with which some of what was
     found was there, ``heads`` know since when requests had begun that were read before, ``missed`` which replies were
-    missed before the server was heard, where it is heard now. ``ended`` are, once they were
-    read, the places of the open requests that ended where they were answered: each stands in front of what answers it.
+    missed before the server was heard, as it is with ``begins`` (``Unheard``). ``ended`` are, once they were read, the
+    places of the open requests that ended where they were answered: each stands in front of what answers it.
     """
 
     def __init__(
         self, client: Run, server: Run, pieces: Pieces, ends: I64, found: Forms,
         places_of: Callable[[Sequence[int]], I64], heads: RequestHeads, missed: Missed | None = None,
+        begins: Sequence[int] = (),
     ) -> None:  # fmt: skip
-        self._missed = missed
+        self._missed, self._begins = missed, begins
         self._unheard: Unheard | None = None
         self._client, self._server = client, server
         self._pieces, self._ends, self._found = pieces, ends, found
@@ -126,7 +127,7 @@ class BothDirections:
             one._replace(head_order=order) for one, order in zip(self._asked(own), head_orders, strict=True)
         ]  # fmt: skip
         if self._missed is not None:
-            self._unheard = Unheard(waiting.first, self._missed)
+            self._unheard = Unheard(waiting, self._missed, self._begins)
             asked = self._unheard.take(asked)
         ends, heads = self._ends, self._begins_head
         requests = WaitingRequests(waiting, asked, ends, pieces, self._end_open, begins_head=heads)
@@ -140,8 +141,7 @@ class BothDirections:
             self._reach = int(reach[begin])
             self._read_client(self._reach, requests)
             if self._unheard is not None:
-                requests.ask(self._unheard.rest())
-                self._unheard = None
+                requests.ask(self._unheard.up_to(int(orders[begin])))
             self._forget(int(orders[begin]))
             server.read_up_to(server.start + end, pieces, self._ends, found)
             begin = end

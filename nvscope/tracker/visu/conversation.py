@@ -71,15 +71,15 @@ class Conversation(Struct):
             is_head = form.head is not None and form.head.method == "HEAD"
             asked = NOTHING if form.what is What.CUT else asked
             self.turns.pass_rest(reach.begin(form.head_bytes) if form.head_bytes else UNKNOWN)
-            self._wait(Waiting(asked, order, arrival_ns, is_head, reach=reach), tell)
+            self._wait(Waiting(asked, order, arrival_ns, is_head, reach=reach), form, tell)
         elif form.what is What.PART:
             of_page = self._is_of_page(form)
             if of_page:
                 self._tell_request(Kind.PART, asked, order, message, tell)
                 self._tell_unbounded(form, order, tell)
             # Who breaks off its own request waits for nothing, but for what has come before.
-            if form.broken_by is not Side.CLIENT or self.early.fit(reach):
-                self._wait(Waiting(asked if of_page else NOTHING, order, arrival_ns, reach=reach), tell)
+            if form.broken_by is not Side.CLIENT or self.has_early(form, reach):
+                self._wait(Waiting(asked if of_page else NOTHING, order, arrival_ns, reach=reach), form, tell)
         elif form.what is What.BROKEN:
             is_known = self.waits or self._is_of_page(form)
             if self._is_of_page(form):
@@ -125,9 +125,9 @@ class Conversation(Struct):
         """Tell whether what is not whole is a request of a page: what says nothing of itself, where others were."""
         return form.touched is Likeness.YES or (form.touched is Likeness.PERHAPS and self.is_visu)
 
-    def _wait(self, one: Waiting, tell: Callable[[Happened], None]) -> None:
+    def _wait(self, one: Waiting, form: Form, tell: Callable[[Happened], None]) -> None:
         others = self.early.reaches()
-        if self.early.is_torn and not self.early.fit(one.reach) and self.early.ends_torn():
+        if self.early.is_torn and not self.has_early(form, one.reach) and self.early.ends_torn():
             self.turns.lose()
         if not self.turns.ask(one.reach, others):
             # Something in front of it may have to be answered first.
@@ -294,7 +294,7 @@ class Conversation(Struct):
 
     def keep(self, early: Early) -> None:
         """Keep a response that may answer a request that is still to come."""
-        self._lacks[1] = False
+        self._lacks[1] &= early.is_lost
         if not early.has_begun:
             self.turns.owed.pass_by(early.reach)
         if not self.early.keep(early):
@@ -302,13 +302,13 @@ class Conversation(Struct):
 
     def answer_early(self, order: int, message: int, tell: Callable[[Happened], None]) -> None:
         """Take that the request is whole, with an order, that was answered before; the response is a message now."""
-        form, arrival_ns, reach, has_begun, _ = self.early.take()
+        form, arrival_ns, reach, has_begun, _, is_lost = self.early.take()
         if self.early.ends_torn():
             self.turns.lose()
         if self.waiting:
             self.waiting[0] = self.waiting[0]._replace(is_early=True)
             # What answers a request that has begun may be sent before any more of that is there.
-            reach = reach._replace(acknowledged=UNKNOWN) if has_begun else reach
+            reach = NOWHERE if is_lost else reach._replace(acknowledged=UNKNOWN) if has_begun else reach
             self.take_from_server(form, order, arrival_ns, message, tell, reach)
 
     def note_acknowledged(self, acknowledged: int) -> None:

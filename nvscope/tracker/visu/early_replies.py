@@ -59,13 +59,15 @@ class EarlyReplies(Struct):
         """Tell whether the first one may answer a request that lies there; forget what answers none to come.
 
         What answers a request that has begun does so, unless the server lacks its head: where that ``knows_head``, and
-        the server ``acknowledges`` what it answers, or the client had all of the response when it asked.
+        the server ``acknowledges`` what it answers, or the client had all of the response when it asked. Of a response
+        that is missing, the latter is enough.
         """
         while self.kept:
-            one = self.kept[0].reach
+            first, one = self.kept[0], self.kept[0].reach
             ahead = distance(one.acknowledged, reach.body_at)
-            lacks_head = knows_head and ahead < 0 and (acknowledges or is_had(one.behind, reach.acknowledged))
-            if not lacks_head if self.kept[0].has_begun else ahead >= 0 and reach.body_at != UNKNOWN:
+            was_had = is_had(one.behind, reach.acknowledged)
+            lacks_head = was_had if first.is_lost else knows_head and ahead < 0 and (acknowledges or was_had)
+            if not lacks_head if first.has_begun else ahead >= 0 and reach.body_at != UNKNOWN:
                 return True
             self.kept.popleft()
         return False

@@ -15,11 +15,11 @@ from msgspec.structs import replace
 from dissectors.batch import I64, U8
 from dissectors.http import Side
 from nvscope.engine.runs import runs_of
-from nvscope.tracker.pieces import ANEW, Brought, PieceKind, Pieces
+from nvscope.tracker.pieces import ANEW, NEVER, Brought, PieceKind, Pieces
 from nvscope.tracker.visu.both_directions import BothDirections, Run
 from nvscope.tracker.visu.http_forms import NOT_BEGUN, Form, Forms
 from nvscope.tracker.visu.http_reader import END_OF_HEAD, HttpReader
-from nvscope.tracker.visu.http_runs import Controls, are_short, begin_late_of, read_run, take_control
+from nvscope.tracker.visu.http_runs import Controls, are_short, begins_of, read_run, take_control
 from nvscope.tracker.visu.limits import MOST_HELD_BYTES
 from nvscope.tracker.visu.reach import Reaches
 from nvscope.tracker.visu.request_heads import EARLIER, ClientRows, RequestHeads
@@ -111,12 +111,12 @@ class HttpStreams:
 
     def read(
         self, buffer: U8, brought: Brought, waiting_of: Callable[[int], Waiting],
-        missed_of: Callable[[int, int], Missed] | None = None,
+        missed_of: Callable[[int], Missed] | None = None,
     ) -> HttpMessages:  # fmt: skip
         """Return what happens in the streams by the pieces of a batch; ``buffer`` is that of its packets.
 
         ``waiting_of`` tells which requests of a connection wait before the batch, ``missed_of`` which replies of one
-        were missed before an order, with which its server was heard first.
+        were missed before its server was heard.
         """
         pieces, found = brought.pieces, self._found
         found.renew()
@@ -126,7 +126,6 @@ class HttpStreams:
         controls = Controls.of(brought, ends)
         behind = [0, *ends[run_stop - 1].tolist()]
         is_short = are_short(brought, run_start, run_stop).tolist()
-        begin_late = begin_late_of(pieces, run_start).tolist()
         streams: list[int] = pieces.stream[run_start].tolist()
         told, counts = streams.copy(), list[int]()
         asking, breaks, given_up = -1, list[int](), 0
@@ -142,14 +141,13 @@ class HttpStreams:
                     self._held_bytes -= len(left.rest)
                     told.insert(len(counts), stream - 1)
                     counts.append(0)
-            begins = stream & 1 > 0 and begin_late[place]
-            missed = partial(missed_of, stream >> 1, int(pieces.order[start])) if begins and missed_of else None
             if paused is not None:
                 server = Run(self._reader(stream), data, behind[place], start, stop)
                 self._held_bytes -= len(server.reader.rest)
                 places_of, heads = partial(self._places, ends), self._heads(pieces, ends)
-                unheard = missed() if missed else None
-                both = BothDirections(paused, server, pieces, ends, found, places_of, heads, unheard)
+                begins = begins_of(pieces, start, stop)
+                missed = missed_of(stream >> 1) if begins and missed_of else None
+                both = BothDirections(paused, server, pieces, ends, found, places_of, heads, missed, begins)
                 of_client = both.read(waiting_of(stream >> 1), before - counts[-1])
                 given_up += self._leave_both(stream >> 1, (paused, server), pieces, both.ended)
                 counts[-1] += of_client
@@ -171,7 +169,9 @@ class HttpStreams:
             with_head = stream & 1 > 0 and stream >> 1 in self._with_head
             if with_head:
                 own = range(before if asking != stream >> 1 else before - counts[-1], before)
-                reader.requests = self._requests(brought, ends, own, stream >> 1, waiting_of, missed)
+                begins = begins_of(pieces, start, stop)
+                missed = missed_of(stream >> 1) if begins and missed_of else None
+                reader.requests = self._requests(brought, ends, own, stream >> 1, waiting_of, missed, begins)
             asking = stream >> 1
             self._held_bytes -= len(reader.rest)
             first_new = behind[place] + len(reader.rest)
@@ -321,9 +321,12 @@ class HttpStreams:
 
     def _requests(
         self, brought: Brought, ends: I64, own: range, connection: int, waiting_of: Callable[[int], Waiting],
-        missed: Callable[[], Missed] | None,
+        missed: Missed | None, begins: Sequence[int],
     ) -> WaitingRequests:  # fmt: skip
-        """Return the requests of a connection, some of them of this batch; ``missed`` are replies to them."""
+        """Return the requests of a connection, some of them of this batch; ``missed`` are replies to them.
+
+        ``begins`` are the orders with which the server's direction begins.
+        """
         found, pieces, heads = self._found, brought.pieces, self._heads(brought.pieces, ends)
         asked = [
             one._replace(head_order=heads.order_of(place, one.form))
@@ -331,8 +334,8 @@ class HttpStreams:
         ]  # fmt: skip
         waiting = waiting_of(connection)
         if missed is not None:
-            unheard = Unheard(waiting.first, missed())
-            asked = [*unheard.take(asked), *unheard.rest()]
+            unheard = Unheard(waiting, missed, begins)
+            asked = [*unheard.take(asked), *unheard.up_to(NEVER)]
         client = self._readers.get(2 * connection)
         begins_head = client is not None and client.begins_head
         begun = heads.begun(connection)

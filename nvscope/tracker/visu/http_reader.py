@@ -208,7 +208,7 @@ class HttpReader(Answering):
             return behind
         if behind > end:
             return -1
-        late, nobody = self.is_late, self._answered(behind, head)
+        late, nobody = self.is_late, self._answered(behind, head, start)
         size = head_end - start
         form = Form(What.WHOLE, head, head.length, answers_nobody=nobody, is_late=late, head_bytes=size)
         if head.coding:
@@ -236,7 +236,7 @@ class HttpReader(Answering):
             self._chunks = reader
             return -1
         self.open = None
-        late, nobody = self.is_late, self._answered(chunks.stop, head)
+        late, nobody = self.is_late, self._answered(chunks.stop, head, head_end)
         content, size = http.decoded(chunks.content, head.coding), chunks.stop - head_end
         form = Form(What.WHOLE, head, size, content, is_coded=True, answers_nobody=nobody, is_late=late)
         found.tell(head_end, self._or_unread(form, chunks.content))
@@ -248,7 +248,7 @@ class HttpReader(Answering):
             return form
         if self.side is Side.SERVER:
             return unread_response(form, body)
-        return unread_form(form.head, form.body_bytes, body)
+        return replace(unread_form(form.head, form.body_bytes, body), head_bytes=form.head_bytes)
 
     def _long_head(self, data: bytes, start: int) -> Form:
         return long_head_form(data, start, self._if_answers(), self.side)

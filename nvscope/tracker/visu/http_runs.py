@@ -64,11 +64,10 @@ def are_short(brought: Brought, start: I64, stop: I64) -> Bool:
     return short
 
 
-def begin_late_of(pieces: Pieces, start: I64) -> Bool:
-    """Tell of pieces with which of them a stream begins in the middle."""
-    late: Bool = pieces.kind[start] == int(PieceKind.BEGIN)
-    late &= (pieces.size[start] & IN_STEP) == 0
-    return late
+def begins_of(pieces: Pieces, start: int, stop: int) -> list[int]:
+    """Return the orders of those of some pieces with which their stream begins."""
+    orders: list[int] = pieces.order[start:stop][pieces.kind[start:stop] == int(PieceKind.BEGIN)].tolist()
+    return orders
 
 
 def read_run(

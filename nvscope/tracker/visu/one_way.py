@@ -86,9 +86,9 @@ class OneWay:
         own = slice(*(begin + np.searchsorted(frame[begin:end], (first, stop))).tolist())
         return latest_of(UNKNOWN, told[own])
 
-    def missed_of(self, connection: int, before: int) -> MissedReplies:
-        """Return what tells of the replies of a connection that were missed before an order."""
-        return MissedReplies(self, connection, before)
+    def missed_of(self, connection: int) -> MissedReplies:
+        """Return what tells of the replies of a connection that were missed."""
+        return MissedReplies(self, connection)
 
     def acknowledged_at(self, stream: int, order: int) -> int:
         """Return how far a stream's speaker acknowledges in the frame of an order, ``UNKNOWN`` where it is no such."""
@@ -100,22 +100,21 @@ class OneWay:
 
 
 class MissedReplies(NamedTuple):
-    """The replies of a server that were missed before an order, with which it was heard (``Missed``)."""
+    """The replies of a server that were missed before it was heard (``Missed``)."""
 
     one_way: OneWay
     connection: int
-    before: int
 
     def acknowledged(self, order: int) -> int:
         """Return up to where the client acknowledges the server's bytes with an order."""
         return self.one_way.acknowledged_at(2 * self.connection, order)
 
-    def by(self, order: int, acknowledged: int) -> int:
-        """Return with which order a reply was missed to what was asked with one; ``NEVER`` without any."""
+    def by(self, order: int, acknowledged: int, before: int) -> int:
+        """Return with which order a reply was missed to what was asked with one; ``NEVER`` without any before."""
         if acknowledged == UNKNOWN:
             return NEVER
         found = self.one_way.more_than(acknowledged, 2 * self.connection, order).order
-        return found if found < self.before else NEVER
+        return found if found < before else NEVER
 
 
 def more_bytes(acknowledged: int, before: int) -> int:

@@ -23,7 +23,7 @@ from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.missing_replies import MissingReplies
 from nvscope.tracker.visu.one_way import OneWay, more_bytes
 from nvscope.tracker.visu.plain_exchanges import AskedFor, Said, columns_of, paired
-from nvscope.tracker.visu.reach import UNKNOWN
+from nvscope.tracker.visu.reach import NOWHERE, UNKNOWN
 from nvscope.tracker.visu.unseen_requests import Answered
 
 _FEW = 16
@@ -183,7 +183,8 @@ class Pairing:
                     conversation.tell_unseen(order, tell)
                 if not conversation.waits and (early := self._early(conversation, row, order)) is not None:
                     conversation.keep(early)
-                    continue
+                    if not early.is_lost:
+                        continue
                 whole = self._form(row, is_needed=conversation.turns.is_tried)
                 conversation.take_from_server(whole, order, arrival_ns, row, tell, http.reach.at(row))
                 if not conversation.is_spoken and http.forms[form].what in (What.BEGIN, What.ANEW):
@@ -228,8 +229,9 @@ class Pairing:
                 form, content = replace(form, begin=content[:LIST_BEGIN_BYTES]), None
             form = replace(form, content=content, is_coded=True)
         elif form.what is What.BROKEN:
+            reach = NOWHERE if form.is_malformed or form.is_beyond else reach
             form = replace(form, what=What.CUT)
-        return Early(form, int(http.arrival_ns[row]), reach, has_begun, self._is_reply(row))
+        return Early(form, int(http.arrival_ns[row]), reach, has_begun, self._is_reply(row), is_lost)
 
     def _miss(self, conversation: Conversation, before: int) -> None:
         """Tell that a reply was not captured, of a server of which nothing was, as far as that is known before."""

@@ -39,8 +39,8 @@ class Missed(Protocol):
         """Return up to where the client acknowledges the server's bytes with an order."""
         ...
 
-    def by(self, order: int, acknowledged: int) -> int:
-        """Return with which order a reply was missed to what was asked with one; ``NEVER`` without any."""
+    def by(self, order: int, acknowledged: int, before: int) -> int:
+        """Return with which order a reply was missed to what was asked with one; ``NEVER`` without any before."""
         ...
 
 
@@ -68,33 +68,41 @@ def asked_at(found: Forms, places: Sequence[int], piece: I64, pieces: Pieces, en
 
 
 class Unheard:
-    """What a client's direction shows until its server is heard, and where replies to it were missed.
+    """What a client's direction shows while its server is not heard, and where replies to it were missed.
 
-    ``first`` is as in ``Waiting``. Nobody knows any more what waits then (``Conversation.miss_reply``).
+    ``waiting`` is what waits in front of a batch, ``begins`` are the orders with which the server's direction begins in
+    it: more than once where several connections follow each other between the same ends. Nobody knows any more what
+    waits where a reply was missed (``Conversation.miss_reply``).
     """
 
-    def __init__(self, first: tuple[int, int] | None, missed: Missed) -> None:
-        self._missed, self._waits = missed, first is not None
-        self._order = NEVER if first is None else missed.by(*first)
+    def __init__(self, waiting: Waiting, missed: Missed, begins: Sequence[int]) -> None:
+        self._missed, self._begins = missed, begins
+        self._heard_at = -1 if waiting.conversation.is_heard else begins[0]
+        self._waits, self._order = waiting.first is not None, NEVER
+        if waiting.first is not None:
+            self._order = missed.by(*waiting.first, self._heard_at)
 
     def take(self, asked: Iterable[Asked]) -> list[Asked]:
         """Return more of what the client's direction shows, with where nobody knows any more what waits."""
         found: list[Asked] = []
         for one in asked:
-            if self._order < one.order:
-                found += self.rest()
+            found += self.up_to(one.order)
             if one.form.what in (What.BROKEN, What.ANEW):
                 self._order, self._waits = NEVER, False
-            elif one.form.what in (What.WHOLE, What.CUT, What.PART) and not self._waits:
+            elif one.form.what in (What.WHOLE, What.CUT, What.PART) and not self._waits and one.order < self._heard_at:
                 self._waits = True
-                self._order = self._missed.by(one.order, self._missed.acknowledged(one.order))
+                self._order = self._missed.by(one.order, self._missed.acknowledged(one.order), self._heard_at)
+            if one.form.what is What.ANEW:
+                self._heard_at = next((begin for begin in self._begins if begin > one.order), NEVER)
             found.append(one)
         return found
 
-    def rest(self) -> list[Asked]:
-        """Return what is missed behind all that the client's direction showed."""
+    def up_to(self, before: int) -> list[Asked]:
+        """Return what is missed in front of an order, and has not been returned."""
+        if self._order >= before:
+            return []
         order, self._order, self._waits = self._order, NEVER, False
-        return [] if order == NEVER else [Asked(order, Form(What.BROKEN))]
+        return [Asked(order, Form(What.BROKEN))]
 
 
 class Ended(Enum):
@@ -150,9 +158,9 @@ class WaitingRequests:
         """Return what the client's direction shows next."""
         return next((one for one in self._asked if one.form.what is not What.GAP), None)
 
-    def answered(self, at: int, *, to_nobody: bool = False) -> None:
-        """Take the end of a response, or of one that answers nobody."""
-        order, reach = self._go_on(at), self._reach(at)
+    def answered(self, at: int, begin: int, behind: int, *, to_nobody: bool = False) -> None:
+        """Take the end of a response, or of one that answers nobody; ``at`` is the place with which that is known."""
+        order, reach = self._go_on(at), self._reach(at, begin, behind)
         if to_nobody or self._talk.waits:
             self._talk.take_from_server(_TO_NOBODY if to_nobody else _RESPONSE, order, 0, -1, _tell_nobody, reach)
             return
@@ -170,7 +178,9 @@ class WaitingRequests:
         if what is Ended.OPEN:
             self._take_asked(Asked(order, _OPEN))
         elif what is Ended.BEGUN:
-            self._talk.keep(Early(_RESPONSE, 0, self._reach(at), has_begun=True))
+            is_missing = self._pieces.kind[self._piece(at)] == int(PieceKind.HOLE)
+            reach = self._reach(at) if is_missing else NOWHERE
+            self._talk.keep(Early(_RESPONSE, 0, reach, has_begun=True, is_lost=True))
 
     def _answers(self, at: int, order: int) -> Ended:
         """Return what a response answers where no request waits that is whole; a request may end with that."""
@@ -214,12 +224,14 @@ class WaitingRequests:
     def _piece(self, at: int) -> int:
         return ~at if at < 0 else int(self._ends.searchsorted(at))
 
-    def _reach(self, at: int) -> Reach:
+    def _reach(self, at: int, begin: int | None = None, behind: int | None = None) -> Reach:
+        """Return where something lies that is known with a place of the data, where it begins in that, and ends."""
         pieces, piece = self._pieces, self._piece(at)
         if pieces.kind[piece] == int(PieceKind.END):
             return NOWHERE
-        behind = int(pieces.behind[piece]) - (int(self._ends[piece]) - at if at >= 0 else 0)
-        return Reach(UNKNOWN, behind % WRAP, int(pieces.acknowledged[piece]))
+        first = int(pieces.behind[piece]) - (int(self._ends[piece]) if at >= 0 else at)
+        body_at, behind = (first + (at if one is None else one) for one in (begin, behind))
+        return Reach(body_at % WRAP, behind % WRAP, int(pieces.acknowledged[piece]))
 
 
 _RESPONSE, _GAP, _BROKEN, _END = (Form(what) for what in (What.WHOLE, What.GAP, What.BROKEN, What.END))

@@ -44,6 +44,8 @@ class Message:
     told: int | None = None
     has: int | None = None
     """What it acknowledges where it answers a request that has begun, whatever it ``told``."""
+    missing_to: int | None = None
+    """Up to where bytes are missing, where nothing but these is known of it."""
 
 
 @dataclass
@@ -60,3 +62,11 @@ class Lost:
     size: int = 0
     """How many bytes are missing, in front of the sequence number ``behind``."""
     behind: int = 0
+
+    def response(self) -> Message:
+        """Return the response that is lost; behind 1xx, that is in what is missing, too."""
+        message = self.dropped
+        if message is None or 100 <= message.status < 200:
+            message = Message(cut=True, whole=False)
+        message.missing_to = self.behind if self.missing else None
+        return message

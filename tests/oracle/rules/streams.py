@@ -110,6 +110,8 @@ class Streams:
         pair = frozenset((source, destination))
         captured = Captured(segment, source, frame.ts_ns, number)
         self.held.note(captured, destination)
+        if (known := self.connections.get(pair)) is not None:
+            known.directions[source != known.client].be_acknowledged(segment)
         for place, one in enumerate(self.held.released(pair, captured, lambda: self.connections.get(pair))):
             self.happened["taken in another order"] += one is not captured
             yield from self.take((number, place), one)
@@ -142,9 +144,7 @@ class Streams:
             connection = self.connections[pair] = self.connect(segment, source, destination)
         from_client = source == connection.client
         own, other = connection.directions[from_client], connection.directions[not from_client]
-        known = other.acknowledged
-        if segment.flags & ACK and (known is None or distance(segment.ack, known) > 0):
-            other.acknowledged = segment.ack
+        other.be_acknowledged(segment)
         hear(own, other, segment)
         if segment.flags & ACK:
             yield from self.acknowledged(connection, not from_client)

@@ -74,6 +74,11 @@ class Direction:
             found += before is not None and before != byte
         return found
 
+    def be_acknowledged(self, segment: Segment) -> None:
+        known = self.acknowledged
+        if segment.flags & ACK and (known is None or distance(segment.ack, known) > 0):
+            self.acknowledged = segment.ack
+
     @property
     def sent(self) -> int:
         """The place behind all that was sent so far."""

@@ -134,10 +134,8 @@ class Visu:
         else:
             later = asked_behind(talk, what)
             if what.in_step and not (later and len(later) == len(talk.waiting)):
-                # Behind 1xx, the response is in what is missing, too.
-                dropped = None if what.dropped is None or 100 <= what.dropped.status < 200 else what.dropped
                 waited += self.end_open_request(talk) if not (talk.forgotten or talk.waiting) else 0
-                self.response(talk, dropped or Message(cut=True, whole=False))
+                self.response(talk, what.response())
             talk.forgotten = False
             visu_turns.lose_server(talk, what, later, waited)
         talk.waiting[:] = [] if from_client else later

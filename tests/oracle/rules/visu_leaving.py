@@ -10,7 +10,8 @@ Readings, where the rules leave a choice:
 - where nothing that the server sent was captured but acknowledgements, nobody knows whether it answered. Of who was
   heard later, frames count from then on
 - where it had acknowledged bytes behind all that was captured of the server before that, two or more and up to 1 MiB,
-  nobody knows whether one of these answered it; what it had acknowledged with the request is no answer to that
+  nobody knows whether one of these answered it; what it had acknowledged with the request is no answer to that.
+  What waits for segments that it acknowledges (``streams_held``) tells so, too
 - the frame that ended a connection is the one with which the last byte of the direction was there, not the one that
   brought the FIN
 """

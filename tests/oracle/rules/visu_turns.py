@@ -9,7 +9,8 @@ Readings, where the rules leave a choice:
   those the four last ones, each for one request. Where the server loses step by missing bytes behind these, no more are
   kept before they have answered something, and nobody knows how many requests wait when none of them is left
 - one that comes while a request is being received, of which the head is there, answers that, unless the server does not
-  acknowledge the head with it, though it has done so with others, or though the client had all of it when it asked
+  acknowledge the head with it, though it has done so with others, or though the client had all of it when it asked;
+  what is missing in its place does, unless the client had all of that
 - where the server's direction begins behind what a client acknowledged with a request, nobody knows what answers that,
   whether it waits then or is known only later, until its client had that much
 - while requests wait of which nobody knows what answers them (``visu_owed``), none is in step
@@ -336,6 +337,8 @@ def wait(talk: Talk, one: Waiting) -> None:
 def may_answer_late(talk: Talk, response: Message, request: Message) -> bool:
     if response.told is not None:
         return may_answer(response, request) or False
+    if has(request.told, response.missing_to):
+        return False
     lacks_head = request.begin_at is not None and (behind(response.has, request.head_at) or 0) < 0
     return not (lacks_head and (talk.turns.acknowledges or has(request.told, response.behind)))
 

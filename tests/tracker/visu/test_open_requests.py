@@ -106,6 +106,16 @@ def test_of_chunks_that_are_answered_within_one_nobody_knows_what_they_ask_for()
     assert became(line.ask(WRITE).answer(DONE).frames) == [("9.5", "confirmed")]
 
 
+@pytest.mark.parametrize("end", [Line.reset, lambda line, side: line.segment(side, flags=SYN, seq=77)])
+def test_a_reply_that_is_missing_is_one_to_it_however_the_connection_is_over(end: object) -> None:
+    """What was asked for is whole then, though only the begin of another connection shows the end of this one."""
+    assert callable(end)
+    lost = asked(WRITE[:-1]).lose(False, len(DONE)).segment(True)
+    assert became(end(lost, True).frames) == [("9.5", "open")]
+    rows, _ = told(followed([batch_of(lost.frames)]))
+    assert (rows[0]["writes"], rows[0]["cut"]) == (1, 1)
+
+
 def test_a_body_for_which_there_is_no_room_ends_where_it_is_answered() -> None:
     line = Line().open().ask(WRITE)
     for _ in range(40):
