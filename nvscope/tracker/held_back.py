@@ -26,6 +26,9 @@ MOST_HELD = 1 << 7
 MOST_HELD_BYTES = 1 << 24
 """So much of all connections together: what comes when there is more is taken as it comes."""
 
+_OWN_BYTES = 1 << 8
+"""So much is a segment that has no data."""
+
 
 class Captured(NamedTuple):
     """A segment of a connection; ``source`` is where its data is in the batch's buffer, or the data itself."""
@@ -49,6 +52,11 @@ class Captured(NamedTuple):
     def size(self) -> int:
         """How many sequence numbers it takes."""
         return self.payload_bytes + (self.flags & SYN) // SYN + (self.flags & FIN)
+
+    @property
+    def room_bytes(self) -> int:
+        """How much it takes to hold it."""
+        return _OWN_BYTES + self.captured_bytes
 
     def with_data(self, data: U8) -> Captured:
         """Return it with its data, which lies in ``data``."""
@@ -103,7 +111,7 @@ class HeldBack:
     def keep(self, numbers: Mapping[int, int]) -> None:
         """Forget those of all connections but some, which are numbered anew; ``numbers`` are of streams."""
         self._of = {numbers[2 * one] >> 1: held for one, held in self._of.items() if 2 * one in numbers}
-        self._bytes = sum(one.captured_bytes for held in self._of.values() for one in held)
+        self._bytes = sum(one.room_bytes for held in self._of.values() for one in held)
 
     def hold_data(self, connection: int, data: U8) -> None:
         """Hold the data of a connection, which lies in the buffer of a batch."""
@@ -116,7 +124,7 @@ class HeldBack:
         """Yield what is to be taken now that a segment has come, in order; ``ends`` are looked at in between."""
         held = self._of.setdefault(connection, [])
         held.append(segment)
-        self._bytes += segment.captured_bytes
+        self._bytes += segment.room_bytes
         while held:
             first = held[0]
             if is_early(ends, first, opened_late):
@@ -126,11 +134,11 @@ class HeldBack:
                 for place in bringing:
                     yield held[place]
                 for place in reversed(bringing):
-                    self._bytes -= held.pop(place).captured_bytes
+                    self._bytes -= held.pop(place).room_bytes
                 is_late = segment.time_ns - first.time_ns > PATIENCE_NS or len(held) > MOST_HELD
                 if not (bringing or is_late or self._bytes > MOST_HELD_BYTES):
                     return
-            self._bytes -= held.pop(0).captured_bytes
+            self._bytes -= held.pop(0).room_bytes
             yield first
         del self._of[connection]
 

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import nvscope.tracker.held_back
 from tests.laws import cut_sizes, examples, some
 from tests.oracle.builders import MILLISECOND, SECOND
 from tests.oracle.frame import Frame
@@ -126,6 +127,15 @@ def test_nothing_waits_for_longer_than_a_tenth_of_a_second_or_in_front_of_many(o
     assert row["latency_ns"]["count"] == 2
     (row,), _ = told(too_late)
     assert row["latency_ns"]["count"] == 1
+
+
+def test_where_too_much_waits_in_all_nothing_more_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    frames, counts = late(0, 0), []
+    for most in (1 << 10, 1 << 8):
+        monkeypatch.setattr(nvscope.tracker.held_back, "MOST_HELD_BYTES", most)
+        (row,), _ = told(followed([batch_of(frames)]))
+        counts.append(row["latency_ns"]["count"])
+    assert counts == [2, 1]
 
 
 def late(others: int, wait_ns: int) -> list[Frame]:
