@@ -12,11 +12,11 @@ came.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple
 
 from dissectors.batch import U8
-from dissectors.headers import ACK, FIN, RST, SYN
+from dissectors.headers import RST, SYN
 from nvscope.tracker.one_stream import OneStream, ahead_of
+from nvscope.tracker.segments import Captured
 from nvscope.tracker.segments_aside import NEAR
 
 PATIENCE_NS = 10**8
@@ -25,44 +25,6 @@ MOST_HELD = 1 << 7
 
 MOST_HELD_BYTES = 1 << 24
 """So much of all connections together: what comes when there is more is taken as it comes."""
-
-_OWN_BYTES = 1 << 8
-"""So much is a segment that has no data."""
-
-
-class Captured(NamedTuple):
-    """A segment of a connection; ``source`` is where its data is in the batch's buffer, or the data itself."""
-
-    side: int
-    sequence: int
-    acknowledgement: int
-    flags: int
-    source: int | bytes
-    payload_bytes: int
-    captured_bytes: int
-    frame: int
-    time_ns: int
-
-    @property
-    def told(self) -> int:
-        """What it acknowledges, -1 where it says nothing."""
-        return self.acknowledgement if self.flags & ACK and self.acknowledgement else -1
-
-    @property
-    def size(self) -> int:
-        """How many sequence numbers it takes."""
-        return self.payload_bytes + (self.flags & SYN) // SYN + (self.flags & FIN)
-
-    @property
-    def room_bytes(self) -> int:
-        """How much it takes to hold it."""
-        return _OWN_BYTES + self.captured_bytes
-
-    def with_data(self, data: U8) -> Captured:
-        """Return it with its data, which lies in ``data``."""
-        if not isinstance(self.source, int):
-            return self
-        return self._replace(source=data[self.source : self.source + self.captured_bytes].tobytes())
 
 
 def is_early(ends: tuple[OneStream, OneStream], segment: Captured, opened_late: int) -> bool:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from msgspec import Struct
 
-from dissectors.batch import I64, Bool
+from dissectors.batch import I64, U8, Bool
 from dissectors.columns import Columns
+from dissectors.headers import ACK, FIN, SYN
 from nvscope.engine.keyed_columns import KeyedColumns
 
 FAR = 1 << 30
@@ -17,6 +18,9 @@ FAR = 1 << 30
 
 WRAP, HALF = 1 << 32, 1 << 31
 """How many sequence numbers there are, and half as many."""
+
+_OWN_BYTES = 1 << 8
+"""So much is a segment that has no data."""
 
 
 class StreamColumns(KeyedColumns):
@@ -79,3 +83,38 @@ class Segments(Columns, Struct, frozen=True):
         """Return the columns of some of them, one after the other."""
         columns = (getattr(self, name)[start:stop].tolist() for name in Segments.__match_args__)
         return zip(*columns, strict=True)
+
+
+class Captured(NamedTuple):
+    """A segment of a connection; ``source`` is where its data is in the batch's buffer, or the data itself."""
+
+    side: int
+    sequence: int
+    acknowledgement: int
+    flags: int
+    source: int | bytes
+    payload_bytes: int
+    captured_bytes: int
+    frame: int
+    time_ns: int
+
+    @property
+    def told(self) -> int:
+        """What it acknowledges, -1 where it says nothing."""
+        return self.acknowledgement if self.flags & ACK and self.acknowledgement else -1
+
+    @property
+    def size(self) -> int:
+        """How many sequence numbers it takes."""
+        return self.payload_bytes + (self.flags & SYN) // SYN + (self.flags & FIN)
+
+    @property
+    def room_bytes(self) -> int:
+        """How much it takes to hold it."""
+        return _OWN_BYTES + self.captured_bytes
+
+    def with_data(self, data: U8) -> Captured:
+        """Return it with its data, which lies in ``data``."""
+        if not isinstance(self.source, int):
+            return self
+        return self._replace(source=data[self.source : self.source + self.captured_bytes].tobytes())

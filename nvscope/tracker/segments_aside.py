@@ -8,11 +8,10 @@ connection has begun: in no other can both be.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import NamedTuple
 
 from dissectors.batch import U8
 from dissectors.headers import FIN
-from nvscope.tracker.segments import HALF, WRAP
+from nvscope.tracker.segments import HALF, WRAP, Captured
 
 NEAR = 1 << 20
 """What is that near to where a stream has begun, or has ended, may be of it all the same."""
@@ -24,48 +23,29 @@ MOST_ASIDE_SEGMENTS = 1 << 8
 MOST_ASIDE_IN_ALL = 1 << 8
 
 
-class Segment(NamedTuple):
-    """One that is kept aside; ``source`` is where its data is in the batch's buffer, or the data itself."""
-
-    sequence: int
-    flags: int
-    source: int | bytes
-    payload_bytes: int
-    captured_bytes: int
-    time_ns: int
-    told: int
-
-    def with_data(self, data: U8) -> Segment:
-        """Return it with its data, which lies in ``data``."""
-        if not isinstance(self.source, int):
-            return self
-        return self._replace(source=data[self.source : self.source + self.captured_bytes].tobytes())
-
-
 class Aside:
     """Segments of one direction that follow on each other."""
 
-    def __init__(self, side: int, first: Segment) -> None:
-        self.side = side
+    def __init__(self, first: Captured) -> None:
         self.segments = [first]
         self._size = first.payload_bytes
 
-    def goes_on_with(self, side: int, segment: Segment) -> bool:
+    def goes_on_with(self, segment: Captured) -> bool:
         """Tell whether a segment follows on these, and keep it with them then."""
         size = self._size + segment.payload_bytes
         is_room = size <= MOST_ASIDE_BYTES and len(self.segments) < MOST_ASIDE_SEGMENTS
-        if side != self.side or (segment.sequence - self._end) % WRAP or not is_room:
+        if segment.side != self.segments[0].side or (segment.sequence - self._end) % WRAP or not is_room:
             return False
         self.segments.append(segment)
         self._size = size
         return True
 
-    def is_proven_by(self, side: int, sequence: int, told: int) -> bool:
+    def is_proven_by(self, segment: Captured) -> bool:
         """Tell whether a segment, which is no SYN or RST, begins where these acknowledge, and acknowledges some."""
         last = self.segments[-1]
-        if side == self.side or sequence != last.told or told < 0:
+        if segment.side == last.side or segment.sequence != last.told or segment.told < 0:
             return False
-        ahead = (told - self.segments[0].sequence) % WRAP
+        ahead = (segment.told - self.segments[0].sequence) % WRAP
         return 0 < ahead <= self._size + (last.flags & FIN)
 
     @property
@@ -90,22 +70,22 @@ class SegmentsAside:
         """Ignore those of all connections but some, which are numbered anew; ``numbers`` are of streams."""
         self._of = {numbers[2 * one] >> 1: aside for one, aside in self._of.items() if 2 * one in numbers}
 
-    def put(self, connection: int, side: int, segment: Segment) -> None:
+    def put(self, connection: int, segment: Captured) -> None:
         """Keep a segment, in place of what it does not follow on; one that acknowledges nothing tells nothing."""
         known = self._of.get(connection)
         if segment.told < 0:
             self._of.pop(connection, None)
-        elif not (known and known.goes_on_with(side, segment)) and (known or len(self._of) < MOST_ASIDE_IN_ALL):
-            self._of[connection] = Aside(side, segment)
+        elif not (known and known.goes_on_with(segment)) and (known or len(self._of) < MOST_ASIDE_IN_ALL):
+            self._of[connection] = Aside(segment)
 
     def drop(self, connection: int) -> None:
         """Ignore what is kept of a connection: that goes on."""
         self._of.pop(connection, None)
 
-    def proven_by(self, connection: int, side: int, sequence: int, told: int) -> Aside | None:
+    def proven_by(self, connection: int, segment: Captured) -> Aside | None:
         """Return what a segment shows to be of another connection, and keep it no more; None where it shows nothing."""
         aside = self._of.get(connection)
-        return self._of.pop(connection) if aside and aside.is_proven_by(side, sequence, told) else None
+        return self._of.pop(connection) if aside and aside.is_proven_by(segment) else None
 
     def hold_data(self, connection: int, data: U8) -> None:
         """Hold the data of a connection, which lies in the buffer of a batch."""

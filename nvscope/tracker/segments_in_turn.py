@@ -21,7 +21,7 @@ import numpy as np
 
 from dissectors.batch import U8
 from dissectors.headers import ACK, FIN, RST, SYN
-from nvscope.tracker.held_back import Captured, HeldBack, is_behind_its_acknowledgement, is_early
+from nvscope.tracker.held_back import HeldBack, is_behind_its_acknowledgement, is_early
 from nvscope.tracker.kept_segments import BEGIN, Kept, missing_of, others_of
 from nvscope.tracker.one_stream import OneStream, ahead_of
 from nvscope.tracker.pieces import (
@@ -39,8 +39,8 @@ from nvscope.tracker.pieces import (
     PieceKind,
     Pieces,
 )
-from nvscope.tracker.segments import FAR, WRAP, Segments, StreamColumns
-from nvscope.tracker.segments_aside import NEAR, Aside, Segment, SegmentsAside, missing_behind
+from nvscope.tracker.segments import FAR, WRAP, Captured, Segments, StreamColumns
+from nvscope.tracker.segments_aside import NEAR, Aside, SegmentsAside, missing_behind
 
 MOST_KEPT_BYTES = 1 << 18
 MOST_KEPT_IN_ALL_BYTES = 1 << 26
@@ -186,9 +186,9 @@ class SegmentsInTurn:
         if ends[0].disordered and not was_disordered:
             self.disordered.append((connection, segment.frame))
 
-    def _take_now(self, ends: tuple[OneStream, OneStream], captured: Captured, place: int) -> None:
-        side, sequence, acknowledgement, flags, source, payload_bytes, captured_bytes, _, time_ns = captured
-        own, other, connection, told = ends[side], ends[1 - side], ends[0].number >> 1, captured.told
+    def _take_now(self, ends: tuple[OneStream, OneStream], segment: Captured, place: int) -> None:
+        side, sequence, acknowledgement, flags, _, payload_bytes, _, _, time_ns = segment
+        own, other, connection = ends[side], ends[1 - side], ends[0].number >> 1
         if own.ended and other.ended and time_ns - max(own.latest_ns, other.latest_ns) > FORGOTTEN_NS:
             self._aside.drop(connection)
             for stream in ends:
@@ -204,13 +204,13 @@ class SegmentsInTurn:
             if is_new and (own.begun or other.begun):
                 # Whoever it is whose SYN is there: it is the client that begins another one.
                 self._begin_anew(ends, place, time_ns)
-        elif not flags & RST and (proven := self._aside.proven_by(connection, side, sequence, told)) is not None:
+        elif not flags & RST and (proven := self._aside.proven_by(connection, segment)) is not None:
             self._begin_anew(ends, place, time_ns)
             self._take_proven(ends, proven, place)
         elif not (own.begun or other.begun) and (flags & RST or not (payload_bytes or flags & FIN)):
             return
         other.note_acknowledged(acknowledgement, flags)
-        own.note_had(other, sequence, flags, payload_bytes, told)
+        own.note_had(other, sequence, flags, payload_bytes, segment.told)
         while other.kept and other.hole_is_acknowledged:
             self._give_up_hole(other, place, Order.ACKNOWLEDGED)
         for stream, order in zip(ends, (Order.OLD_CLIENT, Order.OLD_SERVER), strict=True):
@@ -223,14 +223,13 @@ class SegmentsInTurn:
             return
         if not (payload_bytes or flags & (SYN | FIN)):
             return
-        segment = Segment(sequence, flags, source, payload_bytes, captured_bytes, time_ns, told)
         if own.begun and not flags & SYN and own.is_elsewhere(sequence):
-            self._aside.put(connection, side, segment)
+            self._aside.put(connection, segment)
             return
         self._aside.drop(connection)
-        if is_behind_its_acknowledgement(own, captured):
+        if is_behind_its_acknowledgement(own, segment):
             own.disordered = other.disordered = True
-        self._bring(own, other, segment, place, Order.OWN)
+        self._bring(ends, segment, place, Order.OWN)
 
     def _begin_anew(self, ends: tuple[OneStream, OneStream], place: int, time_ns: int) -> None:
         """Take that another connection begins in place of this one."""
@@ -242,11 +241,12 @@ class SegmentsInTurn:
     def _take_proven(self, ends: tuple[OneStream, OneStream], proven: Aside, place: int) -> None:
         """Take what a place has shown to be of the connection that has begun."""
         for segment in proven.segments:
-            self._bring(ends[proven.side], ends[1 - proven.side], segment, place, Order.PROVEN)
+            self._bring(ends, segment, place, Order.PROVEN)
 
-    def _bring(self, own: OneStream, other: OneStream, segment: Segment, place: int, order: Order) -> None:
+    def _bring(self, ends: tuple[OneStream, OneStream], segment: Captured, place: int, order: Order) -> None:
         """Take what a segment brings of its stream."""
-        sequence, flags, source, payload_bytes, captured_bytes, time_ns, told = segment
+        side, sequence, _, flags, source, payload_bytes, captured_bytes, _, time_ns = segment
+        own, other, told = ends[side], ends[1 - side], segment.told
         if not own.begun:
             own.begin(sequence, (flags & SYN) // SYN, told)
             size = (IN_STEP if flags & SYN else 0) | (0 if other.begun else ANEW)
@@ -283,7 +283,7 @@ class SegmentsInTurn:
             for part in parts:
                 self._pass_on(own, part, place, order)
 
-    def _note_again(self, stream: OneStream, segment: Segment, back: int, order: int) -> None:
+    def _note_again(self, stream: OneStream, segment: Captured, back: int, order: int) -> None:
         """Note that the first bytes of a segment come again, which lies so far behind the place of its stream."""
         source, captured = segment.source, segment.captured_bytes
         if isinstance(source, bytes):
