@@ -24,6 +24,8 @@ MAX_SNAP_BYTES = 16 << 20
 # The walk visits a stretch all over: small enough to stay in the cache, large enough for many lanes.
 _FIRST_STRIDE_BYTES = 64 << 10
 _SMALL_RECORD_BYTES = 256
+_LARGE_STRIDES = 4
+"""Of records that are not small, a stretch of so many strides is walked at a time: it is jumped over, not read."""
 
 
 class Taken(Struct, frozen=True):
@@ -83,7 +85,8 @@ class RecordReader(WindowReader):
                 self._stop_at(self.position, f"damaged: {taken.fault}; nothing after it can be read")
             self.progress.frames += len(taken.packets)
             # After a section in the other byte order the walk begins small again: there may be many of them.
-            stride = min(2 * stride, sizes.stride_bytes) if framing is self.framing else min(4096, stride)
+            longest = sizes.stride_bytes * (_LARGE_STRIDES if self._record_bytes >= _SMALL_RECORD_BYTES else 1)
+            stride = min(2 * stride, longest) if framing is self.framing else min(4096, stride)
             yield from columns.add(taken.packets)
         if columns.rows:
             yield columns.take(view.data)
