@@ -33,6 +33,13 @@ class Columns:
 
     @classmethod
     def stacked(cls, parts: Sequence[Any]) -> Self:
-        """Return the rows of some parts, of which each has at least these columns, one part behind the other."""
+        """Return the rows of some parts, of which each has at least these columns, one part behind the other.
+
+        Where all rows are those of one part, they are not copied.
+        """
         made: Callable[..., Self] = cls
+        parts = [part for part in parts if len(part)] or parts[:1]
+        if len(parts) == 1 and type(parts[0]) is cls:
+            only: Self = parts[0]
+            return only
         return made(*[np.concatenate([getattr(part, name) for part in parts]) for name in cls.__match_args__])

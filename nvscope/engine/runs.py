@@ -33,6 +33,13 @@ def distinct(numbers: I64) -> I64:
     ordered: I64 = numbers.flatten()
     if len(ordered) < 2:
         return ordered
+    least = ordered.min()
+    # To count the few numbers that there can be is many times as fast as to sort all.
+    if int(ordered.max()) - int(least) < len(ordered):
+        ordered -= least
+        count = np.bincount(ordered.astype(np.int64, copy=False))
+        few: I64 = count.nonzero()[0].astype(numbers.dtype, copy=False) + least
+        return few
     ordered.sort()
     first = np.empty(len(ordered), np.bool_)
     first[0] = True

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nvscope.engine.runs import first_of_each, rows_by
+from nvscope.engine.runs import distinct, first_of_each, rows_by
 
 _NUMBER = st.one_of(st.integers(-2, 3), st.integers(-(1 << 40), 1 << 40))
 
@@ -31,3 +31,25 @@ def test_each_different_row_of_numbers_stands_first_at_one_place(given_rows: tup
     width, rows = given_rows
     columns = [np.array([row[place] for row in rows], np.int64) for place in range(width)]
     assert first_of_each(columns).tolist() == sorted(rows.index(row) for row in set(rows))
+
+
+@given(
+    st.sampled_from(["int64", "uint64", "int32", "uint16", "uint8"]).flatmap(
+        lambda kind: st.tuples(
+            st.just(kind),
+            st.lists(
+                st.one_of(
+                    st.integers(np.iinfo(kind).min, np.iinfo(kind).max),
+                    st.integers(np.iinfo(kind).max - 3, np.iinfo(kind).max),
+                    st.integers(np.iinfo(kind).min, np.iinfo(kind).min + 3),
+                ),
+                max_size=40,
+            ),
+        )
+    )
+)
+def test_different_numbers_are_those_of_a_set_rising_of_the_same_kind(drawn: tuple[str, list[int]]) -> None:
+    kind, numbers = drawn
+    found = distinct(np.array(numbers, kind))
+    assert found.tolist() == sorted(set(numbers))
+    assert found.dtype == kind
