@@ -247,20 +247,26 @@ class Presence:
 
     def _observe_others(self, heard: Heard, seen: _Seen) -> None:
         """Take the frames that are no telegrams of lists, of hardware and of IP addresses."""
+        rows, place = seen.rows(seen.other)
+        times_ns = heard.times_ns(rows)
+        for name in ("hardware", "ip"):
+            number, time_ns = seen.numbers(name).take(place), times_ns
+            known = number >= 0
+            if not known.all():
+                number, time_ns = number[known], time_ns[known]
+            self._observe_others_of(number, time_ns)
+
+    def _observe_others_of(self, number: I64, time_ns: I64) -> None:
+        """Take frames of addresses by number, as they came; none is of a list."""
         columns = self.columns
-        row, place = seen.rows(seen.other)
-        parts = [seen.numbers(name)[place] for name in ("hardware", "ip")]
-        row, number = np.tile(row, len(parts)), np.concatenate(parts)
-        known = number >= 0
-        if not known.all():
-            row, number = row[known], number[known]
         order = stable_order(number, len(columns))
-        row, number = row[order], number[order]
+        number, time_ns = number.take(order), time_ns.take(order)
         start, stop = runs_of(number)
         if not len(start):
             return
-        run, time_ns = number[start], heard.times_ns(row)
-        before_ns = np.roll(time_ns, 1)
+        run = number[start]
+        before_ns = np.empty_like(time_ns)
+        before_ns[1:] = time_ns[:-1]
         before_ns[start] = columns.last_other_ns[run]
         self.signs.observe(number, time_ns, before_ns, len(columns))
         columns.others[run] += stop - start
