@@ -60,36 +60,27 @@ class Connections:
         A stream is twice the number of the connection, plus 1 for what the server sends. Segments that are
         ``carrying`` something make connections known.
         """
-        source_hi, source_lo = segments.source_hi, segments.source_lo
-        to_hi, to_lo = segments.destination_hi, segments.destination_lo
-        port, to_port = segments.source_port.astype(np.uint64), segments.destination_port.astype(np.uint64)
-        by_low = (source_lo < to_lo) | ((source_lo == to_lo) & (port <= to_port))
-        is_low = (source_hi < to_hi) | ((source_hi == to_hi) & by_low)
-        sixteen = np.uint64(16)
-        words = (
-            np.where(is_low, source_hi, to_hi), np.where(is_low, source_lo, to_lo),
-            np.where(is_low, to_hi, source_hi), np.where(is_low, to_lo, source_lo),
-            np.where(is_low, port << sixteen | to_port, to_port << sixteen | port),
-        )  # fmt: skip
+        start, length = _runs_of(segments)
+        if not len(start):
+            return np.empty(0, np.int64)
+        words, is_low = _keys_of(segments, start)
+        carries = np.logical_or.reduceat(carrying, start)
         known = len(self._keys)
-        rest = np.flatnonzero(~carrying)
-        if not len(rest):
-            number = _by_runs(self._keys.numbers, words)
-        else:
-            number = np.empty(len(segments), np.int64)
-            number[carrying] = _by_runs(self._keys.numbers, [word[carrying] for word in words])
+        number = np.empty(len(start), np.int64)
+        number[carries] = _by_runs(self._keys.numbers, [word[carries] for word in words])
+        rest = np.flatnonzero(~carries)
+        if len(rest):
             number[rest] = _by_runs(self._keys.find, [word[rest] for word in words])
-        self._name_servers(segments, is_low, carrying, number, known)
-        stream = np.full(len(segments), -1)
+        self._servers.resize(len(self._keys))
+        if len(self._keys) > known:
+            self._name_servers(segments, np.repeat(is_low, length), carrying, np.repeat(number, length), known)
+        stream = np.full(len(start), -1)
         own = np.flatnonzero(number >= 0)
         stream[own] = 2 * number[own] + (is_low[own] == self._servers.low_serves[number[own]])
-        return stream
+        return np.repeat(stream, length)
 
     def _name_servers(self, segments: SegmentBatch, is_low: Bool, carrying: Bool, number: I64, known: int) -> None:
         """Find out who is the server of new connections: who has a claimed port, or else who is spoken to first."""
-        self._servers.resize(len(self._keys))
-        if len(self._keys) == known:
-            return
         # What carries nothing makes no connection known, and does not say who its server is.
         first = first_rows_from(np.where(carrying, number, -1), known, len(self._keys))
         from_claimed = np.isin(segments.source_port[first], self._ports)
@@ -121,8 +112,40 @@ class Connections:
         self._renewals += 1
 
 
+def _runs_of(segments: SegmentBatch) -> tuple[I64, I64]:
+    """Return where segments begin that follow each other between the same ends, the same way, and how many there are.
+
+    So do most: what they are is found out once for all of them.
+    """
+    first = np.ones(len(segments), np.bool_)
+    ends = (
+        segments.source_lo, segments.destination_lo, segments.source_port, segments.destination_port,
+        segments.source_hi, segments.destination_hi,
+    )  # fmt: skip
+    first[1:] = np.logical_or.reduce([column[1:] != column[:-1] for column in ends])
+    start = first.nonzero()[0]
+    return start, np.diff(start, append=len(segments))
+
+
+def _keys_of(segments: SegmentBatch, rows: I64) -> tuple[tuple[U64, ...], Bool]:
+    """Return the keys of the connections of some segments, and which of these are sent by the lower end."""
+    source_hi, source_lo = segments.source_hi[rows], segments.source_lo[rows]
+    to_hi, to_lo = segments.destination_hi[rows], segments.destination_lo[rows]
+    port = segments.source_port[rows].astype(np.uint64)
+    to_port = segments.destination_port[rows].astype(np.uint64)
+    by_low = (source_lo < to_lo) | ((source_lo == to_lo) & (port <= to_port))
+    is_low: Bool = (source_hi < to_hi) | ((source_hi == to_hi) & by_low)
+    sixteen = np.uint64(16)
+    words = (
+        np.where(is_low, source_hi, to_hi), np.where(is_low, source_lo, to_lo),
+        np.where(is_low, to_hi, source_hi), np.where(is_low, to_lo, source_lo),
+        np.where(is_low, port << sixteen | to_port, to_port << sixteen | port),
+    )  # fmt: skip
+    return words, is_low
+
+
 def _by_runs(look_up: Callable[..., I64], words: Sequence[U64]) -> I64:
-    """Look up keys; those of segments that follow each other often are the same, and looked up once."""
+    """Look up keys; those that follow each other often are the same, and looked up once."""
     first = np.ones(len(words[0]), np.bool_)
     first[1:] = np.logical_or.reduce([word[1:] != word[:-1] for word in words])
     start = np.flatnonzero(first)

@@ -94,46 +94,54 @@ class SegmentsAtOnce(SegmentsAlong):
 
     def take_between(self, segments: Segments, start: int, stop: int) -> None:
         """Take some segments of a connection that fits, by frame, among which nothing is peculiar."""
-        streams, part = self._streams, slice(start, stop)
+        streams, frame = self._streams, segments.frame[start:stop]
         connection = int(segments.stream[start]) >> 1
-        told, frame = segments.acknowledgement[part], segments.frame[part]
-        tells = (segments.flags[part] & ACK) != 0
-        by_server = (segments.stream[part] & 1) == 1
+        first, last = int(frame[0]), int(frame[-1])
+        runs = self._runs_of(connection)
+        parts = {number: (self._place(run, first), self._place(run, last + 1)) for number, run in runs}
+        tells = (segments.flags[start:stop] & ACK) != 0
+        by_server = (segments.stream[start:stop] & 1) == 1
         for stream, telling in ((2 * connection, tells & by_server), (2 * connection + 1, tells & ~by_server)):
             own = telling.nonzero()[0]
-            self._note_acknowledged_of(streams.acknowledged, stream, told[own])
-            renewed = self._renewed_of(stream ^ 1, int(frame[0]), int(frame[-1]))
+            told = segments.acknowledgement[start:stop].take(own)
+            self._note_acknowledged_of(streams.acknowledged, stream, told)
+            renewed = self._renewed_between(*parts[stream ^ 1]) if stream ^ 1 in parts else -1
             if renewed >= 0:
                 streams.had[stream] = -1
-                own = own[frame[own].searchsorted(renewed) :]
-            self._note_acknowledged_of(streams.had, stream, told[own][told[own] > 0])
-        first, last = int(segments.frame[start]), int(segments.frame[stop - 1])
-        for number, run in self._runs_of(connection):
-            start, stop = self._place(run, first), self._place(run, last + 1)
-            if start == stop:
-                continue
-            span = slice(start, stop)
-            self._own[span] = True
-            # What comes first, and brings nothing, comes behind what was taken in turn.
+                told = told[frame.take(own).searchsorted(renewed) :]
+            if len(told) and not told.all():
+                told = told[told > 0]
+            self._note_acknowledged_of(streams.had, stream, told)
+        for number, run in runs:
+            begin, end = parts[number]
+            if begin < end:
+                self._take_part(number, run, begin, end)
+
+    def _take_part(self, number: int, run: int, start: int, stop: int) -> None:
+        """Take some segments of a stream, which is a run of those that carry something."""
+        streams, span = self._streams, slice(start, stop)
+        self._own[span] = True
+        # What comes first, and brings nothing, comes behind what was taken in turn.
+        if not self._brings[start]:
             brings = self._brings[span]
             first_bringing = int(brings.argmax()) if brings.any() else stop - start
             self._latest[start : start + first_bringing] = streams.latest_ns[number]
-            streams.latest_ns[number] = self._latest[stop - 1]
-            streams.next[number] = (self._base[run] + self._top[stop - 1]) % WRAP
-            if (risen := int(self._risen[stop - 1])) >= start:
-                streams.told[number] = self._acknowledgement[risen]
-            streams.ended[number] = ((self._fin[span] > 0) & self._rises[span]).any()
+        streams.latest_ns[number] = self._latest[stop - 1]
+        streams.next[number] = (self._base[run] + self._top[stop - 1]) % WRAP
+        if (risen := int(self._risen[stop - 1])) >= start:
+            streams.told[number] = self._acknowledgement[risen]
+        end = int(self._ends.searchsorted(start))
+        streams.ended[number] = end < len(self._ends) and self._ends[end] < stop
 
-    def _renewed_of(self, stream: int, first: int, last: int) -> int:
-        """Return the last frame of some in which a stream tells anew how far the other one is had, -1 without any."""
-        run = int(self._stream.searchsorted(stream))
-        if run == len(self._stream) or self._stream[run] != stream:
+    def _renewed_between(self, start: int, stop: int) -> int:
+        """Return the last frame of some segments in which their stream tells anew how far the other one is had.
+
+        -1 without any.
+        """
+        place = int(self._renewing.searchsorted(stop)) - 1
+        if place < 0 or self._renewing[place] < start:
             return -1
-        place = int(self._renewing.searchsorted(self._place(run, last + 1))) - 1
-        if place < 0 or self._renewing[place] < self._start[run]:
-            return -1
-        frame = int(self._whole.frame[self._renewing[place]])
-        return frame if frame >= first else -1
+        return int(self._whole.frame[self._renewing[place]])
 
     def _runs_of(self, connection: int) -> list[tuple[int, int]]:
         """Return the streams of a connection that carry something, and their runs."""
