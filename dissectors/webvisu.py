@@ -266,23 +266,30 @@ def read_query(target: str) -> Request | None:
     return Request(writes, len(entries), tuple(entries), query=True)
 
 
+def answer_of(request: Request, body: bytes) -> Answer:
+    """Tell what the reply to a request is, by the body of one with status 200."""
+    if request.query:
+        return Answer.DONE
+    if request.writes:
+        return Answer.DONE if body.strip() == _DONE else Answer.REFUSED
+    surplus = fields_in_reply(body) - len(request.entries)
+    if surplus > 0 and request.strings:
+        return Answer.AMBIGUOUS if request.strings > 1 else Answer.DONE
+    return Answer.MISCOUNTED if surplus else Answer.DONE
+
+
 def read_reply(request: Request, body: bytes) -> Reply:
     """Read the body of the reply to a request, of status 200."""
-    if request.query:
-        return Reply(Answer.DONE)
-    if request.writes:
-        return Reply(Answer.DONE if body.strip() == _DONE else Answer.REFUSED)
+    answer = answer_of(request, body)
+    if request.query or request.writes or answer is Answer.AMBIGUOUS:
+        return Reply(answer)
     fields = _reply_fields(body)
     asked = len(request.entries)
     surplus = len(fields) - asked
-    if surplus > 0 and request.strings > 1:
-        return Reply(Answer.AMBIGUOUS)
     if surplus > 0 and request.strings == 1:
         place = next(place for place, entry in enumerate(request.entries) if entry.is_string)
         fields[place : place + surplus + 1] = ["|".join(fields[place : place + surplus + 1])]
-        surplus = 0
-    values = tuple(None if text == UNREADABLE else text for text in fields[:asked])
-    return Reply(Answer.DONE if not surplus else Answer.MISCOUNTED, values)
+    return Reply(answer, tuple(None if text == UNREADABLE else text for text in fields[:asked]))
 
 
 def seen_in_reply(request: Request, body: bytes) -> Collection[int]:

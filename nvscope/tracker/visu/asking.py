@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dissectors.http import Head
-from dissectors.webvisu import Answer, Likeness, Request, fields_in_reply, read_query, read_reply, read_request
+from dissectors.webvisu import Answer, Likeness, Request, answer_of, fields_in_reply, read_query, read_request
 from dissectors.webvisu_lists import is_list, list_likeness
 from dissectors.webvisu_page import is_page
 from nvscope.tracker.visu.events import OK
@@ -65,7 +65,7 @@ def fits(ask: Ask, response: Form) -> bool:
     request, head = ask.request, response.head
     if request is None or ask.is_part or head is None or head.status != OK or response.content is None:
         return False
-    return read_reply(request, response.content).answer is Answer.DONE
+    return answer_of(request, response.content) is Answer.DONE
 
 
 def may_be_reply(ask: Ask, response: Form) -> bool | None:
@@ -78,7 +78,7 @@ def may_be_reply(ask: Ask, response: Form) -> bool | None:
         return None
     if head is None or head.status != OK or response.content is None:
         return None
-    answer = read_reply(request, response.content).answer
+    answer = answer_of(request, response.content)
     if answer is Answer.REFUSED:
         return False if fields_in_reply(response.content) > 1 else None
     return None if answer is Answer.AMBIGUOUS else answer is Answer.DONE

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dissectors.batch import I64
-from dissectors.webvisu import Answer, Request, fields_in_reply, read_reply
+from dissectors.webvisu import Answer, Request, answer_of, fields_in_reply
 from nvscope.tracker.visu.counted_octets import count_of
 from nvscope.tracker.visu.events import OK
 from nvscope.tracker.visu.messages import Kind, Outcome
@@ -33,7 +33,7 @@ def outcomes(
     counted = np.array([not (one.writes or one.query) for one in requests], np.bool_)
     for row in good[~counted[asked[good]]].tolist():
         content = data[int(start[row]) : int(stop[row])]
-        outcome[row] = int(_OUTCOMES[read_reply(requests[int(asked[row])], content).answer])
+        outcome[row] = int(_OUTCOMES[answer_of(requests[int(asked[row])], content)])
     rows = good[counted[asked[good]]]
     fields[rows] = _fields(data, start[rows], stop[rows])
     entries = np.array([len(one.entries) for one in requests], np.int64)[asked[rows]]
