@@ -367,7 +367,7 @@ class HttpStreams:
 
     def _told(self, data: bytes, brought: Brought, ends: I64, stream: I64, given_up: int) -> HttpMessages:
         found, pieces = self._found, brought.pieces
-        at, form = np.array(found.at, np.int64), np.array(found.form, np.int64)
+        at, form = (np.fromiter(column, np.int64, len(column)) for column in (found.at, found.form))
         size = np.array(found.body_bytes, np.int64)[form]
         piece = self._places_of(ends, at, size, range(len(at)))
         order, arrival_ns = pieces.order[piece], pieces.arrival_ns[piece]

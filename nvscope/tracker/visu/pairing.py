@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
+from collections.abc import Iterator
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -22,15 +23,15 @@ from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.missing_replies import MissingReplies
 from nvscope.tracker.visu.one_way import OneWay, more_bytes
-from nvscope.tracker.visu.plain_exchanges import AskedFor, Said, columns_of, paired
+from nvscope.tracker.visu.plain_exchanges import AskedFor, Exchanged, Said, columns_of, paired, told_of
 from nvscope.tracker.visu.reach import NOWHERE, UNKNOWN
 from nvscope.tracker.visu.unseen_requests import Answered
 
 _FEW = 16
 """So many messages of a connection take as long one after the other as at once."""
 
-_LEAST = 4
-"""Twice as many of a connection go in turn at a time, at least."""
+_AT_A_TIME = 32
+"""So many messages are taken out of the columns at a time, to go in turn."""
 
 _MOST_EARLY_BYTES = 1 << 16
 """A longer response that comes before its request is whole is not read."""
@@ -96,11 +97,11 @@ class Pairing:
         by_server = (self._http.stream[rows] & 1) == 1
         of_all = _Rows(rows, by_server, np.where(by_server, -1, 1).cumsum())
         peculiar = np.flatnonzero(~self._is_plain[rows]).tolist()
-        said: list[Said] = []
+        exchanged: list[Exchanged] = []
         start, stop = runs_of(connection)
         for number, *run in zip(*(column.tolist() for column in (connection[start], start, stop)), strict=True):
             conversation = self._conversations.setdefault(number, Conversation(number))
-            self._take(conversation, of_all, run, peculiar, said)
+            self._take(conversation, of_all, run, peculiar, exchanged)
             if conversation.waiting and not conversation.is_heard:
                 self._unheard.add(number)
             else:
@@ -122,37 +123,37 @@ class Pairing:
             self._miss(conversation, NEVER)
             if not conversation.waiting:
                 self._unheard.discard(number)
-        said.append(self._said())
-        return said
+        return [told_of(exchanged, self._asked_for), self._said()]
 
     def _take(
-        self, conversation: Conversation, of_all: _Rows, run: list[int], peculiar: list[int], said: list[Said]
+        self, conversation: Conversation, of_all: _Rows, run: list[int], peculiar: list[int], exchanged: list[Exchanged]
     ) -> None:  # fmt: skip
-        """Take the messages of a connection, in their order; add what is said at once."""
+        """Take the messages of a connection, in their order; add what is paired at once."""
         begin, end = run
         rows = of_all.rows
-        least = _LEAST
+        least = 1
         while begin < end:
-            both_ways = conversation.is_heard and conversation.is_spoken and conversation.closed is None
-            is_sure = not (conversation.early or conversation.turns.is_unsure or conversation.unseen.waits)
-            if conversation.is_visu and end - begin >= _FEW and both_ways and is_sure:
-                place = bisect_left(peculiar, begin)
-                stop = min(peculiar[place] if place < len(peculiar) else end, end, begin + _MANY)
+            if end - begin >= _FEW and _may_go_at_once(conversation):
+                stop = min(self._next_of(peculiar, begin), end, begin + _MANY)
                 stop = self._in_front_of_surplus(conversation, of_all, begin, stop)
-                stop = self._with_equals(rows, begin, stop, end, -1)
+                stop = self._without_equals(rows, begin, stop, end)
                 if stop - begin >= _FEW:
                     own, by_server = rows[begin:stop], of_all.by_server[begin:stop]
                     asks, answers = own[~by_server], own[by_server]
                     found = paired(self._columns, self._asked_for, conversation, asks, answers)
                     if found is not None:
-                        said.append(found)
-                        begin, least = stop, _LEAST
+                        exchanged.append(found)
+                        begin, least = stop, 1
                         continue
             # Twice as many each time: not to be tried again and again where it does not succeed.
             least *= 2
-            stop = self._with_equals(rows, begin, min(begin + least, end), end, 1)
-            self._take_in_turn(conversation, rows[begin:stop])
-            begin = stop
+            begin = self._take_in_turn(conversation, rows, (begin, end), peculiar, least)
+
+    @staticmethod
+    def _next_of(peculiar: list[int], place: int) -> int:
+        """Return the first peculiar message from a place on, one behind all without any."""
+        following = bisect_left(peculiar, place)
+        return peculiar[following] if following < len(peculiar) else NEVER
 
     @staticmethod
     def _in_front_of_surplus(conversation: Conversation, of_all: _Rows, begin: int, stop: int) -> int:
@@ -161,44 +162,72 @@ class Pairing:
         is_surplus = of_all.surplus[begin:stop] < before - len(conversation.waiting)
         return begin + int(is_surplus.argmax()) if is_surplus.any() else stop
 
-    def _with_equals(self, rows: I64, begin: int, stop: int, end: int, step: int) -> int:
-        """Return a place that parts no messages of one order, for what is said is sorted by that."""
-        order = self._http.order
-        while begin < stop < end and order[rows[stop - 1]] == order[rows[stop]]:
-            stop += step
+    def _without_equals(self, rows: I64, begin: int, stop: int, end: int) -> int:
+        """Return the last place up to one that parts no messages of one order, for what is said is sorted by that."""
+        while begin < stop < end and self._is_with_next(rows, stop - 1):
+            stop -= 1
         return stop
 
-    def _take_in_turn(self, conversation: Conversation, rows: I64) -> None:
-        http, asks, tell = self._http, self._asked_for.asks, self._happened.append
+    def _is_with_next(self, rows: I64, place: int) -> bool:
+        order = self._http.order
+        return bool(order[rows[place]] == order[rows[place + 1]])
+
+    def _take_in_turn(
+        self, conversation: Conversation, rows: I64, run: tuple[int, int], peculiar: list[int], least: int
+    ) -> int:  # fmt: skip
+        """Take messages of a connection in turn, at ``least`` so many, up to where the following may go at once.
+
+        Return the place behind them.
+        """
+        begin, end = run
+        enough, following = begin + least, self._next_of(peculiar, begin)
+        for first in range(begin, end, _AT_A_TIME):
+            for place, message in enumerate(self._in_columns(rows[first : min(first + _AT_A_TIME, end)]), first + 1):
+                self._take_one(conversation, *message)
+                if place >= enough and _may_go_at_once(conversation):
+                    if following < place:
+                        following = self._next_of(peculiar, place)
+                    if min(following, end) - place >= _FEW and not self._is_with_next(rows, place - 1):
+                        return place
+        return end
+
+    def _in_columns(self, rows: I64) -> Iterator[tuple[int, ...]]:
+        """Return what is known of messages: row, stream, form, what is asked for, order and arrival of each."""
+        http = self._http
         columns = rows, http.stream[rows], http.form[rows], self._asked[rows], http.order[rows], http.arrival_ns[rows]
-        for row, stream, form, ask, order, arrival_ns in zip(*(column.tolist() for column in columns), strict=True):
-            if conversation.closed is not None:
-                self._leave(conversation, order)
-            if conversation.waiting and not conversation.is_heard:
-                self._miss(conversation, order)
-            if stream & 1:
-                if not conversation.is_spoken:
-                    self._note_unasked(conversation, row)
-                elif self._is_to_unseen(conversation, row):
-                    conversation.tell_unseen(order, tell)
-                if not conversation.waits and (early := self._early(conversation, row, order)) is not None:
-                    conversation.keep(early)
-                    if not early.is_lost:
-                        continue
-                whole = self._form(row, is_needed=conversation.turns.is_tried)
-                conversation.take_from_server(whole, order, arrival_ns, row, tell, http.reach.at(row))
-                if not conversation.is_spoken and http.forms[form].what in (What.BEGIN, What.ANEW):
-                    conversation.acknowledged = self._one_way.acknowledged_at(stream, order)
-            else:
-                reach = http.reach.at(row)
-                conversation.take_from_client(http.forms[form], asks[ask], order, arrival_ns, row, tell, reach)
-                if not conversation.is_heard and conversation.waiting and conversation.waiting[-1].order == order:
-                    conversation.note_acknowledged(self._one_way.acknowledged_at(stream, order))
-                is_request = http.forms[form].what in (What.WHOLE, What.CUT, What.PART)
-                if is_request and conversation.has_early(http.forms[form], reach):
-                    early = conversation.early.first
-                    self._later.append((early.form, stream + 1, order, early.arrival_ns))
-                    conversation.answer_early(order, len(http) + len(self._later) - 1, tell)
+        return zip(*(column.tolist() for column in columns), strict=True)
+
+    def _take_one(
+        self, conversation: Conversation, row: int, stream: int, form: int, ask: int, order: int, arrival_ns: int
+    ) -> None:  # fmt: skip
+        http, tell = self._http, self._happened.append
+        if conversation.closed is not None:
+            self._leave(conversation, order)
+        if conversation.waiting and not conversation.is_heard:
+            self._miss(conversation, order)
+        if stream & 1:
+            if not conversation.is_spoken:
+                self._note_unasked(conversation, row)
+            elif self._is_to_unseen(conversation, row):
+                conversation.tell_unseen(order, tell)
+            if not conversation.waits and (early := self._early(conversation, row, order)) is not None:
+                conversation.keep(early)
+                if not early.is_lost:
+                    return
+            whole = self._form(row, is_needed=conversation.turns.is_tried)
+            conversation.take_from_server(whole, order, arrival_ns, row, tell, http.reach.at(row))
+            if not conversation.is_spoken and http.forms[form].what in (What.BEGIN, What.ANEW):
+                conversation.acknowledged = self._one_way.acknowledged_at(stream, order)
+        else:
+            reach, asked = http.reach.at(row), self._asked_for.asks[ask]
+            conversation.take_from_client(http.forms[form], asked, order, arrival_ns, row, tell, reach)
+            if not conversation.is_heard and conversation.waiting and conversation.waiting[-1].order == order:
+                conversation.note_acknowledged(self._one_way.acknowledged_at(stream, order))
+            is_request = http.forms[form].what in (What.WHOLE, What.CUT, What.PART)
+            if is_request and conversation.has_early(http.forms[form], reach):
+                early = conversation.early.first
+                self._later.append((early.form, stream + 1, order, early.arrival_ns))
+                conversation.answer_early(order, len(http) + len(self._later) - 1, tell)
 
     def _form(self, row: int, *, is_needed: bool) -> Form:
         """Return the form of a message, with its content where that says whether it answers what waits."""
@@ -292,3 +321,11 @@ class Pairing:
         columns: Any = list(np.array(table, np.int64).reshape(-1, len(Said.__match_args__)).T)
         columns[-1] = columns[-1] > 0
         return Said(*columns)
+
+
+def _may_go_at_once(conversation: Conversation) -> bool:
+    """Tell whether a conversation is one of a page, heard in both directions, in which nothing is in doubt."""
+    one = conversation
+    if not (one.is_visu and one.is_heard and one.is_spoken and one.closed is None):
+        return False
+    return not (one.early or one.turns.is_unsure or one.unseen.waits)

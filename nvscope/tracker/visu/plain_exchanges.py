@@ -7,6 +7,7 @@ message.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from msgspec import Struct
@@ -23,7 +24,7 @@ from nvscope.tracker.visu.http_forms import Form, What
 from nvscope.tracker.visu.http_messages import HttpMessages
 from nvscope.tracker.visu.limits import MOST_WAITING
 from nvscope.tracker.visu.messages import Kind
-from nvscope.tracker.visu.reach import UNKNOWN, Reach, are_had, distances
+from nvscope.tracker.visu.reach import UNKNOWN, Reach, are_had, are_in_step, distances
 
 
 class Said(Columns, Struct, frozen=True):
@@ -42,6 +43,25 @@ class Said(Columns, Struct, frozen=True):
     asked_frame: I64
     gap_bytes: I64
     opens: Bool
+
+
+class Exchanged(NamedTuple):
+    """Requests and replies of a connection that were paired; columns of int64.
+
+    Of each request: its message, what is ``asked`` and its ``order``; of each reply: its message, what the request that
+    it answers asked for, with which order and when that was whole, and its own order and time.
+    """
+
+    connection: int
+    asks: I64
+    answers: I64
+    asked: I64
+    order: I64
+    own: I64
+    own_order: I64
+    own_ns: I64
+    answer_order: I64
+    answered_ns: I64
 
 
 class AskedFor:
@@ -94,7 +114,7 @@ def columns_of(http: HttpMessages, asked: I64) -> I64:
     return np.stack([http.order, http.arrival_ns, asked, reach.body_at, reach.acknowledged, reach.behind])
 
 
-def paired(columns: I64, asked_for: AskedFor, conversation: Conversation, asks: I64, answers: I64) -> Said | None:
+def paired(columns: I64, asked_for: AskedFor, conversation: Conversation, asks: I64, answers: I64) -> Exchanged | None:
     """Pair the requests of a connection with its replies, both columns of messages; None where these are not in turn.
 
     All of them are plain (``plain_rows``), and the connection is one of a WebVisu page.
@@ -118,32 +138,48 @@ def paired(columns: I64, asked_for: AskedFor, conversation: Conversation, asks: 
     if replies > len(order) or (order[:replies] >= answer_order).any():
         return None
     acknowledges = _acknowledges(told, body_at[:replies], conversation.turns.acknowledges)
-    if acknowledges is None or are_had(behind, had[:replies]).any():
+    in_step = are_in_step(had, behind)
+    if acknowledges is None or not (in_step or not are_had(behind, had[:replies]).any()):
         return None
     if len(order) > MOST_WAITING:
         answered = np.searchsorted(answer_order, order)
         if (np.arange(1, len(order) + 1) - answered > MOST_WAITING).any():
             return None
     conversation.turns.acknowledges = acknowledges
-    conversation.turns.answer_all(had[:replies], behind, had[first:])
+    conversation.turns.answer_all(had, behind, first, in_step=in_step)
     waiting.clear()
     left = (column[replies:].tolist() for column in (own, order, arrival_ns, body_at, had))
     for number, at, time_ns, body, acknowledged in zip(*left, strict=True):
         waiting.append(Waiting(asked_for.asks[number], at, time_ns, reach=Reach(body, UNKNOWN, acknowledged)))
+    return Exchanged(
+        conversation.connection, asks, answers, asked, asking[0, first:], own[:replies], order[:replies],
+        arrival_ns[:replies], answer_order, answered_ns,
+    )  # fmt: skip
+
+
+def told_of(exchanged: Sequence[Exchanged], asked_for: AskedFor) -> Said:
+    """Return what is to be told of exchanges that were paired: the requests, then the replies."""
+    if not exchanged:
+        none: I64 = np.empty(0, np.int64)
+        return Said(none, none, none, none, none, none, none, none, np.empty(0, np.bool_))
+    connection = np.array([one.connection for one in exchanged])
+    columns = zip(*(one[1:] for one in exchanged), strict=True)
+    asks, answers, asked, order, own, own_order, own_ns, answer_order, answered_ns = map(np.concatenate, columns)
     is_request = asked_for.are_requests()
-    read, answered = is_request[asked].nonzero()[0], is_request[own[:replies]].nonzero()[0]
-    count, begin = len(read) + len(answered), len(read)
-    said = np.zeros((8, count), np.int64)
-    kind, connection, told_order, message, asked_number, latency_ns, asked_frame, gap_bytes = said
-    kind[:begin], kind[begin:], connection[:] = int(Kind.READ), int(Kind.REPLY), conversation.connection
-    message[:begin], message[begin:] = asks[read], answers[answered]
-    told_order[:begin], told_order[begin:] = asking[0, first:][read], answer_order[answered]
-    asked_number[:begin], asked_number[begin:] = asked[read], own[answered]
-    latency_ns[begin:] = (answered_ns - arrival_ns[:replies])[answered]
-    asked_frame[begin:] = order[answered] >> ORDER_BITS
+    read, answered = is_request[asked].nonzero()[0], is_request[own].nonzero()[0]
+    begin, count = len(read), len(read) + len(answered)
+    of_asks = np.repeat(connection, [len(one.asks) for one in exchanged])
+    of_answers = np.repeat(connection, [len(one.answers) for one in exchanged])
+    nothing = np.zeros(count, np.int64)
+    latency_ns, asked_frame = nothing.copy(), nothing.copy()
+    latency_ns[begin:] = (answered_ns - own_ns)[answered]
+    asked_frame[begin:] = own_order[answered] >> ORDER_BITS
+    kind = np.full(count, int(Kind.REPLY))
+    kind[:begin] = int(Kind.READ)
     return Said(
-        kind, connection, told_order, message, asked_number, latency_ns, asked_frame, gap_bytes,
-        np.zeros(count, np.bool_),
+        kind, np.append(of_asks[read], of_answers[answered]), np.append(order[read], answer_order[answered]),
+        np.append(asks[read], answers[answered]), np.append(asked[read], own[answered]), latency_ns, asked_frame,
+        nothing, np.zeros(count, np.bool_),
     )  # fmt: skip
 
 

@@ -88,6 +88,21 @@ def are_had(behind: I64, had: I64) -> Bool:
     return found
 
 
+def are_in_step(had: I64, behind: I64) -> bool:
+    """Tell whether a client had all of each response, and nothing of the next one, when it asked for that.
+
+    ``had`` is how much it had with each request, one of which may wait; ``behind`` is where the responses end. Both
+    rise then: what wraps around is in no step.
+    """
+    replies = len(behind)
+    if not 0 < replies <= len(had) <= replies + 1:
+        return False
+    first, last = int(had[0]), int(behind[-1])
+    if first == UNKNOWN or not 0 < last - first < HALF or int(np.minimum.reduce(behind - had[:replies])) <= 0:
+        return False
+    return bool((had[1:] == behind[: len(had) - 1]).all())
+
+
 def latest(numbers: Sequence[int]) -> int:
     """Return the last one of some sequence numbers, of those that are known."""
     found = UNKNOWN

@@ -247,18 +247,37 @@ class Turns(Struct):
         """Return another one that is as this one is."""
         return replace(self, owed=self.owed.copy())
 
-    def answer_all(self, had: I64, behind: I64, asked: I64) -> None:
-        """Take that requests were answered in their order; ``asked`` is what the client had with each of those sent.
+    def answer_all(self, had: I64, behind: I64, first: int, *, in_step: bool = False) -> None:
+        """Take that requests were answered in their order; ``behind`` is where what answers the first of them ends.
 
-        None of them is in doubt.
+        ``had`` is what the client had with each; those from the place ``first`` on are new. ``in_step``: they are
+        known to be (``are_in_step``). None of them is in doubt.
         """
-        if len(had):
-            self._note_waiting(had, behind)
-            self.overlap = self.overlap or self._overlaps(had, behind)
-            self.pair = int(had[-1]), int(behind[-1])
+        asked, replies = had[first:], len(behind)
+        if in_step and len(asked) and self._answer_in_step(had, behind, asked):
+            return
+        if replies:
+            answered = had[:replies]
+            self._note_waiting(answered, behind)
+            self.overlap = self.overlap or self._overlaps(answered, behind)
+            self.pair = int(answered[-1]), int(behind[-1])
             self.answered = latest_of(self.answered, behind)
         known = asked[asked != UNKNOWN]
         if len(known):
             self.several = self.several or self.asked == known[0] or bool((known[1:] == known[:-1]).any())
             self.asked, self.lost = int(known[-1]), False
         self.had = latest_of(self.had, asked)
+
+    def _answer_in_step(self, had: I64, behind: I64, asked: I64) -> bool:
+        """Take the same of what is in step; return False, having done nothing, where it does not follow what was."""
+        before, end = self.pair
+        first, last, begin, latest_had = int(had[0]), int(behind[-1]), int(asked[0]), int(asked[-1])
+        known = end, self.answered, self.had
+        if first == before or UNKNOWN in known or max(known) > first or last - min(known) >= HALF:
+            return False
+        self.waited += self.of_several and first == end
+        self.of_several = False
+        self.pair, self.answered = (int(had[len(behind) - 1]), last), last
+        self.several = self.several or self.asked == begin
+        self.asked, self.lost, self.had = latest_had, False, latest_had
+        return True

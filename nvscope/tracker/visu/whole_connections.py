@@ -125,4 +125,4 @@ def _note(
         number, own = int(connection[place]), slice(*bound)
         conversations[number] = one = Conversation(number, is_visu=bool(spoke[place]), is_heard=True, is_spoken=True)
         one.turns.acknowledges = bool(acknowledges[own].any())
-        one.turns.answer_all(had[own], behind[own], had[own])
+        one.turns.answer_all(had[own], behind[own], 0)
