@@ -12,6 +12,9 @@ from enum import IntEnum
 
 from nvscope.tracker.event_kinds import EventKind
 
+MOST_APART = 8
+"""So many hosts that do the same have a finding each; of more, as made-up ones are, one tells of all."""
+
 
 class Severity(IntEnum):
     """How bad a finding is; the worse one is the greater."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from nvscope.enumeration import first_few
 from nvscope.findings.finding import Finding
-from nvscope.findings.kind import FindingKind, Severity
+from nvscope.findings.kind import MOST_APART, FindingKind, Severity
 from nvscope.tracker.event_kinds import FRAMES_KEPT
 from nvscope.units import count, count_of
 
@@ -65,9 +65,6 @@ TWO_HARDWARE_ADDRESSES = FindingKind(
 )
 
 _BOTH = 2
-
-MOST_APART = 8
-"""So many unknown writers of a list have a finding each; of more, as made-up senders are, one tells of all."""
 
 
 def judge_security(facts: Facts) -> Iterator[Finding]:

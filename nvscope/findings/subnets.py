@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from nvscope.enumeration import first_few
 from nvscope.findings.finding import Finding
-from nvscope.findings.kind import FindingKind, Severity
+from nvscope.findings.kind import MOST_APART, FindingKind, Severity
 from nvscope.tracker.event_kinds import FRAMES_KEPT
 from nvscope.units import count, count_of
 
@@ -37,9 +37,6 @@ OUTSIDE_SUBNET = FindingKind(
 )
 _LEAST_PRIVATE = 2
 """So many others, all of them private: with one alone, that one might be who is in the wrong place."""
-
-MOST_APART = 8
-"""So many nodes outside have a finding each; of more, as made-up senders are, one tells of all."""
 
 _USUALLY_PRIVATE = ((0, 8), (10, 8), (127, 8), (0xAC1, 12), (0xC0A8, 16), (0xA9FE, 16), (7, 3))
 """Begins of IPv4 addresses that are not public, and their lengths in bits: all that plants usually have."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from nvscope import units
 from nvscope.enumeration import first_few
 from nvscope.findings.finding import Events, Finding, events_of
-from nvscope.findings.kind import FindingKind, Severity
+from nvscope.findings.kind import MOST_APART, FindingKind, Severity
 from nvscope.units import count, count_of
 
 if TYPE_CHECKING:
@@ -38,9 +38,6 @@ WRITE_NOT_ALLOWED = FindingKind(
     ),
     of_security=True,
 )
-
-MOST_APART = 8
-"""So many hosts that wrote to one controller have a finding each; of more, as made-up ones are, one tells of all."""
 
 _MINUTE_NS = 60_000_000_000
 _HINT_OF_PAGES = "See the WebVisu writes in `nvscope report -v`: what was written, over which value."
