@@ -337,16 +337,18 @@ class Conversation(Struct):
                 self._tell_answer(kind, asked, order, self.closed.arrival_ns, -1, tell)
 
     def give_up(self, order: int, tell: Callable[[Happened], None], lacks: Callable[[int], bool]) -> bool:
-        """Take that the client, which has closed its side, waits for nothing any more; return whether it did.
-
-        ``lacks`` tells whether a reply may be missing to what it asked when it had so much.
-        """
+        """Take that the client, which has closed its side, waits for nothing any more; return whether it did."""
         assert self.closed is not None
-        while self.waiting and lacks(self.waiting[0].reach.acknowledged):
-            self._tell_answer(Kind.UNCLEAR, self.waiting.popleft(), order, 0, -1, tell)
+        self.miss_replies(order, tell, lacks)
         is_left = bool(self.waiting)
         self._tell_unanswered(order, self.closed.arrival_ns, tell, by_client=True)
         return is_left
+
+    def miss_replies(self, order: int, tell: Callable[[Happened], None], lacks: Callable[[int], bool]) -> None:
+        """Take that a reply may be missing to what ``lacks`` tells of by what its client had when it asked."""
+        for one in [one for one in self.waiting if lacks(one.reach.acknowledged)]:
+            self.waiting.remove(one)
+            self._tell_answer(Kind.UNCLEAR, one, order, 0, -1, tell)
 
     def _tell_unclear(self, order: int, tell: Callable[[Happened], None]) -> int:
         """Take that nobody knows whether what waits was answered: the capture lacks what would tell it."""

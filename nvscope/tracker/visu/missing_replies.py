@@ -32,17 +32,28 @@ class MissingReplies:
 
         ``began`` is the order with which the connection did.
         """
-        client, server = 2 * connection, 2 * connection + 1
+        server = 2 * connection + 1
         begin, end = np.searchsorted(self._pieces.stream, (server, server + 1)).tolist()
         place = begin + int(np.searchsorted(self._pieces.order[begin:end], order)) - 1
-        at, before_told = self._before.of(server)
+        at, _ = self._before.of(server)
         if place >= begin and self._pieces.order[place] >= began:
             at = int(self._pieces.behind[place])
+        told = self._most_told(order >> ORDER_BITS, connection, began)
+        return lambda had: at != UNKNOWN and _are_behind(at, told, had)
+
+    def of_unheard(self, order: int, connection: int, began: int) -> Callable[[int], bool]:
+        """Return the same up to an order, that included, of a server of which nothing was captured by then."""
+        told = self._most_told((order >> ORDER_BITS) + 1, connection, began)
+        return lambda had: had != UNKNOWN and _are_behind(UNKNOWN, told, had)
+
+    def _most_told(self, stop: int, connection: int, began: int) -> int:
+        """Return how far a client acknowledges its server in front of a frame, at most."""
         first = began >> ORDER_BITS
-        told = self._one_way.most_acknowledged(client, first, order >> ORDER_BITS)
+        told = self._one_way.most_acknowledged(2 * connection, first, stop)
         if first < self._one_way.first_frame:
+            _, before_told = self._before.of(2 * connection + 1)
             told = latest([before_told, told])
-        return lambda had: _are_behind(at, told, had)
+        return told
 
     def to(self, conversation: Conversation, had: int) -> Callable[[], bool]:
         """Return what tells the same, whenever it is asked, of a conversation behind all that is read."""
@@ -51,8 +62,8 @@ class MissingReplies:
 
 
 def _are_behind(at: int, told: int, had: int) -> bool:
-    """Tell whether bytes are missing of a server that is known up to ``at``, and acknowledged up to ``told``.
+    """Tell whether bytes are missing of a server, known up to ``at`` if at all, that is acknowledged up to ``told``.
 
     What its client had before it asked is no answer to that, and is not missing for it.
     """
-    return at != UNKNOWN and missing_behind(latest([at, had]), [told]) > 0
+    return missing_behind(latest([at, had]), [told]) > 0

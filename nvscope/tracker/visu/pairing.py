@@ -214,6 +214,9 @@ class Pairing:
                 conversation.keep(early)
                 if not early.is_lost:
                     return
+            if http.forms[form].what is What.END and conversation.waiting and not conversation.is_heard:
+                lacks = self._missing.of_unheard(order, conversation.connection, conversation.began)
+                conversation.miss_replies(order, tell, lacks)
             whole = self._form(row, is_needed=conversation.turns.is_tried)
             conversation.take_from_server(whole, order, arrival_ns, row, tell, http.reach.at(row))
             if not conversation.is_spoken and http.forms[form].what in (What.BEGIN, What.ANEW):

@@ -38,7 +38,7 @@ from tests.oracle.rules.streams_state import Connection
 from tests.oracle.rules.visu_body import Answered, Asked
 from tests.oracle.rules.visu_figures import Row, disordered, findings_of, percentiles
 from tests.oracle.rules.visu_late import doubt
-from tests.oracle.rules.visu_leaving import forget_unknown, given_up
+from tests.oracle.rules.visu_leaving import forget_missed, forget_unknown, given_up
 from tests.oracle.rules.visu_old import Values
 from tests.oracle.rules.visu_one_way import OneWay
 from tests.oracle.rules.visu_part import ask_in_part, settle, writes
@@ -107,6 +107,7 @@ class Visu:
             if not isinstance(event, Delivery) and not event.from_client:
                 if not event.reset and not talk.waiting:
                     self.end_open_request(talk)
+                forget_missed(talk)
                 self.over(talk, is_known=not event.replaced)
             elif not isinstance(event, Delivery) and not event.reset:
                 talk.closed = event.time

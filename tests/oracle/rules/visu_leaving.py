@@ -12,6 +12,8 @@ Readings, where the rules leave a choice:
 - where it had acknowledged bytes behind all that was captured of the server before that, two or more and up to 1 MiB,
   nobody knows whether one of these answered it; what it had acknowledged with the request is no answer to that.
   What waits for segments that it acknowledges (``streams_held``) tells so, too
+- so it is where a connection ends of whose server nothing was captured by then; what the end itself acknowledges
+  tells it, too
 - the frame that ended a connection is the one with which the last byte of the direction was there, not the one that
   brought the FIN
 """
@@ -44,6 +46,14 @@ def forget_unknown(talk: Talk) -> bool:
     """Forget what waits and may be answered by what the capture lacks; return whether something is left."""
     talk.waiting[:] = [one for one in talk.waiting if not lacks_reply(talk, one)]
     return bool(talk.waiting)
+
+
+def forget_missed(talk: Talk) -> None:
+    """Forget what a server that nobody heard may have answered: its client had less when it asked."""
+    server = talk.connection.directions[False]
+    if server.begin is None and (most := server.acknowledged) is not None:
+        had = ((one, one.message.told) for one in talk.waiting)
+        talk.waiting[:] = [one for one, told in had if told is None or not 1 < distance(most, told) <= NEAR]
 
 
 def given_up(
