@@ -262,7 +262,8 @@ class Conversation(Struct):
         self.turns.pass_by(begin)
         had = (one.reach.acknowledged for one in self.waiting)
         if is_other or any(begin == UNKNOWN or (one != UNKNOWN and distance(begin, one) >= 0) for one in had):
-            self.turns.owed.wait(self._tell_unclear(order, tell))
+            # What such a response answers is one more.
+            self.turns.owed.wait(self._tell_unclear(order, tell) + is_other)
             self.turns.lose()
 
     def _tell_file(

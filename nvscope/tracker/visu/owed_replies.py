@@ -46,9 +46,9 @@ class OwedReplies(Struct):
         if self.counted == UNKNOWN or distance(behind, self.counted) > 0:
             self.holes = [*self.holes, behind][-_MOST_PASSED:]
 
-    def settle(self) -> None:
-        """Take that it is known what comes next."""
-        self.count, self.passed, self.holes, self.counted = 0, [], [], UNKNOWN
+    def settle(self, had: int) -> None:
+        """Take that it is known what answers a request whose client had so much."""
+        self.count, self.passed, self.holes, self.counted = 0, [], [], had
 
     def show_several(self, had: int) -> bool:
         """Tell whether two responses that a client had answer what their server had got at once."""

@@ -188,7 +188,7 @@ class Turns(Struct):
             if self.is_doubtful:
                 self.owed.wait(1)
             else:
-                self.owed.settle()
+                self.owed.settle(had)
         self.asked, self.had = had, latest([self.had, had])
         return not self.is_doubtful
 

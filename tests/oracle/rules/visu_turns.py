@@ -165,7 +165,7 @@ class Turns:
             if self.doubtful:
                 self.owed.requests += 1
             else:
-                self.owed = Owed()
+                self.owed = Owed(counted=request.told)
         elif request.told is None:
             self.doubtful = False
         self.asked.append(request.told)
@@ -296,7 +296,7 @@ def pass_all_by(talk: Talk, response: Message) -> None:
     talk.happened["response to what is missing in front"] += 1
     talk.turns.owed.pass_by(response.behind, response.told)
     note_passed(talk, response)
-    talk.turns.owed.requests += len(talk.waiting)
+    talk.turns.owed.requests += len(talk.waiting) + 1
     talk.waiting.clear()
     talk.turns.doubtful = True
 
