@@ -190,8 +190,7 @@ class Conversation(Struct):
                 return
             is_cut = form.what is What.CUT
             if self.waiting and not self.turns.may_answer(self.waiting[0], reach):
-                # What the client had not when it asked is to something in front, which may be missing.
-                if self.turns.is_tried and not self.waiting[0].had(reach):
+                if self.turns.is_tried and self.turns.shows_more(self.waiting[0], reach):
                     self._pass_by(reach, form.head_bytes, order, tell, is_other=True)
                 return
             if self.waiting and not is_cut and self.turns.refutes(may_be_reply(self.waiting[0].asked, form)):

@@ -210,6 +210,17 @@ class Turns(Struct):
         self.acknowledges |= not lacks_head
         return not (lacks_head and self.acknowledges)
 
+    def shows_more(self, first: Waiting, reach: Reach) -> bool:
+        """Tell whether a response that does not answer the first request that waits shows that others are in front.
+
+        It answers one of these if the client did not have it when it asked; if it did, it had no more than that, and
+        asked for something else that is missing with it, which the server had not.
+        """
+        if not first.had(reach):
+            return True
+        had, told = first.reach.acknowledged, reach.acknowledged
+        return UNKNOWN not in (told, self.lost_at) and had == reach.behind and distance(told, self.lost_at) < 0
+
     def answer(self, had: int, behind: int) -> None:
         """Take that a request was answered with which the client had so much, by a response that ends there."""
         before, end = self.pair

@@ -306,7 +306,9 @@ def answers_first(talk: Talk, response: Message) -> bool:
     first, turns = talk.waiting[0], talk.turns
     if not turns.may_be_first(response, first.message, is_behind=first.is_behind):
         talk.happened["response to what was not captured"] += 1
-        if turns.fitted < OFTEN and not (has(first.message.told, response.behind) and not response.early):
+        has_all = has(first.message.told, response.behind) and not response.early
+        lacks_some = first.message.told == response.behind and (behind(response.told, turns.lost_at) or 0) < 0
+        if turns.fitted < OFTEN and (not has_all or lacks_some):
             pass_all_by(talk, response)
         return False
     fit = None if first.asked is None or first.part else visu_body.fit(first.asked, response)
