@@ -345,8 +345,9 @@ class Conversation(Struct):
         return is_left
 
     def miss_replies(self, order: int, tell: Callable[[Happened], None], lacks: Callable[[int], bool]) -> None:
-        """Take that a reply may be missing to what ``lacks`` tells of by what its client had when it asked."""
-        for one in [one for one in self.waiting if lacks(one.reach.acknowledged)]:
+        """Take that a reply may be missing to what ``lacks`` tells of by what its client had, or was nobody's."""
+        was_said = self.turns.owed.may_have_answered
+        for one in [one for one in self.waiting if lacks(had := one.reach.acknowledged) or was_said(had)]:
             self.waiting.remove(one)
             self._tell_answer(Kind.UNCLEAR, one, order, 0, -1, tell)
 

@@ -41,9 +41,14 @@ class MissingReplies:
         told = self._most_told(order >> ORDER_BITS, connection, began)
         return lambda had: at != UNKNOWN and _are_behind(at, told, had)
 
-    def of_unheard(self, order: int, connection: int, began: int) -> Callable[[int], bool]:
-        """Return the same up to an order, that included, of a server of which nothing was captured by then."""
-        told = self._most_told((order >> ORDER_BITS) + 1, connection, began)
+    def at_end(self, order: int, conversation: Conversation) -> Callable[[int], bool]:
+        """Return the same where a connection ends with an order, of what the end itself acknowledges, too.
+
+        Of a server that was heard, what is missing in front of its end was told.
+        """
+        if conversation.is_heard:
+            return lambda _: False
+        told = self._most_told((order >> ORDER_BITS) + 1, conversation.connection, conversation.began)
         return lambda had: had != UNKNOWN and _are_behind(UNKNOWN, told, had)
 
     def _most_told(self, stop: int, connection: int, began: int) -> int:
@@ -58,7 +63,12 @@ class MissingReplies:
     def to(self, conversation: Conversation, had: int) -> Callable[[], bool]:
         """Return what tells the same, whenever it is asked, of a conversation behind all that is read."""
         streams = self._streams
-        return lambda: _are_behind(*streams.position(2 * conversation.connection + 1), had)
+
+        def lacks() -> bool:
+            at, told = streams.position(2 * conversation.connection + 1)
+            return conversation.turns.owed.may_have_answered(had) or _are_behind(at, told, had)
+
+        return lacks
 
 
 def _are_behind(at: int, told: int, had: int) -> bool:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from msgspec import Struct, field
 
+from nvscope.tracker.segments_aside import NEAR
 from nvscope.tracker.visu.reach import UNKNOWN, Reach, distance, is_had, latest
 
 _MOST_PASSED = 8
@@ -19,12 +20,14 @@ _MOST_PASSED = 8
 class OwedReplies(Struct):
     """Those of a connection.
 
-    ``passed`` are responses that answered nobody, of which no request has shown that its client had them. ``holes`` is
-    where those of the server end of which the same is true; ``counted`` is up to where its bytes have been counted.
+    ``passed`` are responses that answered nobody, of which no request has shown that its client had them; ``later`` are
+    those of them that were there when the last request was in step. ``holes`` is where those of the server end of which
+    the same is true; ``counted`` is up to where its bytes have been counted.
     """
 
     count: int = 0
     passed: list[Reach] = field(default_factory=list)
+    later: list[Reach] = field(default_factory=list)
     holes: list[int] = field(default_factory=list)
     counted: int = UNKNOWN
 
@@ -47,8 +50,13 @@ class OwedReplies(Struct):
             self.holes = [*self.holes, behind][-_MOST_PASSED:]
 
     def settle(self, had: int) -> None:
-        """Take that it is known what answers a request whose client had so much."""
+        """Take that it is known what answers a request whose client had so much (``left``)."""
+        self.later = self.passed
         self.count, self.passed, self.holes, self.counted = 0, [], [], had
+
+    def may_have_answered(self, had: int) -> bool:
+        """Tell whether a response that answered nobody may have answered a request whose client had so much."""
+        return any(0 < distance(one.behind, had) <= NEAR for one in (*self.passed, *self.later))
 
     def show_several(self, had: int) -> bool:
         """Tell whether two responses that a client had answer what their server had got at once."""
@@ -74,4 +82,4 @@ class OwedReplies(Struct):
 
     def copy(self) -> OwedReplies:
         """Return another one that is as this one is."""
-        return OwedReplies(self.count, [*self.passed], [*self.holes], self.counted)
+        return OwedReplies(self.count, [*self.passed], [*self.later], [*self.holes], self.counted)

@@ -214,8 +214,8 @@ class Pairing:
                 conversation.keep(early)
                 if not early.is_lost:
                     return
-            if http.forms[form].what is What.END and conversation.waiting and not conversation.is_heard:
-                lacks = self._missing.of_unheard(order, conversation.connection, conversation.began)
+            if http.forms[form].what is What.END and conversation.waiting:
+                lacks = self._missing.at_end(order, conversation)
                 conversation.miss_replies(order, tell, lacks)
             whole = self._form(row, is_needed=conversation.turns.is_tried)
             conversation.take_from_server(whole, order, arrival_ns, row, tell, http.reach.at(row))

@@ -38,6 +38,8 @@ ANOTHER_AFTER, FORGOTTEN_AFTER = SECOND, 10 * SECOND
 def lacks_reply(talk: Talk, waiting: Waiting) -> bool:
     """Tell whether a client acknowledges bytes behind all that its server is known to have sent since it asked."""
     server, had = talk.connection.directions[False], waiting.message.told
+    if talk.turns.owed.may_have_answered(had):
+        return True
     known = server.sequence if had is None or distance(server.sequence, had) >= 0 else had
     return server.acknowledged is not None and 1 < distance(server.acknowledged, known) <= NEAR
 
@@ -50,6 +52,7 @@ def forget_unknown(talk: Talk) -> bool:
 
 def forget_missed(talk: Talk) -> None:
     """Forget what a server that nobody heard may have answered: its client had less when it asked."""
+    talk.waiting[:] = [one for one in talk.waiting if not talk.turns.owed.may_have_answered(one.message.told)]
     server = talk.connection.directions[False]
     if server.begin is None and (most := server.acknowledged) is not None:
         had = ((one, one.message.told) for one in talk.waiting)

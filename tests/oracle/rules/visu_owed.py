@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-OFTEN, MOST_PASSED = 3, 8
+OFTEN, MOST_PASSED, NEAR = 3, 8, 2**20
 
 
 def ahead(one: int | None, other: int | None) -> int | None:
@@ -40,6 +40,8 @@ class Owed:
     requests: int = 0
     passed: list[tuple[int | None, int | None]] = field(default_factory=list)
     """Where responses end that answered nobody, and what they acknowledge."""
+    later: list[int | None] = field(default_factory=list)
+    """Where those end that were not had when the last request was in step."""
     holes: list[int] = field(default_factory=list)
     """Where bytes of the server end that are missing."""
     counted: int | None = None
@@ -51,6 +53,10 @@ class Owed:
     def lose(self, end: int) -> None:
         if not has(self.counted, end):
             self.holes = [*self.holes, end][-MOST_PASSED:]
+
+    def may_have_answered(self, client: int | None) -> bool:
+        """Tell whether a response that answers nobody may have answered what was asked by a client that had so much."""
+        return any(0 < (ahead(end, client) or 0) <= NEAR for end in (*(end for end, _ in self.passed), *self.later))
 
     def answered_at_once(self, client: int) -> bool:
         told = [told for end, told in self.passed if has(client, end)]

@@ -165,7 +165,7 @@ class Turns:
             if self.doubtful:
                 self.owed.requests += 1
             else:
-                self.owed = Owed(counted=request.told)
+                self.owed = Owed(counted=request.told, later=[end for end, _ in self.owed.passed])
         elif request.told is None:
             self.doubtful = False
         self.asked.append(request.told)
