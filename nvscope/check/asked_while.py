@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from enum import Enum
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -247,7 +247,7 @@ class AskedWhile:
         if self._disorder is None:
             return set()
         words = zip(*(word.tolist() for word in self._disorder.keys.words), strict=True)
-        return {Pair(VISU, address.text(*ends[:2]), address.text(*ends[2:]), int(port)) for *ends, port in words}
+        return {pair_of(one) for one in words}
 
     def _of_pages(self) -> Tallies:
         """Return what came of the requests of WebVisu; of some that clients gave up, nothing but time tells."""
@@ -286,7 +286,12 @@ def asks_beyond(known: Evidence, *names: str) -> bool:
 
 def pair_in(part: VisuBatch, number: int) -> Pair:
     """Return a pair of WebVisu by its number."""
-    *ends, port = (int(word[number]) for word in part.pairs)
+    return pair_of(tuple(int(word[number]) for word in part.pairs))
+
+
+def pair_of(words: Sequence[int]) -> Pair:
+    """Return a pair of WebVisu by halves of the addresses of client and server, and port."""
+    *ends, port = words
     return Pair(VISU, address.text(*ends[:2]), address.text(*ends[2:]), port)
 
 
