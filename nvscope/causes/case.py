@@ -16,6 +16,7 @@ from nvscope.causes.going_on import GoingOn
 from nvscope.causes.kind import CauseKind
 from nvscope.causes.life import Life
 from nvscope.causes.node_streams import NodeStream, Pause, lists_of_streams
+from nvscope.causes.one_counter import OneCounter
 from nvscope.causes.spans import moments, touching
 from nvscope.causes.symptoms import IntervalsByStream, Symptoms, symptoms_of
 from nvscope.causes.unreached import Unreached
@@ -89,10 +90,8 @@ class Case:
         self, facts: Facts, findings: Sequence[Finding], witness: Witness, channels: Sequence[str],
         names: Mapping[str, str], clock: Callable[[int], str] | None = None,
     ) -> None:  # fmt: skip
-        self.names = names
-        self.clock = clock
-        self.facts = facts
-        self.findings = findings
+        self.names, self.clock = names, clock
+        self.facts, self.findings = facts, findings
         self.witness = witness
         self.channels = channels
         self._intervals = IntervalsByStream(witness.evidence)
@@ -102,6 +101,7 @@ class Case:
         self._pauses: dict[tuple[int, int, int], Sequence[Pause]] = {}
         self.life = Life(witness.presence, facts)
         self.unreached = Unreached(self)
+        self.one_counter = OneCounter(facts)
 
     @property
     def start_ns(self) -> int:

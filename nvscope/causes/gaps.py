@@ -66,9 +66,9 @@ class Losses(Struct, frozen=True):
 
 
 def losses_in(case: Case) -> Losses:
-    """Return the gaps that nothing has explained yet."""
+    """Return the gaps that nothing has explained yet, but for what another sender has sent in their place."""
     symptoms = case.symptoms
-    rows = np.flatnonzero(case.free(TELEGRAM_GAP) & (symptoms.amount > 0))
+    rows = np.flatnonzero(case.free(TELEGRAM_GAP) & (symptoms.amount > 0) & ~case.one_counter.of(symptoms))
     interval_ns = case.nominal_ns(rows)
     since_ns, time_ns, lost = symptoms.since_ns[rows], symptoms.time_ns[rows], symptoms.amount[rows]
     between_ns = np.where(interval_ns > 0, interval_ns, (time_ns - since_ns) // (lost + 1))

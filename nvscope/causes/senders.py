@@ -48,9 +48,13 @@ SECOND_SENDER = CauseKind(
 
 _TOGETHER_NS = 1_000_000_000
 _OF_LIST = (SEVERAL_SENDERS, SHAPE_CHANGED, CHECKSUM_CHANGED, DEFINITION_MISMATCH)
+_OF_TURNS = (
+    TELEGRAM_GAP, DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM, SENDER_RESTART, COUNTER_ERRATIC, LATE, JITTER, BURST,
+)  # fmt: skip
+"""What is of both where they send in turns and count on in one Counter."""
+
 _OF_SENDER = (
-    TELEGRAM_GAP, DUPLICATE_TELEGRAM, OVERTAKEN_TELEGRAM, SENDER_RESTART, COUNTER_UNUSED, COUNTER_SCOPE,
-    COUNTER_ERRATIC, COUNTER_SHARED, UNKNOWN_WRITER, NO_ACKNOWLEDGEMENT, LATE, JITTER, BURST, STOPPED, TORN_CYCLE,
+    *_OF_TURNS, COUNTER_UNUSED, COUNTER_SCOPE, COUNTER_SHARED, UNKNOWN_WRITER, NO_ACKNOWLEDGEMENT, STOPPED, TORN_CYCLE,
 )  # fmt: skip
 
 
@@ -217,6 +221,11 @@ def _draft(case: Case, group: _Group, places: Bool) -> Explained:
     chosen = case.free(*_OF_LIST) & of_lists & ((symptoms.frame >= since_frame) | own)
     chosen &= ~places | own  # what a third one changes is its own
     chosen |= case.free(*_OF_SENDER) & of_lists & own
+    for number in numbers:
+        with_them = {other for node in nodes for other in case.one_counter.with_whom.get((number, node), ())}
+        if with_them:
+            theirs = (symptoms.list == number) & np.isin(symptoms.node, sorted(with_them))
+            chosen |= case.free(*_OF_TURNS) & theirs & (symptoms.frame >= since_frame)
     streams = [one for node in nodes for one in case.streams_of_node[node] if one.list.number in numbers]
     until_ns = _until_ns(case, streams)
     many = len(nodes) > 1
@@ -288,6 +297,11 @@ def _of_one_sender(case: Case, group: _Group) -> tuple[list[str], str]:
         one.message.rstrip(".") for one in case.findings
         if one.kind is COUNTER_SHARED and one.node == group.nodes[0] and one.list_number in numbers
     ]  # fmt: skip
+    for one in group.lists:
+        for other, (odd, filled) in case.one_counter.with_whom.get((one.number, group.nodes[0]), {}).items():
+            with_it = f"{name} and {case.address(other)} count on in one Counter"
+            along.append(f"{with_it}: {count(filled)} of {count(odd)} gaps of either are what the other one sent")
+            step = f"Whether {name} and {case.address(other)} are one device: let it send from one address only."
     return [*along[:1], *_compared(case, group.nodes[0], group.lists[0], group.others)], step
 
 

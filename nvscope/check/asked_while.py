@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from enum import Enum
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -24,6 +24,7 @@ from nvscope.tracker.latency import Latencies
 from nvscope.tracker.parameter.events import ParameterEvent
 
 if TYPE_CHECKING:  # most plants have none, and then nothing of it is imported
+    from nvscope.tracker.events import EventLog
     from nvscope.tracker.parameter.transactions import Transactions
     from nvscope.tracker.visu.leaving import LeavingClients
     from nvscope.tracker.visu.messages import VisuBatch
@@ -50,13 +51,14 @@ _WITH_LATENCY = (Came.REPLY, Came.REFUSED)
 class Tally:
     """What came of the requests of one pair: how many, the first frames of each kind, and replies that are ``slow``.
 
-    ``asked`` are those of WebVisu, whatever came of them; ``cut`` are requests and replies of which bytes are missing.
+    ``asked`` are those of WebVisu, whatever came of them; ``cut`` are requests and replies of which bytes are missing;
+    of so many replies nobody knows how long they took (``unmeasured``).
     """
 
-    __slots__ = ("asked", "counts", "cut", "frames", "slow", "slow_frames")
+    __slots__ = ("asked", "counts", "cut", "frames", "slow", "slow_frames", "unmeasured")
 
     def __init__(self) -> None:
-        self.asked = self.cut = 0
+        self.asked = self.cut = self.unmeasured = 0
         self.counts = dict.fromkeys(Came, 0)
         self.frames: Mapping[Came, KeptFrames] = {one: KeptFrames() for one in (Came.REFUSED, Came.UNANSWERED)}
         self.slow = 0
@@ -79,7 +81,7 @@ class Tally:
 
     @property
     def replies(self) -> int:
-        """How many replies have a latency."""
+        """How many replies there are that have a latency, known or not."""
         return sum(self.counts[one] for one in _WITH_LATENCY)
 
 
@@ -104,6 +106,8 @@ class Tallies:
             tally.counts[came] += len(row)
             if came in tally.frames:
                 tally.frames[came].add(frame[row], time_ns[row])
+            if came in _WITH_LATENCY and timed is not None:
+                tally.unmeasured += int(np.count_nonzero(~timed[row]))
             if came in _WITH_LATENCY and self._most_ns is not None:
                 late = row[took_ns[row] > self._most_ns]  # what is not timed took nothing
                 tally.slow += len(late)
@@ -145,6 +149,7 @@ class AskedWhile:
         self._sdo, self._visu = Tallies(most_ns), Tallies(most_ns)
         self._pairs: dict[int, Pair] = {}
         self._leaving: LeavingClients | None = None
+        self._disorder: EventLog | None = None
         self._senders = KeyTable(2)
         self._first_judged: int | None = None if setting.since_ns is not None else 0
         self.left_out = False
@@ -192,6 +197,7 @@ class AskedWhile:
 
         self._leaving = self._leaving or LeavingClients()
         self._leaving.observe(told, part.leaving)
+        self._disorder = part.disorder
         messages, known_ns = part.messages, part.known_ns(told.packets.ts_ns)
         for number in distinct(messages.pair).tolist():
             if number in self._pairs:
@@ -236,6 +242,13 @@ class AskedWhile:
         high, low = (np.array([half], np.uint64) for half in address.halves(node))
         return bool(self._senders.find(high, low)[0] >= 0)
 
+    def in_disorder(self) -> set[Pair]:
+        """Return the pairs of WebVisu that were captured in another order than that of the wire."""
+        if self._disorder is None:
+            return set()
+        words = zip(*(word.tolist() for word in self._disorder.keys.words), strict=True)
+        return {pair_of(one) for one in words}
+
     def _of_pages(self) -> Tallies:
         """Return what came of the requests of WebVisu; of some that clients gave up, nothing but time tells."""
         given_up = [] if self._leaving is None else self._leaving.given_up()
@@ -273,7 +286,12 @@ def asks_beyond(known: Evidence, *names: str) -> bool:
 
 def pair_in(part: VisuBatch, number: int) -> Pair:
     """Return a pair of WebVisu by its number."""
-    *ends, port = (int(word[number]) for word in part.pairs)
+    return pair_of(tuple(int(word[number]) for word in part.pairs))
+
+
+def pair_of(words: Sequence[int]) -> Pair:
+    """Return a pair of WebVisu by halves of the addresses of client and server, and port."""
+    *ends, port = words
     return Pair(VISU, address.text(*ends[:2]), address.text(*ends[2:]), port)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from dissectors import address
 from dissectors.batch import I64, Bool
-from nvscope.check.asked_while import pair_in, pairs_of
+from nvscope.check.asked_while import pair_in, pair_of, pairs_of
 from nvscope.check.check import Evidence, Setting
 from nvscope.check.kept_frames import KeptFrames
 from nvscope.check.while_so import WhileSo, while_so
@@ -160,13 +160,13 @@ class WrittenWhile:
         return self._pairs[number]
 
     def lacking(self) -> set[Pair]:
-        """Return the pairs of whose clients, at the end, bytes are missing behind all that there is.
+        """Return the pairs whose clients, at the end, may have written something behind all that there is.
 
         When that was, nobody knows: of writes while something holds, that tells nothing.
         """
         if self._last is None or self.holds is not None:
             return set()
-        return {self._pair(self._last, number) for number in self._last.lacking()}
+        return {pair_of(words) for words in self._last.lacking()}
 
     def written(self, known: Evidence) -> Iterator[tuple[Written, Times]]:
         """Yield all that was written by requests that are whole."""

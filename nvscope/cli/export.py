@@ -37,6 +37,7 @@ from nvscope.cli.sources import (
     asked_range,
     tell_of_channels,
     tell_of_losses,
+    tell_of_parts,
 )
 from nvscope.cli.terminal import echo
 from nvscope.errors import UsageError
@@ -167,6 +168,7 @@ def export(
 
     from nvscope.analysis.default_fields import default_fields
     from nvscope.analysis.inquiry import Inquiry
+    from nvscope.analysis.not_whole import NotWhole
     from nvscope.capture.formats import are_databases
     from nvscope.cli.memory import keep_freed_memory
     from nvscope.cli.progress import watching
@@ -219,12 +221,15 @@ def export(
     source, reading = source or inquiry.open(), inquiry.reading(filtered)
     columns = [] if lists or read_alone else named or default_fields(inquiry, source)
     inputs = [*(info.path for info in source.infos), *inquiry.project.inputs]
-    files = WholeFiles(inputs, force=force)
+    files, parts = WholeFiles(inputs, force=force), NotWhole()
     try:
         with watching(quiet=quiet)(source) as progress:
             if read_alone:
                 assert read_ones is not None
-                frames, fragments = write_read_alone(inquiry, source, filtered, read_ones, write, files, wide), 0
+                frames, fragments = (
+                    write_read_alone(inquiry, source, filtered, read_ones, write, files, wide, [parts]),
+                    0,
+                )
                 if not (read_ones.known or of_read_ones or of_databases):
                     raise nothing_defined(inquiry)
             elif lists:
@@ -233,7 +238,7 @@ def export(
 
                 assert layouts is not None
                 told = DefinedTelegrams(layouts, keys=[key for key, _ in lists])
-                rows = values(source, reading, told, progress, [read_ones] if read_ones else ())
+                rows = values(source, reading, told, progress, [parts, *([read_ones] if read_ones else [])])
                 row = "cycle" if by == "cycle" else form or "wide"
                 written = _write_values(told, rows, lists, write, row, files, read_ones, wide)
                 frames, fragments = told.frames, told.fragments
@@ -242,7 +247,7 @@ def export(
                 from nvscope.view.rows.frames import PacketRows
 
                 telegrams = PacketRows()
-                beyond = _write_telegrams(packets(source, reading, telegrams, progress), columns, write, files)
+                beyond = _write_telegrams(packets(source, reading, telegrams, progress, [parts]), columns, write, files)
                 frames, fragments = telegrams.frames, telegrams.fragments
         files.publish()
     except BaseException:
@@ -263,6 +268,7 @@ def export(
         if what is None and not named and not quiet and any(one.name.startswith("visu.") for one in columns):
             tell_of_values_of_pages(write)
     tell_of_channels(channel_map, source.channels)
+    tell_of_parts(parts)
     if between and not frames:
         echo(NOTHING_BETWEEN, err=True)
     if fragments:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.analysis.read_values import ReadSource
     from nvscope.capture.source import Source
+    from nvscope.engine.run import Observer
     from nvscope.export.database_rows import DatabaseRows
     from nvscope.export.values import ReadOnes, ReadRows
     from nvscope.tracker.readings.readings import Wanted
@@ -91,9 +92,9 @@ def nothing_defined(inquiry: Inquiry) -> UsageError:
 
 def write_read_alone(
     inquiry: Inquiry, source: Source, chosen: DisplayFilter | None, read_ones: ReadOnes, path: str, files: WholeFiles,
-    wide: DatabaseRows | None = None,
+    wide: DatabaseRows | None = None, others: Sequence[Observer] = (),
 ) -> int:  # fmt: skip
-    """Write values that come one by one to a file; return how many frames were read.
+    """Write values that come one by one to a file; return how many frames were read. ``others`` observe, too.
 
     Of databases beside captures they go to a file of their own.
     """
@@ -116,7 +117,7 @@ def write_read_alone(
     file = ReadFiles(paths, files, read_ones, Existing.REPLACED, wide)
     file.open(first)
     frames = 0
-    for told in inquiry.run(source, [read_ones], chosen, watch=lambda _: nullcontext(lambda: None)):
+    for told in inquiry.run(source, [read_ones, *others], chosen, watch=lambda _: nullcontext(lambda: None)):
         frames += len(told)
         file.add()
     file.finish()

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+from nvscope.cli.sources import tell_of_parts
 from nvscope.cli.terminal import echo
 from nvscope.errors import NvscopeError, UsageError
 
@@ -26,6 +27,7 @@ def write_frames(
     then nothing is written.
     """
     from nvscope import units
+    from nvscope.analysis.not_whole import NotWhole
     from nvscope.capture.formats import written_as
     from nvscope.capture.open import open_sink
     from nvscope.capture.output import STDOUT, ChannelNames
@@ -54,6 +56,7 @@ def write_frames(
         return source.infos[0].comments if has_comments else ()
 
     remarks = remarks_on(inquiry) if chosen is not None and target.holds_comments else []
+    parts = NotWhole() if chosen is not None else None
     try:
         unfinished = path if is_stdout(path) else files.reserve(path).unfinished
         try:
@@ -63,7 +66,8 @@ def write_frames(
                 for attachment in kept:
                     sink.attach(attachment)
                 written = FrameFile(sink, topics, comments, remarks)
-                for _ in inquiry.run(source, [written], chosen, all_frames=all_frames):
+                observers = [written, *([parts] if parts else [])]
+                for _ in inquiry.run(source, observers, chosen, all_frames=all_frames):
                     pass
                 sink.describe(circumstances_of(source.infos))
         except NvscopeError as error:
@@ -80,6 +84,8 @@ def write_frames(
     )  # fmt: skip
     if lost:
         echo(f"nvscope: {visible(path)}: {target.name} has no place for {visible('; '.join(lost))}.", err=True)
+    if parts:
+        tell_of_parts(parts)
     tell_of_one_file(source.infos, path)
     if not quiet:
         of = f" of {units.count(written.frames)}" if chosen is not None else ""

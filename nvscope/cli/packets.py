@@ -35,6 +35,7 @@ from nvscope.cli.sources import (
     asked_range,
     tell_of_channels,
     tell_of_losses,
+    tell_of_parts,
 )
 from nvscope.cli.terminal import ColourOption, colour_wanted, echo, width
 from nvscope.errors import UsageError
@@ -195,6 +196,7 @@ def packets(
     )  # fmt: skip
 
     from nvscope import units
+    from nvscope.analysis.not_whole import NotWhole
     from nvscope.analysis.packets import packets as read_packets
     from nvscope.analysis.reading import reading_of
     from nvscope.analysis.seen_lists import SeenLists
@@ -211,10 +213,12 @@ def packets(
         reading = reading_of(plant, ports, pdos, all_frames=all_frames)
     telegrams = PacketRows(limit=count)
     seen = SeenLists() if inquiry and plant.files and count is None else None
+    parts = NotWhole() if chosen_by else None
+    others = [canopen, *([seen] if seen else []), *([parts] if parts else [])]
     out = sys.stdout
     with watching(quiet=quiet or out.isatty())(source) as progress:
         out.write(face.begin())
-        for rows in read_packets(source, reading, telegrams, progress, [canopen, *([seen] if seen else [])]):
+        for rows in read_packets(source, reading, telegrams, progress, others):
             for text in face.render(rows):
                 out.write(text)
             out.flush()
@@ -252,6 +256,8 @@ def packets(
         echo(f"nvscope: a {what} is shown by the telegrams of its first ten events, not by all.", err=True)
     if telegrams.fragments:
         echo(f"nvscope: {units.count_of(telegrams.fragments, 'IP fragment')}, not put together.", err=True)
+    if parts:
+        tell_of_parts(parts)
     if beyond:
         from nvscope.export.unwritten import beyond_time
 

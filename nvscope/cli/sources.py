@@ -19,6 +19,7 @@ from nvscope.enumeration import first_few
 from nvscope.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
+    from nvscope.analysis.not_whole import NotWhole
     from nvscope.capture.recordings import Recording
     from nvscope.capture.source import SourceInfo
     from nvscope.definition.project import Project
@@ -226,6 +227,12 @@ def _tell_of_closed_files(infos: Sequence[SourceInfo]) -> None:
             told = f"{count_of(len(beside), 'closed file')} of its series beside it, such as {visible(beside[-1])}"
             what = "was not named, and is not read" if len(beside) == 1 else "were not named, and are not read"
             echo(f"nvscope: {visible(path)}: {told}, {what}.", err=True)
+
+
+def tell_of_parts(known: NotWhole) -> None:
+    """Say on stderr what of the captures could not be looked at."""
+    for sentence in known.sentences():
+        echo(f"nvscope: {sentence}", err=True)
 
 
 def tell_of_losses(infos: Sequence[SourceInfo]) -> ExitCode:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -23,6 +23,19 @@ class Asked(NamedTuple):
     first_ns: int
     frame: int
     what: str
+
+
+class _Times(NamedTuple):
+    """How often a parameter was asked for in vain, when first and last, and the first frame."""
+
+    number: int
+    first_ns: int
+    last_ns: int
+    frame: int
+
+
+LEAST_ROUNDS = 3
+"""Who asks the same partners the same so often, in turn, polls them. Who looks for some asks each of them once."""
 
 
 def dense(asked: Sequence[Asked], least: int, within_ns: int) -> Sequence[Asked]:
@@ -98,46 +111,60 @@ def _add_ports_of_requests(facts: Facts, ports: dict[int, dict[str, Asked]]) -> 
 def _add_ports_of_parameters(facts: Facts, ports: dict[int, dict[str, Asked]]) -> None:
     """Add the ports on which nodes asked for parameters, and nobody replied to anybody."""
     used = {pair.port for pair in facts.summary.parameters if _replied(pair)}
-    for node, asked, first_ns, frame in _unanswered(facts):
+    for node, asked, times in _unanswered(facts):
         if asked.port not in used:
-            _add(ports[node], first_ns, frame, str(asked.port))
+            _add(ports[node], times.first_ns, times.frame, str(asked.port))
 
 
 def partners_in_vain(facts: Facts) -> Mapping[int, Sequence[Asked]]:
     """Return the partners that each node asked for parameters, and that nobody knows.
 
     These reply to nobody, send no list, and have no name in the project; what goes to everybody is for none of them.
+    Nor are those looked for that are polled, as a mirror of one direction shows it.
     """
     found: dict[int, dict[str, Asked]] = defaultdict(dict)
+    rounds: dict[int, dict[str, tuple[int, int]]] = defaultdict(dict)
     known = {pair.partner for pair in facts.summary.parameters if _replied(pair)} | facts.nodes.keys()
     known |= {facts.address(node) for entry in facts.summary.lists for node in entry.senders}
-    for node, asked, first_ns, frame in _unanswered(facts):
+    for node, asked, times in _unanswered(facts):
         if asked.partner not in known and asked.partner in facts.node_numbers:
-            _add(found[node], first_ns, frame, asked.partner)
-    return {node: [*asked.values()] for node, asked in found.items()}
+            _add(found[node], times.first_ns, times.frame, asked.partner)
+            so_far = rounds[node].get(asked.partner, (0, 0))
+            rounds[node][asked.partner] = max(so_far, (times.number, times.last_ns))
+    return {node: [*asked.values()] for node, asked in found.items() if not _polls(asked.values(), rounds[node])}
+
+
+def _polls(asked: Collection[Asked], rounds: Mapping[str, tuple[int, int]]) -> bool:
+    """Tell whether most partners were asked for one and the same again and again, still behind the last new one.
+
+    ``rounds`` is how often that was at most, and when last, by partner.
+    """
+    last_ns = max(one.first_ns for one in asked)
+    polled = sum(count >= LEAST_ROUNDS and time_ns > last_ns for count, time_ns in rounds.values())
+    return 2 * polled > len(asked)
 
 
 def _replied(pair: PairSummary) -> bool:
     return bool(pair.replies or pair.busy or pair.unexpected)
 
 
-def _unanswered(facts: Facts) -> Iterator[tuple[int, AskedFor, int, int]]:
-    """Yield who asked for parameters that nobody answered, for which, and the first time and frame of each."""
+def _unanswered(facts: Facts) -> Iterator[tuple[int, AskedFor, _Times]]:
+    """Yield who asked for parameters that nobody answered, for which, and when."""
     known = facts.state.parameters.known
     if known is None:
         return
     from nvscope.tracker.parameter.events import ParameterEvent, event_parts
 
     log = known.events
-    names = ("first_ns", "frames")
-    for word, parameter, first_ns, frames in zip(
+    names = ("count", "first_ns", "last_ns", "frames")
+    for word, parameter, count, first_ns, last_ns, frames in zip(
         log.keys.high.tolist(), log.keys.low.tolist(), *(log.rows.column(name).tolist() for name in names), strict=True
     ):
         if event_parts(word)[0] == ParameterEvent.TIMEOUT:
             asked = known.described(parameter)
             node = facts.node_numbers.get(asked.requester)
             if node is not None:
-                yield node, asked, first_ns, frames[0]
+                yield node, asked, _Times(count, first_ns, last_ns, frames[0])
 
 
 def _add(found: dict[str, Asked], first_ns: int, frame: int, what: str) -> None:

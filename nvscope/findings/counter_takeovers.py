@@ -39,8 +39,11 @@ COUNTER_SHARED = FindingKind(
 LEAST_EVENTS = 10
 """So often; by chance, one of 65 536 telegrams goes on just there."""
 
-LEAST_PERCENT = 80
+LEAST_PERCENT = 50
 """So many of the steps of who counts along. One that counts for itself, and loses telegrams, has fewer."""
+
+LEAST_ODD_PERCENT = 80
+"""So many of those of its steps that are not by 1: who slips in telegrams of two that follow each other has both."""
 
 REGULAR_PERCENT = 90
 """So many of the steps of the other are by 1. Where they are not, both may count what nobody sees."""
@@ -66,9 +69,10 @@ def judge_takeovers(facts: Facts) -> Iterator[Finding]:
     for row, (own, other) in enumerate(pairs):
         events = events_of(log.rows, row)
         steps, others, regular = int(columns.steps[own]), int(columns.steps[other]), int(columns.regular[other])
+        odd = steps - int(columns.regular[own])
         if (
             events.count < LEAST_EVENTS or 100 * events.count < LEAST_PERCENT * steps
-            or not others or not {own, other} <= streams.keys()
+            or 100 * events.count < LEAST_ODD_PERCENT * odd or not others or not {own, other} <= streams.keys()
         ):  # fmt: skip
             continue
         entry, stream = streams[own]

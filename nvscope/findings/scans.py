@@ -27,13 +27,14 @@ SCAN = FindingKind(
         "definition knows, or at least 100 addresses for parameters of which not one replies to anybody, or asked in "
         "vain on at least 20 ports. A reader that begins asks for the lists that it reads, over the few ports of the "
         "plant: those that are sent or defined do not count, however many; nor do partners that send lists, or that "
-        "[nodes] of the project names."
+        "[nodes] of the project names, nor most of those of a host that go on being asked for the same in turn: it "
+        "polls them, and this capture does not see their replies."
     ),
     causes=(
         "a tool that looks for lists or controllers, for an inventory or a test",
         "somebody who explores the plant",
         "a host that reads a hundred lists whose senders are off, or send to it alone and unseen by this capture",
-        "a host that asks a hundred controllers whose replies this capture does not see",
+        "a host that asks a hundred controllers once or twice, whose replies this capture does not see",
     ),
     next_steps=(
         "Ask who works at that host; find it by its hardware address.",

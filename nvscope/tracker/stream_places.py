@@ -63,3 +63,14 @@ class StreamPlaces:
         ahead = np.where(told >= 0, (told - at) % WRAP, 0)
         lacks = begun & ~ended & (waits | ((ahead > 1) & (ahead <= NEAR)))
         return np.flatnonzero(lacks)
+
+    def held_back(self) -> I64:
+        """Return the connections of which all that their clients said, or but that they begin, still waits.
+
+        Their servers have said nothing that was read, and what waits is held back for that
+        (``nvscope.tracker.held_back``).
+        """
+        column, count = self.columns.column, 2 * len(self.connections)
+        begun, at, first, waits = (column(name)[:count] for name in ("begun", "next", "first", "waits"))
+        own, other = begun[::2], begun[1::2]
+        return np.flatnonzero(waits[::2] & ~(own & (other | (at != first)[::2])))

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import random
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from nvscope.tracker.counter_takeovers import CounterTakeovers
 from tests.findings.security_plants import analysed, found_in, told_in
+from tests.laws import examples
 from tests.oracle.builders import data_frame, telegram
 from tests.oracle.frame import Frame
 from tests.oracle.wire import SECOND, A, B
@@ -49,6 +53,39 @@ def test_who_slips_in_telegrams_with_the_next_counter_counts_along(tmp_path: Pat
     assert cause.kind.name == "second-sender"
     assert finding in cause.findings
     assert cause.checked[0] == finding.message.rstrip(".")
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_who_slips_in_at_random_in_four_of_ten_cycles_counts_along(seed: int, tmp_path: Path) -> None:
+    """Of two cycles that follow each other, its telegrams follow each other, too, as those of one that counts."""
+    rng = random.Random(seed)
+    along = [sent(at + rng.uniform(0.01, 0.99), at + 1, B, value=9) for at in range(1, 300) if rng.random() < 0.4]
+    assert "NV964" in codes([*victim(300), *along], tmp_path)
+
+
+@examples(300)
+@given(seed=st.integers(0, 10**6))
+def test_no_good_capture_has_one_that_counts_along(seed: int, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Two that send one list, each for itself: they begin when they want, restart, lose telegrams, are doubled."""
+    rng = random.Random(seed)
+    frames: list[Frame] = []
+    together = rng.random() < 0.5
+    for source in (A, B):
+        lost = rng.choice((0, 0, 0.02, 0.1, 0.3))
+        interval, phase = 1 if together else rng.choice((1, 1, 2, 0.5, 1.37)), rng.random()
+        counter = 1 if together else rng.choice((1, 100, 65_500, rng.randrange(65_536)))
+        restarts = {rng.randrange(300) for _ in range(rng.choice((0, 0, 1, 3)))}
+        lists = rng.choice((1, 1, 2))
+        for cycle in range(300):
+            if cycle in restarts:
+                counter = rng.choice((0, 1)) - cycle
+            for place in range(lists):
+                at = cycle * interval + phase + 0.01 * place + rng.uniform(0, 0.05)
+                if rng.random() >= lost:
+                    frames.append(sent(at, (counter + cycle) % 65_536, source, list_id=1 + place, value=9))
+    if rng.random() < 0.3:
+        frames += [one._replace(ts_ns=one.ts_ns + 2000) for one in frames]
+    assert "NV964" not in codes(frames, tmp_path_factory.mktemp("good"))
 
 
 def test_fewer_telegrams_than_ten_may_be_chance(tmp_path: Path) -> None:

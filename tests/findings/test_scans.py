@@ -159,6 +159,27 @@ def test_partners_that_are_known_are_not_looked_for(tmp_path: Path) -> None:
     assert not told_in([*frames, *other], tmp_path)
 
 
+def rounds(partners: range, times: int) -> list[Frame]:
+    """Return requests of a host for the same parameter of all of some partners, one round behind the other."""
+    asked = [(time, place) for time in range(times) for place in partners]
+    return [
+        data_frame(SECOND + at * SECOND // 10, HOST, f"10.1.0.{place}", telegram(1, 7, counter=time, data=b""))
+        for at, (time, place) in enumerate(asked)
+    ]
+
+
+def test_who_polls_a_hundred_partners_of_which_no_reply_is_captured_looks_for_none(tmp_path: Path) -> None:
+    """As a mirror of one direction shows it. Who tries each address three times before the next one does not poll."""
+    partners = range(1, LEAST_PARTNERS + 1)
+    assert [len(told_in([*plant(), *rounds(partners, times)], tmp_path)) for times in (1, 2, 3, 8)] == [1, 1, 0, 0]
+    tried = [frame for place in partners for frame in rounds(range(place, place + 1), 3)]
+    tried = [frame._replace(ts_ns=SECOND + at * SECOND // 10) for at, frame in enumerate(tried)]
+    assert len(told_in([*plant(), *tried], tmp_path)) == 1
+    # Nor is a host that polls some, and looks for many others.
+    some = [frame._replace(ts_ns=frame.ts_ns + 9 * SECOND) for frame in rounds(range(120, 230), 1)]
+    assert len(told_in([*plant(), *rounds(range(1, 31), 8), *some], tmp_path)) == 1
+
+
 def test_what_goes_to_everybody_asks_no_address(tmp_path: Path) -> None:
     assert not told_in([*plant(), *of_addresses(LEAST_PARTNERS, broadcast=True)], tmp_path)
 

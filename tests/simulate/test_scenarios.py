@@ -22,8 +22,8 @@ NEEDS_MANY = {"NV906"}
 LIVE_ONLY = {"NV907"}
 WILD = {"NV808", "NV963", "NV964"}
 """Where two have one address, or one Counter, or pages are cut, the truth about counters is not exact."""
-NOT_SIMULATED = {"NV809", "NV810"}
-"""No page says how its texts are encoded, and nothing is captured in another order."""
+NOT_SIMULATED = {"NV810"}
+"""Nothing is captured in another order."""
 
 
 def found(findings: list[dict[str, Any]]) -> dict[str, set[str]]:

@@ -34,6 +34,11 @@ NOT_DUE = "the capture ended before a reply was due"
 UNHEARD = "what nodes answer each other is not to be seen in this capture"
 BEYOND = "more nodes ask more others, or wait for more replies at a time, than are told apart"
 NO_REQUESTS = "its requests are not in the capture, only replies"
+UNMEASURED = "came before the request was whole, or seems to: nobody knows how long it took"
+DISORDER = (
+    "it was captured in another order than that of the wire, as by two clocks (NV810): nobody knows how long replies "
+    "took"
+)
 
 
 def _transaction(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]) -> Iterator[Judged]:
@@ -48,7 +53,7 @@ def _transaction(known: Evidence, lists: Collection[ListKey], told: Mapping[str,
         yield Judged(Verdict.INCONCLUSIVE, reason=UNHEARD if unheard else NO_PAIR, vacuous=not unheard)
     if watched.left_out or asks_beyond(known, "PAIR", "OPEN", "REPLY"):
         yield Judged(Verdict.INCONCLUSIVE, reason=BEYOND)
-    senders = _senders(known)
+    senders, in_disorder = _senders(known), watched.in_disorder()
     for pair, number, tallies in sorted(own, key=lambda one: one[0].order):
         subject = Judged(
             Verdict.INCONCLUSIVE, node=pair.client, protocol=pair.protocol, partner=pair.server, port=pair.port
@@ -58,7 +63,7 @@ def _transaction(known: Evidence, lists: Collection[ListKey], told: Mapping[str,
         if why:
             yield replace(subject, reason=why)
         elif tally.requests:
-            yield _worst(_judged(known, subject, number, tallies, told))
+            yield _worst(_judged(known, subject, number, tallies, told, is_in_order=pair not in in_disorder))
         elif asking.named or len(own) == 1:
             yield replace(subject, reason=NONE_JUDGED, vacuous=True)
 
@@ -124,13 +129,16 @@ def _tightness(judged: Judged) -> float:
 
 
 def _judged(
-    known: Evidence, subject: Judged, number: int, tallies: Tallies, told: Mapping[str, Any]
+    known: Evidence, subject: Judged, number: int, tallies: Tallies, told: Mapping[str, Any], *, is_in_order: bool
 ) -> list[Judged]:  # fmt: skip
     tally = tallies.of[number]
     refused, unanswered = tally.counts[Came.REFUSED], tally.counts[Came.UNANSWERED]
     found = []
     if told["max_latency"] is not None:
-        found.append(_latency(known, subject, tally, tallies.percentile_ns(number, told["percentile"]), told))
+        judged = _latency(known, subject, tally, tallies.percentile_ns(number, told["percentile"]), told)
+        if judged.verdict is not Verdict.INCONCLUSIVE and not is_in_order:
+            judged = replace(judged, verdict=Verdict.INCONCLUSIVE, reason=DISORDER)
+        found.append(judged)
     if told["max_errors"] is not None:
         words = f"{refused} refused, {unanswered} unanswered of {count_of(tally.requests, 'request')}"
         judged = replace(subject, reason=words)
@@ -147,20 +155,24 @@ def _latency(
 ) -> Judged:  # fmt: skip
     most_ns, percent = told["max_latency"], told["percentile"]
     limit = most_ns / _SECOND_NS
+    unmeasured = f"{tally.unmeasured} of {count_of(tally.replies, 'reply', 'replies')} {UNMEASURED}"
     if seen_ns is None:
-        return replace(subject, reason="none of its requests has a reply", limit=limit, unit="s")
+        reason = unmeasured if tally.unmeasured else "none of its requests has a reply"
+        return replace(subject, reason=reason, limit=limit, unit="s")
     allowed = tally.replies - -(-percent * tally.replies // 100)
     is_broken = tally.slow > allowed
     # Percentiles are those of a histogram; how many are slower is exact.
     seen_ns = max(seen_ns, most_ns + 1) if is_broken else min(seen_ns, most_ns)
     what = "the slowest" if percent == 100 else f"p{percent}"
-    reason = f"{what} of {count_of(tally.replies, 'reply', 'replies')}"
+    reason = f"{what} of {count_of(tally.replies - tally.unmeasured, 'reply', 'replies')}"
     if tally.slow:
         reason += f", {tally.slow} slower than {duration(most_ns)}"
     kept, verdict = tally.slow_frames.kept, Verdict.FAIL if is_broken else Verdict.PASS
     doubts = [doubt_of_clock(known, time_ns) for _, time_ns in kept]
     if is_broken and tally.slow == len(doubts) and all(doubts):
         verdict, reason = Verdict.INCONCLUSIVE, doubts[0]
+    if not is_broken and tally.slow + tally.unmeasured > allowed:
+        verdict, reason = Verdict.INCONCLUSIVE, unmeasured
     return replace(
         subject, verdict=verdict, reason=reason, worst=seen_ns / _SECOND_NS, limit=limit, unit="s", count=tally.slow,
         first_ns=kept[0][1] if kept else None, frames=frames_of(kept),

@@ -30,6 +30,10 @@ _MOST_SHOWN = 60
 _MOST_NAMED = 3
 _UNHEARD = "what nodes ask each other is not to be seen in this capture: others may have written"
 _CUT = "bytes of its connections are missing: nobody knows whether it wrote something in there"
+_AT_END = (
+    "where the capture ends, a request of its has begun, or bytes of its connections are missing or still wait: nobody "
+    "knows whether it wrote something in there"
+)
 _UNREAD = "a message of its is too long to be read, or in an unknown coding: nobody knows whether it wrote something"
 _UNSEEN = "a reply confirms a write of {} of {} whose request is not in this capture"
 _MALFORMED = "a request to write {} of {} is malformed, or its header is cut off: nobody knows whether it was taken"
@@ -66,13 +70,13 @@ def _writes(known: Evidence, lists: Collection[ListKey], told: Mapping[str, Any]
             writer.broken.append((written, times))
         elif may is None:
             writer.unknown.append(written)
-    cut = watched.cut | watched.lacking()
+    at_end, unread, unclear = watched.lacking(), watched.unread, watched.unclear
     hidden = {
         (pair.protocol, pair.client): reason
-        for pairs, reason in ((cut, _CUT), (watched.unread, _UNREAD), (watched.unclear, _UNCLEAR))
+        for pairs, reason in ((at_end, _AT_END), (watched.cut, _CUT), (unread, _UNREAD), (unclear, _UNCLEAR))
         for pair in pairs
         if pair in asking
-    }  # fmt: skip
+    }
     for found, reason in ((watched.unseen(known), _UNSEEN), (watched.malformed(known), _MALFORMED)):
         for written, count in found:
             if written.pair not in asking:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import ipaddress
+import re
 
 from nvscope.simulate.scenario import Scenario
+from nvscope.simulate.visu.messages import spoken
 from nvscope.simulate.visu.tables import LONGEST, Page
 from nvscope.toml_table import Place
 
 _WITH_REPLY = "late", "refused", "shortened", "lacking", "resent", "overtaken"
 _MOST_VARIABLES = 1_000
+_NAME = re.compile(r"[!#-%(-;=?-~]{1,40}", re.ASCII)
 _LONGEST_HOLE_NS = 5_000_000_000
 
 
@@ -28,6 +31,7 @@ def check_page(scenario: Scenario, page: Page, place: Place) -> None:
     for name in page.variables:
         if not 0 < len(name) <= LONGEST or not name.isprintable():
             raise place.below("variables").error(f"a variable has a name of 1 to {LONGEST} printable characters")
+    _check_texts(page, place)
     if page.write and page.shortened:
         raise place.below("shortened").error("replies to writes have no values")
     for name in _WITH_REPLY:
@@ -38,6 +42,19 @@ def check_page(scenario: Scenario, page: Page, place: Place) -> None:
         raise place.below("resent_after").error("who waits so long for a segment takes it for one that is missing")
     if not scenario.wild and (what := _meddling(scenario, page)):
         raise place.error(f"{what} takes parts of what a page says, or shows them twice", "Set wild = true.")
+
+
+def _check_texts(page: Page, place: Place) -> None:
+    """Raise ConfigurationError where a value cannot be said in the encoding of the page, or is parted by it."""
+    for value in page.values:
+        try:
+            is_parted = b"|" in spoken(page).encoded(value)
+        except ValueError as error:
+            raise place.below("values").error(str(error), "Say an encoding that has it: UTF-8.") from None
+        if is_parted:
+            raise place.below("values").error(f"in {page.encoding}, '{value}' has the byte of |, which parts values")
+    if page.encoding is not None and not _NAME.fullmatch(page.encoding):
+        raise place.below("encoding").error("a name has up to 40 printable characters of ASCII, and no quotes or < >")
 
 
 def _meddling(scenario: Scenario, page: Page) -> str:

@@ -8,11 +8,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from xml.sax.saxutils import quoteattr
 
+from dissectors.webvisu_page import ENCODING, is_page
+from nvscope.definition.visu_encoding import LATIN, Encoding, encoding_of
 from nvscope.simulate.frames import IPAddress
 from nvscope.simulate.visu.tables import Page
 
 DONE, REFUSED = "|0|", "|1|"
-_LIST = "plc_visu.xml"
+_LIST, _PAGE = "plc_visu.xml", "webvisu.htm"
 _NO_XML = "\x1b"
 
 
@@ -36,9 +38,34 @@ def reply(page: Page, number: int) -> bytes:
 
 
 def values(page: Page, number: int) -> Sequence[str]:
-    """Return the value that each variable has in the request of this number, or in its reply."""
-    known, count = page.values or ("0",), len(page.variables)
-    return [known[(number * count + place) % len(known)] for place in range(count)]
+    """Return the value that each variable has in the request of this number, or in its reply.
+
+    They are as on the wire: each character is a byte.
+    """
+    known, count, encoding = page.values or ("0",), len(page.variables), spoken(page)
+    return [
+        encoding.encoded(known[(number * count + place) % len(known)]).decode("iso-8859-1") for place in range(count)
+    ]
+
+
+def spoken(page: Page) -> Encoding:
+    """Return the encoding of the texts of a page."""
+    try:
+        return LATIN if page.encoding is None else encoding_of(page.encoding)
+    except ValueError:  # what nobody can read is what a scenario may want to show
+        return LATIN
+
+
+def page_request(page: Page, host: IPAddress) -> bytes:
+    """Return the request for the page itself."""
+    path = page.path if is_page(page.path) else f"{page.path.rpartition('/')[0]}/{_PAGE}"
+    return _head(page, host, f"GET {path}") + b"\r\n"
+
+
+def page_reply(page: Page) -> bytes:
+    """Return the page, with what it says of its texts."""
+    said = f'<param name="{ENCODING}" value={quoteattr(page.encoding or "")}>'
+    return _reply(page, f"<html><body>\n<applet>\n{said}\n</applet>\n</body></html>\n")
 
 
 def list_request(page: Page, host: IPAddress) -> bytes:

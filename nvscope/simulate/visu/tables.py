@@ -26,8 +26,8 @@ def _place(value: Any, place: TomlPlace) -> Place:
 
 def _value(value: Any, place: TomlPlace) -> str:
     text = str(TEXT.read(value, place))
-    if any(one in "|\r\n\0" or ord(one) > 0xFF for one in text):
-        raise place.error("a value has characters of ISO-8859-1, and no | or line ends")
+    if any(one in "|\r\n\0" for one in text):
+        raise place.error("a value has no | and no line ends")
     if len(text) > LONGEST:
         raise place.error(f"a value has at most {LONGEST} characters")
     return text
@@ -68,6 +68,12 @@ class Page:
         FLAG, "it fetches the list of the variables first, from which their names are known", default=True
     )
     broken_list: bool = key(FLAG, "the list has a character that XML does not allow", default=False)
+    encoding: str | None = key(
+        TEXT,
+        "it loads itself first, and says so of its texts (ENCODINGSTRING), as UTF-8; of a name that nobody knows, they "
+        "are ISO-8859-1, as without it",
+        default=None,
+    )
     kept: bool = key(FLAG, "one connection for all requests, as long as they are answered", default=False)
     segment_bytes: int = key(integer(1, 1460), "data of a TCP segment, at most", default=1460)
     interval_ns: int = key(SPAN, "how often it asks", name="interval")

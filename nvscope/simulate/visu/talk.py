@@ -14,7 +14,7 @@ from nvscope.simulate.draft import MAX_TEMPLATES
 from nvscope.simulate.frames import IPAddress
 from nvscope.simulate.noise import noise_key, uniform
 from nvscope.simulate.scenario import Scenario
-from nvscope.simulate.visu.messages import list_reply, list_request, reply, request
+from nvscope.simulate.visu.messages import list_reply, list_request, page_reply, page_request, reply, request
 from nvscope.simulate.visu.tables import Page
 
 FIN, SYN, RST, PSH, ACK = 0x01, 0x02, 0x04, 0x08, 0x10
@@ -54,8 +54,8 @@ def talk_of(scenario: Scenario, position: int) -> Talk:
     due = np.arange(page.from_ns, max(end_ns, page.from_ns), page.interval_ns, dtype=np.int64)
     due += uniform(noise_key(scenario.seed, "page", position), np.arange(len(due)), page.jitter_ns + 1)
     moments = due.tolist()
-    if moments and page.lists:
-        speaking.fetch(moments[0])
+    if moments:
+        speaking.begin(moments[0])
     for place, at_ns in enumerate(moments):
         # What is due again meanwhile is asked once.
         if place + 1 < len(moments) and moments[place + 1] <= speaking.free_ns:
@@ -87,11 +87,18 @@ class _Speaking:
     connections: int = 0
     open: _Connection | None = None
 
-    def fetch(self, at_ns: int) -> None:
-        """Have the page fetch the list of the variables."""
-        connection, at_ns = self._connected(at_ns)
-        at_ns = self._send(connection, True, list_request(self.page, self.server), at_ns)
-        at_ns = self._send(connection, False, list_reply(self.page), at_ns + self.page.latency_ns)
+    def begin(self, at_ns: int) -> None:
+        """Have the page loaded, as far as that says something, and fetch the list of the variables."""
+        self.free_ns = at_ns
+        if self.page.encoding is not None:
+            self._fetch(page_request(self.page, self.server), page_reply(self.page))
+        if self.page.lists:
+            self._fetch(list_request(self.page, self.server), list_reply(self.page))
+
+    def _fetch(self, asked: bytes, said: bytes) -> None:
+        connection, at_ns = self._connected(self.free_ns)
+        at_ns = self._send(connection, True, asked, at_ns)
+        at_ns = self._send(connection, False, said, at_ns + self.page.latency_ns)
         self._done(connection, at_ns)
 
     def ask(self, at_ns: int) -> None:

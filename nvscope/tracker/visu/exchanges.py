@@ -15,7 +15,7 @@ from dissectors.http import Side
 from dissectors.keys import KeyTable
 from dissectors.transport import SegmentBatch
 from dissectors.webvisu import Request
-from nvscope.engine.runs import distinct, first_of_each
+from nvscope.engine.runs import first_of_each
 from nvscope.tracker.connections import Connections
 from nvscope.tracker.events import EventLog
 from nvscope.tracker.pieces import ORDER_BITS, OtherBytes
@@ -160,10 +160,13 @@ class Exchanges:
                     found.append(Leaving(pair, request, one.order >> ORDER_BITS, waited_ns, closed, naming, lacks))
         return found
 
-    def pages_among(self, connections: I64) -> Sequence[int]:
-        """Return the numbers of the pairs of some connections that show a request of a page."""
-        pair = self.pairs.find(*self._words(connections))
-        return list(map(int, distinct(pair[self._hidden.are_pages(pair)])))
+    def pages_among(self, connections: I64) -> I64:
+        """Return those of some connections between whose ends a request of a page was shown."""
+        return connections[self._hidden.are_pages(self.pairs.find(*self._words(connections)))]
+
+    def ends_of(self, connections: I64) -> Sequence[tuple[int, ...]]:
+        """Return client, server and port of some connections, as in ``VisuBatch.pairs``, each once."""
+        return [*dict.fromkeys(zip(*(word.tolist() for word in self._words(connections)), strict=True))]
 
     def note_disorder(self, found: Sequence[tuple[int, int]], packets: PacketBatch, first_frame: int) -> None:
         """Note which connections have shown disorder in a batch, each with the frame."""

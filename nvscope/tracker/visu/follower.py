@@ -6,10 +6,12 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+import numpy as np
 from msgspec.structs import replace
 
 from dissectors.batch import PacketBatch
 from dissectors.transport import SegmentBatch
+from dissectors.webvisu import Likeness
 from nvscope.tracker.other_copies import OtherCopies
 from nvscope.tracker.stream_places import StreamPlaces
 from nvscope.tracker.streams import ENOUGH, MOST_CONNECTIONS, Streams
@@ -74,10 +76,14 @@ class VisuFollower:
         self._exchanges.note_disorder(brought.disordered, packets, first_frame)
         return replace(told, lacking=self.lacking, disorder=self._exchanges.disorder)
 
-    def lacking(self) -> Sequence[int]:
-        """Return the pairs of whose clients bytes are missing, or may be, behind all that was followed so far."""
-        connections = self._places.lacking_clients()
-        return self._exchanges.pages_among(connections) if len(connections) else ()
+    def lacking(self) -> Sequence[tuple[int, ...]]:
+        """Return whose clients may have written something behind all that was read so far, by client, server and port.
+
+        Bytes of them are missing, or may be, they have begun a request, or what they said still waits.
+        """
+        of_pages = np.concatenate([self._places.lacking_clients(), self._http.begun_writes(Likeness.PERHAPS)])
+        any_ones = np.concatenate([self._places.held_back(), self._http.begun_writes(Likeness.YES)])
+        return self._exchanges.ends_of(np.append(self._exchanges.pages_among(of_pages), any_ones))
 
     def pass_time(self, packets: PacketBatch, segments: SegmentBatch, first_frame: int) -> None:
         """Take a batch of which no segment is of these ports."""

@@ -14,8 +14,10 @@ from msgspec.structs import replace
 
 from dissectors.batch import I64, U8
 from dissectors.http import Side
+from dissectors.webvisu import Likeness
 from nvscope.engine.runs import runs_of
 from nvscope.tracker.pieces import ANEW, NEVER, Brought, PieceKind, Pieces
+from nvscope.tracker.visu.begun_requests import begun_writes
 from nvscope.tracker.visu.both_directions import BothDirections, Run
 from nvscope.tracker.visu.http_forms import NOT_BEGUN, Form, Forms
 from nvscope.tracker.visu.http_reader import END_OF_HEAD, HttpReader
@@ -108,6 +110,10 @@ class HttpStreams:
         self._with_head = {numbers[one] for one in self._with_head if one in numbers}
         self._open = {numbers[one] for one in self._open if one in numbers}
         self._held_bytes = sum(len(reader.rest) for reader in self._readers.values())
+
+    def begun_writes(self, least: Likeness) -> I64:
+        """Return the connections whose clients have begun a request that may write, and is so much like a page's."""
+        return np.fromiter(begun_writes(self._readers, least), np.int64)
 
     def read(
         self, buffer: U8, brought: Brought, waiting_of: Callable[[int], Waiting],

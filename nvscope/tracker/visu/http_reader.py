@@ -33,12 +33,13 @@ class HttpReader(Answering):
     it lost step. ``open`` is the request that has begun, where that does not say how long it is; a reader that
     ``pauses`` does not read on in such a one. ``arrived_ns`` is when what is left over had come.
     ``begun_at`` is where the head ends of a message of known length that is not whole: in the data of the batch, below
-    0 where that was an earlier one; ``NOT_BEGUN`` without such.
+    0 where that was an earlier one; ``NOT_BEGUN`` without such. It ``seeks`` where none has begun; ``passed`` is told
+    of one that is passed over.
     """
 
     __slots__ = (
-        "_chunks", "_found_before", "_is_first", "_passed", "_passes", "_seeks", "arrived_ns", "asks_head",
-        "begins_head", "begun_at", "breaks", "open", "pauses", "rest",
+        "_chunks", "_found_before", "_is_first", "_passes", "arrived_ns", "asks_head", "begins_head", "begun_at",
+        "breaks", "open", "passed", "pauses", "rest", "seeks",
     )  # fmt: skip
 
     def __init__(self, side: Side) -> None:
@@ -47,10 +48,9 @@ class HttpReader(Answering):
         self.breaks: list[int] = []
         # The chunks of the message that has begun, None where it has none.
         self._chunks: http.Chunks | None = None
-        self._seeks = True
-        # Bytes that are still to come of a body that is not kept, and what is to be told behind them.
-        self._passes = 0
-        self._passed: Form | None = None
+        self.seeks = True
+        self._passes = 0  # bytes that are still to come of a body that is not kept
+        self.passed: Form | None = None
         # Whether nothing of the stream is known yet but that it has begun, and how much was found before this read.
         self._is_first, self._found_before = False, 0
         self.open: OpenRequest | None = None
@@ -58,8 +58,8 @@ class HttpReader(Answering):
 
     def begin(self, *, in_step: bool) -> None:
         """Take the begin of a connection; its first bytes begin a message where it is ``in_step``."""
-        self.rest, self._passes, self._passed = b"", 0, None
-        self._seeks, self._is_first = not in_step, in_step
+        self.rest, self._passes, self.passed = b"", 0, None
+        self.seeks, self._is_first = not in_step, in_step
         self._answers_head, self._answers_nobody, self._chunks, self.open = None, False, None, None
         self.begun_at, self.is_late = NOT_BEGUN, self.side is Side.SERVER and not in_step
         self.is_wary = self.may_answer_head = self.is_late
@@ -86,12 +86,12 @@ class HttpReader(Answering):
         # Most heads are as long as the one before.
         head_bytes = 0
         while begin < end:
-            if self._seeks:
+            if self.seeks:
                 start = http.start_of_message(data, begin, end, self.side)
                 if start < 0:
                     self.rest = data[http.keep_from(data, begin, end, self.side) : end]
                     return
-                self._seeks, begin = False, start
+                self.seeks, begin = False, start
             head_end = begin + head_bytes
             number = known(data[begin:head_end]) if plain and head_end <= end else None
             if number is None and plain:
@@ -129,7 +129,7 @@ class HttpReader(Answering):
 
     def forget_request(self) -> None:
         """Take that nobody knows any more which request the message answers that is being received, if one is."""
-        self._answers_nobody = not self._seeks and bool(self.rest or self._passes)
+        self._answers_nobody = not self.seeks and bool(self.rest or self._passes)
         self.is_wary = self.may_answer_head = True
 
     def _read_one(self, data: bytes, start: int, end: int, found: Forms) -> int:
@@ -173,7 +173,7 @@ class HttpReader(Answering):
         if head.is_unbounded and self.side is Side.SERVER:
             late, nobody = self.is_late, self._answered(head_end, head)
             found.tell(head_end, Form(What.WHOLE, head, 0, is_coded=True, answers_nobody=nobody, is_late=late))
-            self._seeks = True
+            self.seeks = True
             return head_end
         if head.is_unbounded and (behind := http.start_of_message(data, head_end, end, self.side)) >= 0:
             self.open, found.late[len(found.at)] = None, data.find(b"\n", behind) + 1
@@ -183,7 +183,7 @@ class HttpReader(Answering):
             return self._read_chunks(data, start, head_end, end, head, found)
         if end - head_end <= MOST_BODY_BYTES:
             return -1
-        self._passes, self._passed = _ENDLESS, passed_form(data, head_end, end, head, self.side)
+        self._passes, self.passed = _ENDLESS, passed_form(data, head_end, end, head, self.side)
         return end
 
     def _skip_body(self, text: bytes, head_end: int, line: int, head: Head, found: Forms) -> int:
@@ -198,8 +198,8 @@ class HttpReader(Answering):
         behind = head_end + head.length
         self.begun_at = NOT_BEGUN if behind <= end and head.length <= MOST_BODY_BYTES else head_end
         if head.length > MOST_BODY_BYTES:
-            self._passed = passed_form(data, head_end, end, head, self.side)
-            if self._passed is None:
+            self.passed = passed_form(data, head_end, end, head, self.side)
+            if self.passed is None:
                 return -1
             if behind > end:
                 self._passes = behind - end
@@ -293,8 +293,8 @@ class HttpReader(Answering):
         assert self.open is not None
         head = self.open.head
         body = begin + self.open.head_bytes
-        if self._passed is not None:
-            found.tell(at, self._passed)
+        if self.passed is not None:
+            found.tell(at, self.passed)
         else:
             found.tell(at, open_form(data[begin:end], body - begin, head, self._chunks))
         self.begin(in_step=True)
@@ -312,7 +312,7 @@ class HttpReader(Answering):
     def _drop(self, size: int, at: int, found: Forms) -> None:
         """Take that the bytes of the message that has begun are lost, and so many behind them."""
         rest, self.rest, self._chunks = self.rest, b"", None
-        in_step, self._is_first = not self._seeks, False
+        in_step, self._is_first = not self.seeks, False
         lost = FOREIGN
         if in_step and not self._passes and rest:
             head_end, head = head_in(rest, self.side)
@@ -320,16 +320,16 @@ class HttpReader(Answering):
             if head is not None and head.body is Body.LENGTH and not self._may_lack_body(rest, head_end, head):
                 length = 0 if self._answers_head else head.length
                 self._passes = length - (len(rest) - head_end)
-                self._passed = replace(lost, what=What.CUT)
-        if self._passed is not None and size <= self._passes < _ENDLESS:
+                self.passed = replace(lost, what=What.CUT)
+        if self.passed is not None and size <= self._passes < _ENDLESS:
             self._passes -= size
-            self._passed = replace(self._passed, what=What.CUT, is_beyond=False)
+            self.passed = replace(self.passed, what=What.CUT, is_beyond=False)
             if not self._passes:
                 self._tell_passed(at, found)
             return
-        if self._passed is not None:
-            lost = replace(self._passed, what=What.BROKEN, is_beyond=False)
-        self._passes, self._passed = 0, None
+        if self.passed is not None:
+            lost = replace(self.passed, what=What.BROKEN, is_beyond=False)
+        self._passes, self.passed = 0, None
         if in_step and self.side is Side.SERVER and not self._answers_nobody:
             lost = replace(lost, touched=Likeness.YES)
             if self.requests is not None:
@@ -341,19 +341,19 @@ class HttpReader(Answering):
         found.tell(at, lost)
 
     def _out_of_step(self, at: int) -> None:
-        self._seeks, self._answers_head, self._answers_nobody = True, None, False
+        self.seeks, self._answers_head, self._answers_nobody = True, None, False
         self.open, self.begun_at = None, NOT_BEGUN
         self.is_wary = self.may_answer_head = self.side is Side.SERVER
         if self.requests is not None:
             self.requests.forget(at)
 
     def _tell_passed(self, at: int, found: Forms) -> None:
-        assert self._passed is not None
-        late, nobody = self.is_late, self._answered(at, self._passed.head)
+        assert self.passed is not None
+        late, nobody = self.is_late, self._answered(at, self.passed.head)
         if self.begun_at != NOT_BEGUN:
             found.head_at[len(found.at)], self.begun_at = self.begun_at, NOT_BEGUN
-        found.tell(at, replace(self._passed, answers_nobody=nobody, is_late=late))
-        self._passes, self._passed = 0, None
+        found.tell(at, replace(self.passed, answers_nobody=nobody, is_late=late))
+        self._passes, self.passed = 0, None
 
     def end(self, at: int, found: Forms, ended: int) -> None:
         """Take the end of the stream: a message that goes up to there is whole.
@@ -363,12 +363,12 @@ class HttpReader(Answering):
         """
         rest = self.rest
         dropped = ended != Forms.END and self.side is Side.CLIENT
-        if self._passes >= _ENDLESS and self._passed is not None:
+        if self._passes >= _ENDLESS and self.passed is not None:
             if dropped:
                 found.arrived_ns[len(found.at)] = self.arrived_ns
-                self._passed = replace(self._passed, is_broken_off=True)
+                self.passed = replace(self.passed, is_broken_off=True)
             self._tell_passed(at, found)
-        elif self._passes or (rest and not self._seeks):
+        elif self._passes or (rest and not self.seeks):
             head_end, head = head_in(rest, self.side)
             if dropped:
                 if head is not None and head.body is not Body.LENGTH:
@@ -382,12 +382,12 @@ class HttpReader(Answering):
                 form = Form(What.WHOLE, head, 0, content, is_coded=True, answers_nobody=nobody, is_late=late)
                 found.tell(at, form if head.is_unbounded else self._or_unread(form, rest[head_end:]))
             # Of a response that was not sent whole nothing is missing: it is none, though a list lacks something.
-            elif self.side is Side.SERVER and self._passed is not None and self._passed.what is What.CUT:
-                found.tell(at, replace(self._passed, answers_nobody=self._answered(at, self._passed.head)))
-            elif self.side is Side.SERVER and (head is not None or self._passed is not None):
-                unsent = self._passed or lost_form(rest, head_end, head, self.side)
+            elif self.side is Side.SERVER and self.passed is not None and self.passed.what is What.CUT:
+                found.tell(at, replace(self.passed, answers_nobody=self._answered(at, self.passed.head)))
+            elif self.side is Side.SERVER and (head is not None or self.passed is not None):
+                unsent = self.passed or lost_form(rest, head_end, head, self.side)
                 found.tell(at, replace(unsent, what=What.PART, answers_nobody=self._answers_nobody))
-            if self.side is Side.CLIENT and (part := end_form(rest, head_end, head, self._passed, found.forms[ended])):
+            if self.side is Side.CLIENT and (part := end_form(rest, head_end, head, self.passed, found.forms[ended])):
                 if self.begun_at != NOT_BEGUN:
                     found.head_at[len(found.at)] = self.begun_at
                 found.tell(at, part)

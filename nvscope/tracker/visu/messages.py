@@ -133,8 +133,8 @@ class VisuBatch(Struct, frozen=True, dict=True):
     variables were called, ``list_flaws`` what there is to say of lists, by message.
     ``left_out`` is how often there was no room for something up to here, and that was not told before. ``leaving`` is
     what waits behind the batch in connections whose clients have closed their side. ``over`` is what time alone told of
-    unanswered messages before the segment came that they stand with. ``lacking`` returns the numbers of pairs of whose
-    clients bytes are missing, or may be, behind all that has been read, whenever it is asked. ``disorder`` are
+    unanswered messages before the segment came that they stand with. ``lacking`` returns whose clients may have written
+    something behind all that has been read, whenever it is asked, by client, server and port. ``disorder`` are
     connections that have shown, up to whenever it is looked at, that they were captured in another order than that of
     the wire, be they of pages or not: by client, server and port, as in ``pairs``.
     """
@@ -152,7 +152,7 @@ class VisuBatch(Struct, frozen=True, dict=True):
     left_out: Mapping[Beyond, int]
     leaving: Sequence[Leaving]
     over: Mapping[int, Over]
-    lacking: Callable[[], Sequence[int]] = tuple
+    lacking: Callable[[], Sequence[tuple[int, ...]]] = tuple
     disorder: EventLog | None = None
 
     def __len__(self) -> int:

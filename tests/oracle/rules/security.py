@@ -5,13 +5,15 @@ Readings, where the rules leave a choice:
 - a list is sent by whoever sends data of it; who asks for it, or acknowledges, reads it
 - a list that anybody sends, even telegrams that are malformed, or that the project names, is asked for by readers
 - a sender counts along from the first telegram of a second sender of its (list, SubIndex) on; a telegram that repeats
-  the Counter of its own stream is none
+  the Counter of its own stream is none. Half of its steps go on in the other one's Counter, and four of five of those
+  that do not go on in its own
 - two of which each counts along with the other are one program that sends from two addresses
 - a node to which the project gives a list may count along
 - a host whose write is confirmed has written, though its request was not captured, where none was by which it asked to
   write that parameter; when it asked is not known, and may have been in the minute before
 - a partner that replies to nobody, sends no list and is not named by the project is asked for parameters in vain; what
-  goes to everybody is for none
+  goes to everybody is for none, and so are all partners of a host of which it asked most for the same parameter three
+  times and, the last time, behind the last one that it asked first
 - of more than eight nodes, or hosts, of which the same is said, one finding tells
 
 Two devices with one address (NV963) are not judged here: ``tests/findings/test_security.py`` has them one by one.
@@ -30,8 +32,8 @@ from tests.oracle.rules.keys import ListKey, node_order
 from tests.oracle.rules.parameter import Parameters, observed
 from tests.oracle.rules.telegram import ACKNOWLEDGEMENT, BOOT_UP_REQUEST, DATA, Telegram, telegram
 
-APART, LISTS, PARTNERS, PORTS, MINUTE_NS = 8, 100, 100, 20, 60 * 10**9
-EVENTS, STEPS_PERCENT, REGULAR_PERCENT, MERGED_PERCENT = 10, 80, 90, 50
+APART, LISTS, PARTNERS, PORTS, ROUNDS, MINUTE_NS = 8, 100, 100, 20, 3, 60 * 10**9
+EVENTS, STEPS_PERCENT, ODD_PERCENT, REGULAR_PERCENT, MERGED_PERCENT = 10, 50, 80, 90, 50
 
 DAYS, DAY_MINUTES = ("mon", "tue", "wed", "thu", "fri", "sat", "sun"), 24 * 60
 
@@ -149,6 +151,7 @@ class Security:
             counts_beyond = streams[node] > 1 and self.scope_of(node) != "stream"
             if (
                 count >= EVENTS and 100 * count >= STEPS_PERCENT * self.steps[own] and not counts_beyond
+                and 100 * count >= ODD_PERCENT * (self.steps[own] - self.regular[own])
                 and self.steps[other] and self.is_another(own, other, count)
                 and not is_of(key, self.nodes.get(str(node), {}).get("writes", ()))
             ):  # fmt: skip
@@ -196,12 +199,18 @@ class Security:
                     lists[node][key] = time
                 if key.port not in sent_on:
                     ports[node][key.port] = min(ports[node].get(key.port, time), time)
+        again: defaultdict[Address, dict[Any, tuple[int, int]]] = defaultdict(dict)
         for (code, node, partner, port, *_), by_service in known.findings.items():
             for times in by_service.values():
                 if code == "NV701" and port not in answered:
                     ports[node][port] = min(ports[node].get(port, times[0][0]), times[0][0])
                 if code == "NV701" and partner in self.there - replying:
                     partners[node][partner] = min(partners[node].get(partner, times[0][0]), times[0][0])
+                    again[node][partner] = max(again[node].get(partner, (0, 0)), (len(times), times[-1][0]))
+        for node, firsts in [*partners.items()]:
+            begun = max(firsts.values())
+            if 2 * sum(count >= ROUNDS and last > begun for count, last in again[node].values()) > len(firsts):
+                del partners[node]
         for node in sorted({*lists, *partners, *ports}, key=node_order):
             ways = (lists[node], LISTS), (partners[node], PARTNERS), (ports[node], PORTS)
             count = sum(dense(times.values(), least) for times, least in ways)

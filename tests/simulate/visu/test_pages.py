@@ -16,7 +16,7 @@ from nvscope.simulate.visu.truth import COUNTS
 from tests.laws import some
 from tests.packets import batch_of
 from tests.simulate.simulation import Simulation
-from tests.tracker.visu.followed import followed, told
+from tests.tracker.visu.followed import by_the_rules, followed, told, writes_by_the_rules, writes_of
 
 PLANT = """
 duration = "8s"
@@ -48,8 +48,11 @@ def random_pages(seed: int) -> str:
             "interval": f'"{chance.choice([90, 400, 1000])}ms"', "jitter": f'"{chance.choice([0, 50])}ms"',
             "latency": f'"{chance.choice([0, 3, 200])}ms"', "late_by": '"1100ms"', "patience": '"700ms"',
             "resent_after": f'"{chance.choice([0, 30, 400])}ms"',
-            "values": [chance.choice(["0", "12.5", "a text", ""]) for _ in range(chance.randrange(4))],
+            "values": [chance.choice(["0", "12.5", "a text", "Öl", ""]) for _ in range(chance.randrange(4))],
+            "encoding": f'"{chance.choice(["UTF-8", "Cp1252", "X-NONE", "UTF-16"])}"',
         }  # fmt: skip
+        if chance.random() < 0.6:
+            del keys["encoding"]
         numbers = list(range(1, 30))
         chance.shuffle(numbers)
         faults = ["late", "unanswered", "refused", "overdeclared", "resent", "overtaken"]
@@ -107,6 +110,55 @@ def test_a_segment_that_the_capture_lacks_is_a_hole_in_a_body(size: int, kept: s
 def test_a_reply_that_is_too_short_lacks_nothing() -> None:
     with pytest.raises(ConfigurationError, match="the reply to request 2 has no segment that could be lacking"):
         talk_of(lacking(1460, "x"), 0)
+
+
+ENCODED = """
+[[page]]
+node = "panel"
+to = "press"
+interval = "1s"
+encoding = "{encoding}"
+values = ["{value}"]
+write = {write}
+[page.variables]
+a = "4,0,200,8"
+"""
+
+
+def encoded(encoding: str, value: str, write: str = "true") -> Scenario:
+    said = ENCODED.format(encoding=encoding, value=value, write=write)
+    return read_scenario(PLANT.format(network="10.0.0.") + said)
+
+
+@pytest.mark.parametrize(
+    ("encoding", "value", "shown"),
+    [
+        ("UTF-8", "5 € für Öl", "5 € für Öl"), ("Cp1251", "Мельница", "Мельница"), ("SJIS", "機械", "機械"),
+        ("ISO-8859-1", "Öl", "Öl"), ("X-NONE", "Öl", "Öl"),
+    ],
+)  # fmt: skip
+def test_texts_are_read_as_the_page_says(encoding: str, value: str, shown: str) -> None:
+    simulation = Simulation(encoded(encoding, value))
+    frames = list(simulation.frames())
+    state = followed([batch_of(frames)])
+    assert {row[7] for row in writes_of(state)} == {shown}
+    assert writes_of(state) == writes_by_the_rules(by_the_rules(frames))
+    assert ("NV809" in {one["code"] for one in told(state)[1]}) is (encoding == "X-NONE")
+    wire = b"".join(frame.data for frame in frames)
+    said = value.encode({"Cp1251": "cp1251", "SJIS": "shift_jis", "UTF-8": "utf-8"}.get(encoding, "latin-1"))
+    assert said + b"|" in wire
+
+
+@pytest.mark.parametrize(
+    ("encoding", "value", "what"),
+    [
+        ("Cp1252", "Мельница", "is no character of cp1252"), ("X-NONE", "€", "is no character of ISO-8859-1"),
+        ("SJIS", "ポ", "has the byte of"), ("a b", "x", "a name has"), ("a<b", "x", "a name has"),
+    ],
+)  # fmt: skip
+def test_texts_that_cannot_be_said_are_told(encoding: str, value: str, what: str) -> None:
+    with pytest.raises(ConfigurationError, match=what):
+        encoded(encoding, value)
 
 
 def test_pages_are_the_same_in_every_run_and_others_by_another_seed() -> None:
