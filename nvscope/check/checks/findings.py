@@ -136,5 +136,6 @@ CHECKS = (
             Parameter("min_duration", LENGTH, "how long it has to be", 0),
             Parameter("max_clock_step", LENGTH, "so far its clock may step back", 1_000_000),
         ),
+        of_all=True,
     ),
 )  # fmt: skip
