@@ -13,6 +13,7 @@ from nvscope.errors import NvscopeError, UsageError
 if TYPE_CHECKING:
     from nvscope.analysis.inquiry import Inquiry
     from nvscope.capture.source import Attachment, Source, SourceInfo
+    from nvscope.engine.run import Observer
     from nvscope.record.frame_file import Comment
     from nvscope.view.display_filter import DisplayFilter
 
@@ -66,7 +67,7 @@ def write_frames(
                 for attachment in kept:
                     sink.attach(attachment)
                 written = FrameFile(sink, topics, comments, remarks)
-                observers = [written, *([parts] if parts else [])]
+                observers: list[Observer] = [written, *([parts] if parts else [])]
                 for _ in inquiry.run(source, observers, chosen, all_frames=all_frames):
                     pass
                 sink.describe(circumstances_of(source.infos))

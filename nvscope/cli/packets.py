@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from nvscope.capture.source import Source
     from nvscope.definition.parameters import Parameters
     from nvscope.definition.pdos import Pdos
+    from nvscope.engine.run import Observer
     from nvscope.report.packets.records import Face
     from nvscope.tracker.can.canopen_since import CanOpenSince
     from nvscope.view.display_filter import DisplayFilter
@@ -214,7 +215,7 @@ def packets(
     telegrams = PacketRows(limit=count)
     seen = SeenLists() if inquiry and plant.files and count is None else None
     parts = NotWhole() if chosen_by else None
-    others = [canopen, *([seen] if seen else []), *([parts] if parts else [])]
+    others: list[Observer] = [canopen, *([seen] if seen else []), *([parts] if parts else [])]
     out = sys.stdout
     with watching(quiet=quiet or out.isatty())(source) as progress:
         out.write(face.begin())
