@@ -126,9 +126,8 @@ def test_report_tells_of_pages_what_was_asked(path: Path) -> None:
 def test_scenarios_show_every_finding_of_the_network() -> None:
     shown = {finding["code"] for path in SCENARIOS for finding in report_on(path)["findings"]}
     wanted = {code for code, kind in CATALOGUE.items() if kind.judged and not kind.protocol}
-    # Pages that a capture lacks most of, or has in another order, or that say how texts are encoded:
-    # test_not_captured.py, test_disorder.py, test_encodings.py.
-    assert shown == wanted - UNSEEN | {kind.code for kind in VISU.findings()} - {"NV808", "NV809", "NV810"}
+    # Pages that a capture lacks most of, or has in another order: test_not_captured.py, test_disorder.py.
+    assert shown == wanted - UNSEEN | {kind.code for kind in VISU.findings()} - {"NV808", "NV810"}
 
 
 def test_the_sample_press_is_what_its_scenario_makes(tmp_path: Path) -> None:

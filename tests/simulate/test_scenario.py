@@ -123,7 +123,7 @@ def test_total_bytes_are_cut_between_elements() -> None:
         (PAGE.replace("a = '4,0,2,1'", ""), "page[0].variables", "1 to 1000 variables"),
         (PAGE.replace("a =", "'' ="), "page[0].variables", "a name of 1 to 200"),
         ("[[page]]\npath = 'x y'\n" + PAGE_KEYS, "page[0].path", "begins with a slash"),
-        ("[[page]]\nvalues = ['a|b']\n" + PAGE_KEYS, "page[0].values[0]", "no | or line ends"),
+        ("[[page]]\nvalues = ['a|b']\n" + PAGE_KEYS, "page[0].values[0]", "no | and no line ends"),
         ("[[page]]\nvalues = ['€']\n" + PAGE_KEYS, "page[0].values[0]", "ISO-8859-1"),
         ("[[page]]\nwrite = true\nshortened = [1]\n" + PAGE_KEYS, "page[0].shortened", "have no values"),
         ("[[page]]\nlate = [1, 2]\nunanswered = [2]\n" + PAGE_KEYS, "page[0].late", "request 2 has no reply"),

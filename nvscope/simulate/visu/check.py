@@ -46,13 +46,14 @@ def check_page(scenario: Scenario, page: Page, place: Place) -> None:
 
 def _check_texts(page: Page, place: Place) -> None:
     """Raise ConfigurationError where a value cannot be said in the encoding of the page, or is parted by it."""
-    for value in page.values:
+    for number, value in enumerate(page.values):
+        own = place.below("values").below(number)
         try:
             is_parted = b"|" in spoken(page).encoded(value)
         except ValueError as error:
-            raise place.below("values").error(str(error), "Say an encoding that has it: UTF-8.") from None
+            raise own.error(str(error), "Say an encoding that has it: UTF-8.") from None
         if is_parted:
-            raise place.below("values").error(f"in {page.encoding}, '{value}' has the byte of |, which parts values")
+            raise own.error(f"in {page.encoding}, '{value}' has the byte of |, which parts values")
     if page.encoding is not None and not _NAME.fullmatch(page.encoding):
         raise place.below("encoding").error("a name has up to 40 printable characters of ASCII, and no quotes or < >")
 
