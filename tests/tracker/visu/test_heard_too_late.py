@@ -7,7 +7,7 @@ import random
 import pytest
 
 from tests.laws import some
-from tests.oracle.tcp import SYN
+from tests.oracle.tcp import ACK, RST, SYN
 from tests.oracle.tcp_line import Line
 from tests.packets import batch_of
 from tests.tracker.visu.drawn_losses import OVERLAPPING, captured
@@ -36,6 +36,14 @@ def test_what_is_acknowledged_may_have_answered_what_was_asked_with_less(
     for request, count in zip((HEAD + BODY, HEAD + OTHER), replies, strict=True):
         line.ask(request).lose(False, count * len(DONE))
     assert [outcome for _, outcome in became(line.reset(True).frames)] == outcomes
+
+
+@pytest.mark.parametrize(("more", "outcome"), [(0, "unanswered"), (1, "unanswered"), (2, "open"), (60, "open")])
+def test_one_byte_more_may_be_the_end_of_its_server(more: int, outcome: str) -> None:
+    line = Line()
+    line.segment(True, flags=SYN, seq=line.begin[True] - 1, ack=0).lose(True, 30).lose(False, 40)
+    line.ask(HEAD + OTHER).segment(True, flags=RST | ACK, ack=line.sent[False] + more)
+    assert became(line.frames) == [("8.5", outcome)]
 
 
 @pytest.mark.parametrize("seed", [*some(range(40)), *RESET_IN_FRONT_OF_ALL_REPLIES])
