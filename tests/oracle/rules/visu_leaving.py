@@ -37,26 +37,31 @@ ANOTHER_AFTER, FORGOTTEN_AFTER = SECOND, 10 * SECOND
 
 def lacks_reply(talk: Talk, waiting: Waiting) -> bool:
     """Tell whether a client acknowledges bytes behind all that its server is known to have sent since it asked."""
-    server, had = talk.connection.directions[False], waiting.message.told
-    if talk.turns.owed.may_have_answered(had):
-        return True
-    known = server.sequence if had is None or distance(server.sequence, had) >= 0 else had
-    return server.acknowledged is not None and 1 < distance(server.acknowledged, known) <= NEAR
+    server, known = talk.connection.directions[False], waiting.message.told
+    if server.begin is not None and (known is None or distance(server.sequence, known) >= 0):
+        known = server.sequence
+    if known is None or server.acknowledged is None:
+        return False
+    return 1 < distance(server.acknowledged, known) <= NEAR
 
 
 def forget_unknown(talk: Talk) -> bool:
     """Forget what waits and may be answered by what the capture lacks; return whether something is left."""
-    talk.waiting[:] = [one for one in talk.waiting if not lacks_reply(talk, one)]
+    talk.waiting[:] = [one for one in talk.waiting if not (was_answered(talk, one) or lacks_reply(talk, one))]
     return bool(talk.waiting)
 
 
 def forget_missed(talk: Talk) -> None:
-    """Forget what a server that nobody heard may have answered: its client had less when it asked."""
-    talk.waiting[:] = [one for one in talk.waiting if not talk.turns.owed.may_have_answered(one.message.told)]
-    server = talk.connection.directions[False]
-    if server.begin is None and (most := server.acknowledged) is not None:
-        had = ((one, one.message.told) for one in talk.waiting)
-        talk.waiting[:] = [one for one, told in had if told is None or not 1 < distance(most, told) <= NEAR]
+    """Forget where a connection ends what a server nobody heard, or a response that is nobody's, may have answered."""
+    unheard = talk.connection.directions[False].begin is None
+    talk.waiting[:] = [
+        one for one in talk.waiting if not (was_answered(talk, one) or (unheard and lacks_reply(talk, one)))
+    ]
+
+
+def was_answered(talk: Talk, waiting: Waiting) -> bool:
+    """Tell whether a response that is nobody's may have answered a request."""
+    return talk.turns.owed.may_have_answered(waiting.message.told)
 
 
 def given_up(

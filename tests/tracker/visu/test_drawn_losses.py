@@ -16,7 +16,7 @@ SINGULAR = (81, 223, 311, 670, 1185, 1330, 3519, 6590)
 
 AHEAD = (
     60, 68, 71, 94, 101, 144, 169, 184, 280, 290, 412, 416, 495, 498, 550, 574, 601, 617, 649, 694, 771, 805, 921, 969,
-    981, 997, 5011, 5068, 5351, 5514, 5626, 6012, 6406, 6459,
+    981, 997, 5011, 5068, 5351, 5514, 5626, 6012, 6406, 6459, 316261514,
 )  # fmt: skip
 """In each of these a reply was taken for another one, of a client that had not been seen before to send more ahead, or
 that was out of step once and for all."""

@@ -19,6 +19,9 @@ from tests.tracker.visu.test_two_clocks import check, shifted
 RESET_IN_FRONT_OF_ALL_REPLIES = (231595497, 814803997, 471592882)
 """By another clock, all that a server says lies behind the reset of its client, which had been answered."""
 
+PASSED_BY = 614880292
+"""All that a server says lies in front of its client: more responses than are kept, one of them to the last write."""
+
 
 @pytest.mark.parametrize(
     ("hole", "replies", "outcomes"),
@@ -46,7 +49,7 @@ def test_one_byte_more_may_be_the_end_of_its_server(more: int, outcome: str) -> 
     assert became(line.frames) == [("8.5", outcome)]
 
 
-@pytest.mark.parametrize("seed", [*some(range(40)), *RESET_IN_FRONT_OF_ALL_REPLIES])
+@pytest.mark.parametrize("seed", [*some(range(40)), *RESET_IN_FRONT_OF_ALL_REPLIES, PASSED_BY])
 def test_no_write_that_was_answered_is_told_as_unanswered(seed: int) -> None:
     frames, statuses = captured(seed, OVERLAPPING)
     frames = shifted(frames, random.Random(seed))

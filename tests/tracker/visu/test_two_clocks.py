@@ -14,7 +14,7 @@ from tests.oracle.tcp import peel_tcp
 from tests.oracle.tcp_line import Line
 from tests.oracle.visu_traffic import visu_traffic
 from tests.packets import batch_of, cut
-from tests.tracker.visu.drawn_losses import captured
+from tests.tracker.visu.drawn_losses import OVERLAPPING, captured
 from tests.tracker.visu.followed import by_the_rules, followed, told, writes_by_the_rules, writes_of
 from tests.tracker.visu.test_early import BODY, DONE, GO_ON, HEAD, OTHER
 from tests.tracker.visu.test_open_requests import became
@@ -41,6 +41,10 @@ SHIFTED = (
 
 A_REPLY_TO_WHAT_HAD_BEGUN_THAT_IS_NONE = 584078228
 """A reply came before its request was whole, as it seemed; more is missing behind it."""
+
+
+AHEAD = (901660086, 724536008, 8551995)
+"""In each of these, frames changed places, and a reply was taken for that to a request which its client sent ahead."""
 
 
 def shifted(frames: Sequence[Frame], rng: random.Random) -> list[Frame]:
@@ -89,6 +93,19 @@ def test_no_reply_is_taken_for_another_one(seed: int, change: Change) -> None:
     frames, statuses = captured(seed)
     frames = change(frames, random.Random(seed))
     check(frames, seed)
+    have_become(frames, statuses)
+
+
+@pytest.mark.parametrize("seed", AHEAD)
+def test_nor_is_it_where_more_is_asked_before_all_is_answered(seed: int) -> None:
+    frames, statuses = captured(seed, OVERLAPPING)
+    frames = swapped(frames, random.Random(seed))
+    check(frames, seed)
+    have_become(frames, statuses)
+
+
+def have_become(frames: list[Frame], statuses: dict[str, int | None]) -> None:
+    """Check that of each write nothing is told, or with which status it was answered."""
     for *_, value, outcome, _, status in writes_of(followed([batch_of(frames)])):
         assert outcome == "open" or statuses[value] == status
 
