@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar, cast
 
 import numpy as np
 
 from nvscope.engine.told import Told
 from nvscope.units import count_of
+
+if TYPE_CHECKING:
+    from nvscope.tracker.visu.messages import VisuBatch
 
 _PAGES = "visu"
 
@@ -34,9 +37,9 @@ class NotWhole:
             looked_at[told.recognised] = True
             looked_at[told.batch.segments.row] = True
             self.frames += int(np.count_nonzero(is_cut & looked_at))
-        part = told.parts.get(_PAGES)
+        part = cast("VisuBatch | None", told.parts.get(_PAGES))
         if part is not None:
-            self.gap_bytes += int(part.messages.gap_bytes.sum())  # type: ignore[attr-defined]
+            self.gap_bytes += int(part.messages.gap_bytes.sum())
 
     def sentences(self) -> Iterator[str]:
         """Yield what is to be said of that."""

@@ -226,10 +226,8 @@ def export(
         with watching(quiet=quiet)(source) as progress:
             if read_alone:
                 assert read_ones is not None
-                frames, fragments = (
-                    write_read_alone(inquiry, source, filtered, read_ones, write, files, wide, [parts]),
-                    0,
-                )
+                frames = write_read_alone(inquiry, source, filtered, read_ones, write, files, wide, [parts])
+                fragments = 0
                 if not (read_ones.known or of_read_ones or of_databases):
                     raise nothing_defined(inquiry)
             elif lists:

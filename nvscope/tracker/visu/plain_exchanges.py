@@ -139,7 +139,7 @@ def paired(columns: I64, asked_for: AskedFor, conversation: Conversation, asks: 
         return None
     acknowledges = _acknowledges(told, body_at[:replies], conversation.turns.acknowledges)
     in_step = are_in_step(had, behind)
-    if acknowledges is None or not (in_step or not are_had(behind, had[:replies]).any()):
+    if acknowledges is None or (not in_step and are_had(behind, had[:replies]).any()):
         return None
     if len(order) > MOST_WAITING:
         answered = np.searchsorted(answer_order, order)
